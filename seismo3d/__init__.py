@@ -1,0 +1,47 @@
+"""Faults, tracks and throws from seismic cubes, by registration; the same matcher maps terrain.
+
+The flow of data, top to bottom::
+
+    open_cube          SEG-Y, Zarr or NPY -> cube (xarray.DataArray: inline, crossline, time or depth)
+    trace_faults       cube -> FaultSet (likelihood, labels, throw, surfaces)
+    FaultSet.save      surfaces and volumes to a folder
+    plot               sections, time slices and 3D scenes
+
+Every name is imported when it is first used, so that ``import seismo3d`` stays light.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from seismo3d import plot, synthetic
+    from seismo3d.io.cubes import as_cube, open_cube
+    from seismo3d.io.segy import write_segy
+
+_PUBLIC = {
+    "as_cube": "seismo3d.io.cubes",
+    "open_cube": "seismo3d.io.cubes",
+    "write_segy": "seismo3d.io.segy",
+}
+_MODULES = ("plot", "synthetic")
+
+__all__ = ["__version__", "as_cube", "open_cube", "plot", "synthetic", "write_segy"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PUBLIC:
+        value = getattr(importlib.import_module(_PUBLIC[name]), name)
+    elif name in _MODULES:
+        value = importlib.import_module(f"seismo3d.{name}")
+    else:
+        raise AttributeError(f"module 'seismo3d' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

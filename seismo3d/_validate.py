@@ -1,0 +1,62 @@
+"""Convert or refuse: the checks at the door of every public function."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, ArrayLike, Float64Array
+from seismo3d.errors import ParameterError, ShapeError
+
+
+def as_number(value: Any, name: str, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:
+    """Return a finite number within bounds, or refuse it by name."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f"{name} is {value!r}; expected a number.") from error
+    inside = low < number < high if strict else low <= number <= high
+    if not math.isfinite(number) or not inside:
+        brackets = "()" if strict else "[]"
+        raise ParameterError(f"{name} is {number:g}; expected a finite number in {brackets[0]}{low:g}, {high:g}{brackets[1]}.")
+    return number
+
+
+def as_real_array(values: ArrayLike, name: str, *, ndim: int | tuple[int, ...]) -> AnyArray:
+    """Return a real numeric array with one of the wanted numbers of axes and at least one element."""
+    array = np.asarray(values)
+    wanted = (ndim,) if isinstance(ndim, int) else ndim
+    if array.dtype.kind not in "fiub":
+        raise ShapeError(f"{name} has elements of type {array.dtype}; expected real numbers. Convert it first.")
+    if array.ndim not in wanted:
+        axes = " or ".join(str(n) for n in wanted)
+        raise ShapeError(f"{name} has shape {array.shape}; expected {axes} axes.")
+    if array.size == 0:
+        raise ShapeError(f"{name} has shape {array.shape}: it is empty. Give at least one element.")
+    return array
+
+
+def as_points(values: ArrayLike, name: str, *, dim: int | tuple[int, ...] = (2, 3), finite: bool = True) -> Float64Array:
+    """Return points as a C-ordered float64 array of shape (n, d), one point a row."""
+    dims = (dim,) if isinstance(dim, int) else dim
+    points = np.asarray(values)
+    wanted = " or ".join(f"(n, {d})" for d in dims)
+    if points.dtype.kind not in "fiu":
+        raise ShapeError(f"{name} has elements of type {points.dtype}; expected real numbers in an array of shape {wanted}.")
+    if points.ndim != 2 or points.shape[1] not in dims:
+        turned = points.ndim == 2 and points.shape[0] in dims
+        remedy = " Give one point a row: transpose a (d, n) array." if turned else " Give one point a row."
+        raise ShapeError(f"{name} has shape {points.shape}; expected {wanted}.{remedy}")
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    if finite and not np.isfinite(points).all():
+        n_bad = int((~np.isfinite(points).all(axis=1)).sum())
+        raise ShapeError(f"{name} has {n_bad} rows with NaN or infinite values; expected finite points. Drop those rows first.")
+    return points
+
+
+def freeze(array: AnyArray) -> AnyArray:
+    """Make an array read-only and return it: results are not to be changed in place."""
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,1 @@
+"""Seismic interpretation: fault evidence, fault surfaces and their throws."""
