@@ -69,44 +69,62 @@ def slip_profile(a, z, f):
 
 
 @njit(cache=True, nogil=True)
+def _slide(a, z, throw, f):
+    """Motion along dip (horizontal) and along strike of a grain now at (a, z) that has dropped by throw on a plane."""
+    along = f[RAKE] * throw
+    z0 = z - throw
+    down_dip = z * (f[COT] + 0.5 * f[BEND_S] * z) - z0 * (f[COT] + 0.5 * f[BEND_S] * z0)
+    if along != 0.0:
+        down_dip += _bend(a, f) - _bend(a - along, f)
+    return down_dip, along
+
+
+@njit(cache=True, nogil=True)
 def undo_fault(i, x, s, f):
     """Return where the grain at (i, x, s) lay before the fault moved, and the fault's state there.
 
     State: side (positive in the hanging wall), the largest component of its gradient, vertical throw of the fault
-    at the nearest point of its surface, horizontal slip along dip and along strike there.
+    at the nearest point of its surface.
     """
     ui, ux, z = i - f[CI], x - f[CX], s - f[CS]
     a = ui * f[DX] - ux * f[DI]
     h = ui * f[DI] + ux * f[DX]
     slope = _bend_slope(a, f)
     bent = h - _bend(a, f)
-    gi, gx = f[DI] - slope * f[DX], f[DX] + slope * f[DI]
+    gi, gx = abs(f[DI] - slope * f[DX]), abs(f[DX] + slope * f[DI])
     if f[SHAPE] == LISTRIC:
-        depth, steep = _ramp(bent, f), _ramp_slope(bent, f)
+        depth = _ramp(bent, f)
         side = depth - z
-        grade = max(1.0, steep * max(abs(gi), abs(gx)))
+        grade = max(1.0, _ramp_slope(bent, f) * max(gi, gx))
         heave = f[THROW] * f[COT] * slip_profile(a, z, f)
         throw = depth - _ramp(bent - heave, f)
         if side > 0.0:
             i, x, s = i - heave * f[DI], x - heave * f[DX], s - throw
-        return i, x, s, side, grade, throw, heave, 0.0
-    surface = z * (f[COT] + 0.5 * f[BEND_S] * z)
-    side = bent - surface
-    grade = max(abs(f[COT] + f[BEND_S] * z), max(abs(gi), abs(gx)))
+        return i, x, s, side, grade, throw
+    side = bent - z * (f[COT] + 0.5 * f[BEND_S] * z)
+    grade = max(abs(f[COT] + f[BEND_S] * z), max(gi, gx))
     throw = f[THROW] * slip_profile(a, z, f)
     moved = throw * f[SHARE] if side > 0.0 else throw * (f[SHARE] - 1.0)
     if f[DRAG] > 0.0:
         moved *= max(0.0, 1.0 - abs(side) * f[SIN_DIP] / f[DRAG]) ** 2
-    along = f[RAKE] * moved
-    z0, a0 = z - moved, a - along
-    down_dip = surface - z0 * (f[COT] + 0.5 * f[BEND_S] * z0) + _bend(a, f) - _bend(a0, f)
-    z1, a1 = z - throw, a - f[RAKE] * throw
-    slip_h = surface - z1 * (f[COT] + 0.5 * f[BEND_S] * z1) + _bend(a, f) - _bend(a1, f)
     if moved != 0.0:
+        down_dip, along = _slide(a, z, moved, f)
         i -= down_dip * f[DI] + along * f[DX]
         x -= down_dip * f[DX] - along * f[DI]
         s -= moved
-    return i, x, s, side, grade, throw, slip_h, f[RAKE] * throw
+    return i, x, s, side, grade, throw
+
+
+@njit(cache=True, nogil=True)
+def slip_vector(i, x, s, throw, f):
+    """Motion (inline, crossline, sample) of the hanging wall relative to the footwall at a point of the surface."""
+    ui, ux, z = i - f[CI], x - f[CX], s - f[CS]
+    a = ui * f[DX] - ux * f[DI]
+    if f[SHAPE] == LISTRIC:
+        down_dip, along = f[THROW] * f[COT] * slip_profile(a, z, f), 0.0
+    else:
+        down_dip, along = _slide(a, z, throw, f)
+    return down_dip * f[DI] + along * f[DX], down_dip * f[DX] - along * f[DI], throw
 
 
 @njit(cache=True, nogil=True)
@@ -125,6 +143,41 @@ def fold_shift(i, x, s, bumps, terms):
 
 
 @njit(cache=True, nogil=True)
+def _side_today(i, x, s, m, faults, bumps, terms, old_faults):
+    """Side of fault m (counted from the oldest) at a point of today's cube, after undoing all later faults."""
+    n_old = old_faults.shape[0]
+    for k in range(faults.shape[0] - 1, max(m - n_old, -1), -1):
+        i, x, s = undo_fault(i, x, s, faults[k])[:3]
+    if m >= n_old:
+        return undo_fault(i, x, s, faults[m - n_old])[3]
+    s += fold_shift(i, x, s, bumps, terms)
+    for k in range(n_old - 1, m, -1):
+        i, x, s = undo_fault(i, x, s, old_faults[k])[:3]
+    return undo_fault(i, x, s, old_faults[m])[3]
+
+
+@njit(cache=True, nogil=True)
+def _is_on_surface(i, x, s, side, grade, m, faults, bumps, terms, old_faults):
+    """Whether fault m passes within half a voxel, along the axis nearest to its normal, as it lies today.
+
+    Later faults and folds strain the earlier surface, so that its gradient is taken through them; where a later fault
+    passes right there, the gradient before it is used.
+    """
+    if abs(side) >= 1.25 * grade:
+        return False
+    step, steepest = 1e-3, 0.0
+    here = _side_today(i, x, s, m, faults, bumps, terms, old_faults)
+    for axis in range(3):
+        there = _side_today(
+            i + step * (axis == 0), x + step * (axis == 1), s + step * (axis == 2), m, faults, bumps, terms, old_faults
+        )
+        steepest = max(steepest, abs(there - here) / step)
+    if steepest > 4.0 * grade:
+        steepest = grade
+    return -0.5 * steepest <= side < 0.5 * steepest
+
+
+@njit(cache=True, nogil=True)
 def trace_structure(
     i, x, first, faults, bumps, terms, erosion, old_faults, old_bumps, old_terms, offset, least,
     tau, sides, depth, origin, labels, throws, slips,
@@ -136,12 +189,15 @@ def trace_structure(
         bits, label, throw, s0, s1, s2 = 0, 0, math.nan, 0.0, 0.0, 0.0
         for m in range(n_new - 1, -1, -1):
             f = faults[m]
-            pi, px, ps, side, grade, t, dip_slip, strike_slip = undo_fault(pi, px, ps, f)
+            hi, hx, hs = pi, px, ps
+            pi, px, ps, side, grade, t = undo_fault(hi, hx, hs, f)
             if side > 0.0:
                 bits |= 1 << m
-            if label == 0 and abs(t) >= least and -0.5 * grade <= side < 0.5 * grade:
+            if label == 0 and abs(t) >= least and _is_on_surface(
+                i, x, first + k, side, grade, n_old + m, faults, bumps, terms, old_faults
+            ):
                 label, throw = n_old + m + 1, t
-                s0, s1, s2 = dip_slip * f[DI] + strike_slip * f[DX], dip_slip * f[DX] - strike_slip * f[DI], t
+                s0, s1, s2 = slip_vector(hi, hx, hs, t, f)
         now = ps + fold_shift(pi, px, ps, bumps, terms)
         depth[k] = -1.0
         if erosion.shape[0] > 0:
@@ -152,12 +208,15 @@ def trace_structure(
             ps = now
             for m in range(n_old - 1, -1, -1):
                 f = old_faults[m]
-                pi, px, ps, side, grade, t, dip_slip, strike_slip = undo_fault(pi, px, ps, f)
+                hi, hx, hs = pi, px, ps
+                pi, px, ps, side, grade, t = undo_fault(hi, hx, hs, f)
                 if side > 0.0:
                     bits |= 1 << (n_new + m)
-                if label == 0 and abs(t) >= least and -0.5 * grade <= side < 0.5 * grade:
+                if label == 0 and abs(t) >= least and _is_on_surface(
+                    i, x, first + k, side, grade, m, faults, bumps, terms, old_faults
+                ):
                     label, throw = m + 1, t * stretch
-                    s0, s1, s2 = dip_slip * f[DI] + strike_slip * f[DX], dip_slip * f[DX] - strike_slip * f[DI], t
+                    s0, s1, s2 = slip_vector(hi, hx, hs, t, f)
             now = ps + fold_shift(pi, px, ps, old_bumps, old_terms) + offset
         tau[k], sides[k] = now, bits
         origin[k, 0], origin[k, 1] = pi, px

@@ -60,14 +60,15 @@ def sample_channels(
     ni, nx, _ = shape
     channels = []
     for _ in range(n):
+        half_width = rng.uniform(5.0, 16.0)
         channels.append(
             Channel(
                 layer_time=float(rng.choice(times)),
-                thickness=rng.uniform(6.0, 18.0),
+                thickness=half_width * rng.uniform(0.5, 1.3),
                 centre=(rng.uniform(0.2, 0.8) * ni, rng.uniform(0.2, 0.8) * nx),
                 azimuth_deg=rng.uniform(0.0, 180.0),
                 meander=(rng.uniform(0.03, 0.14) * nx, rng.uniform(0.4, 0.9) * nx, rng.uniform(0.0, 2.0 * np.pi)),
-                half_width=rng.uniform(4.0, 12.0),
+                half_width=half_width,
                 strengths=(rng.uniform(-1.5, -0.3), rng.uniform(0.8, 2.0), rng.uniform(-0.6, 0.6)),
             )
         )
@@ -112,5 +113,5 @@ def sample_layers(
     n = int((high - low) / (0.5 * (spacing[0] + spacing[1]))) + 2
     times = low + np.cumsum(rng.uniform(*spacing, n))
     strengths = rng.uniform(-1.0, 1.0, n) * np.sqrt(3.0)
-    package = np.interp(times, np.arange(low, high + 60.0, 30.0), rng.uniform(0.4, 1.4, len(np.arange(low, high + 60.0, 30.0))))
-    return times, strengths * package
+    knots = np.arange(low, high + 60.0, 30.0)
+    return times, strengths * np.interp(times, knots, rng.uniform(0.4, 1.4, len(knots)))

@@ -89,6 +89,8 @@ class SyntheticFault:
         steepest = {"uniform": abs(self.trend[1]), "gaussian": 0.61 / self.semi_axes[1], "elliptic": 1.6 / self.semi_axes[1]}
         if self.listric is None and abs(self.throw) * steepest[self.profile] > 0.9:
             raise ParameterError(f"throw {self.throw:g} changes faster down dip than one sample a sample. Lengthen semi_axes.")
+        if self.drag and abs(self.throw) * 2.0 * max(self.share, 1.0 - self.share) > 0.9 * self.drag:
+            raise ParameterError(f"drag is {self.drag:g}; expected more than twice the throw, or layers would turn over.")
         if self.listric is not None and (self.rake_deg != 90.0 or self.drag or self.share != 1.0 or self.bend[1]):
             raise ParameterError("a listric fault moves its hanging wall by dip slip alone: leave rake, drag, share, bend[1].")
 
@@ -212,7 +214,7 @@ def _sample_fault(
         0.5 * nx * (1.0 + offset * np.cos(angle)) + along * nx * np.sin(angle),
         ns * rng.uniform(0.3, 0.7),
     )
-    dip = rng.uniform(*p.dip_deg)
+    dip = float(rng.uniform(*p.dip_deg))
     size = float(np.exp(rng.uniform(np.log(p.throw[0]), np.log(p.throw[1]))))
     throw = -size if rng.random() < p.reverse else size
     profile = ("uniform", "gaussian", "elliptic")[int(rng.choice(3, p=p.profiles))]
@@ -222,7 +224,9 @@ def _sample_fault(
         profile = "uniform"
     settings = _sample_slip(rng, shape, throw, profile, p, free=listric is None)
     if rng.random() < p.curved:
-        settings["bend"] = (rng.uniform(-1.0, 1.0) * 0.6 / nx, 0.0 if listric else rng.uniform(-1.0, 1.0) * 0.5 / ns)
+        # Down dip the surface may steepen, but it must not turn over within the cube.
+        steepen = 0.0 if listric else rng.uniform(-1.0, 1.0) * min(0.5, 1.1 / np.tan(np.deg2rad(dip))) / ns
+        settings["bend"] = (rng.uniform(-1.0, 1.0) * 0.6 / nx, steepen)
         settings["ripple"] = (rng.uniform(0.0, 2.0), rng.uniform(0.4, 1.0) * nx, rng.uniform(0.0, 2.0 * np.pi))
     return SyntheticFault(
         tuple(float(c) for c in centre),  # type: ignore[arg-type]
@@ -243,15 +247,15 @@ def _sample_slip(
     settings: dict[str, object] = {"profile": profile}
     if profile == "uniform":
         settings["trend"] = (rng.uniform(-0.4, 0.4) / nx, rng.uniform(-0.6, 0.6) / ns)
-        if abs(throw) * 0.6 / ns > 0.8:
+        if abs(throw) * 0.6 / ns > 0.4:
             settings["trend"] = (0.0, 0.0)
     else:
-        floor = abs(throw) * (1.6 if profile == "gaussian" else 3.2)
+        floor = abs(throw) * (1.6 if profile == "gaussian" else 4.0)
         low, high = (0.35, 0.7) if profile == "gaussian" else (0.5, 0.9)
         settings["semi_axes"] = (rng.uniform(low, high) * nx * 1.2, max(rng.uniform(low, high) * ns, floor))
         settings["share"] = float(rng.choice([0.5, 1.0]))
     if profile == "elliptic":
-        settings["drag"] = rng.uniform(0.4, 0.9) * nx
+        settings["drag"] = max(rng.uniform(0.4, 0.9) * nx, 4.0 * abs(throw))
     if free and rng.random() < p.oblique:
         settings["rake_deg"] = rng.uniform(60.0, 120.0)
     return settings

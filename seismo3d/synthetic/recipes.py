@@ -37,7 +37,7 @@ class CubeRecipe:
         Folding and tilt of the layers below the unconformity, before it.
     noise : float
         Root mean square of the noise over that of the signal.
-    noise_lateral : float
+    noise_lateral : tuple of float
         Smoothing of the noise across traces, standard deviation in traces.
     lateral_resolution : float
         Smoothing of the signal across traces, as migration does, standard deviation in traces.
@@ -74,7 +74,7 @@ class CubeRecipe:
     old_slope: tuple[float, float] = (0.1, 0.3)
     old_tilt: tuple[float, float] = (0.15, 0.3)
     noise: float = 0.0
-    noise_lateral: float = 0.7
+    noise_lateral: tuple[float, float] = (0.0, 1.0)
     lateral_resolution: float = 0.0
     smiles: int = 0
     smile_strength: float = 1.5
