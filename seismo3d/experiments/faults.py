@@ -1,7 +1,7 @@
 """Benchmark of fault tracing on synthetic cubes: ``python -m seismo3d.experiments.faults``.
 
-Every cube is made anew from its kind and seed, traced at default settings, and scored against its exact truth. The seeds
-of the suite, :data:`SUITE_SEEDS`, are for measuring only; settings are tuned on others.
+Every cube is made anew from its kind and seed, traced at default settings, and scored against its exact truth. The
+seeds of the suite, :data:`SUITE_SEEDS`, are for measuring only; settings are tuned on others.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from seismo3d.synthetic import KINDS, SyntheticCube, fault_cube
 SUITE_SEEDS = (101, 102, 103)
 SUITE_KINDS = tuple(kind for kind in KINDS if kind != "demo")
 VISIBLE_THROW = 1.0
-"""Truth below this absolute throw, in samples, is left out of ``visible``: such faults end without a trace in the data."""
+"""Truth below this absolute throw, in samples, is left out of ``visible``: so small a throw leaves no trace."""
 
 Tracer = Callable[[Any], Any]
 
@@ -76,7 +76,12 @@ def score_cube(cube: SyntheticCube, labels: Any, throw: Any) -> tuple[FaultScore
 
 
 def run_cube(
-    kind: str, seed: int, *, shape: tuple[int, int, int] = (128, 128, 128), trace: Tracer | None = None, memory: bool = False
+    kind: str,
+    seed: int,
+    *,
+    shape: tuple[int, int, int] = (128, 128, 128),
+    trace: Tracer | None = None,
+    memory: bool = False,
 ) -> CubeResult:
     """Make a cube, trace its faults and score them.
 
@@ -168,7 +173,8 @@ def summarise(results: Sequence[CubeResult]) -> list[dict[str, Any]]:
 
 _COLUMNS = (
     ("kind", "", "{}"), ("F1", "f1", "{:.3f}"), ("precision", "precision", "{:.3f}"), ("recall", "recall", "{:.3f}"),
-    ("F1 visible", "f1_visible", "{:.3f}"), ("called %", "called_percent", "{:.2f}"), ("throw known", "throw_known", "{:.2f}"),
+    ("F1 visible", "f1_visible", "{:.3f}"), ("called %", "called_percent", "{:.2f}"),
+    ("throw known", "throw_known", "{:.2f}"),
     ("within 1.5", "throw_within", "{:.2f}"), ("median error", "throw_median_error", "{:.2f}"),
     ("seconds", "seconds", "{:.2f}"), ("x filter", "ratio", "{:.0f}"), ("peak MB", "peak_mb", "{:.0f}"),
 )  # fmt: skip
