@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.errors import ParameterError
+from seismo3d.errors import ParameterError, Seismo3dError
 from seismo3d.seismic.scores import FaultScore, ThrowScore, fault_score, throw_score
 from seismo3d.synthetic import KINDS, SyntheticCube, fault_cube
 
@@ -270,4 +270,8 @@ def main(arguments: Sequence[str] | None = None, *, trace: Tracer | None = None)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except Seismo3dError as error:
+        sys.stderr.write(f"error: {error}\n")
+        sys.exit(2)

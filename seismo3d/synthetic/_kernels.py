@@ -219,7 +219,7 @@ def trace_structure(
                     bits |= 1 << (n_new + m)
                 if (
                     label == 0
-                    and abs(t) >= least
+                    and abs(t * stretch) >= least
                     and _is_on_surface(i, x, first + k, side, grade, m, faults, bumps, terms, old_faults)
                 ):
                     label, throw = m + 1, t * stretch
