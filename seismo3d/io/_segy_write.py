@@ -70,8 +70,7 @@ def write_segy(
     volume = as_cube(cube)
     out = Path(path)
     template = _template(volume, cube, like)
-    source = volume.attrs.get("path")
-    for other in (source, template.layout.path if template else None):
+    for other in (volume.attrs.get("path"), template.layout.path if template else None):
         if other and out.exists() and Path(other).exists() and out.samefile(other):
             raise ParameterError(
                 f"{out} is the file that the cube was read from; expected another name for the result."
@@ -102,7 +101,7 @@ def _template(volume: Any, given: Any, like: Any) -> _Template | None:
     attrs = volume.attrs
     automatic = isinstance(like, str) and like == "input"
     if automatic:
-        like = attrs.get("path") if attrs.get("file_format") == "SEG-Y" else None
+        like = attrs.get("segy_path")
         if like is None or not Path(like).is_file():
             return None
     try:
