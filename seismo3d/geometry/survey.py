@@ -8,7 +8,7 @@ Frame and sign conventions, here once:
 - Map coordinates are ``(x, y)`` = (east, north) in metres, as in ``cdp_x`` and ``cdp_y``; z is the sample coordinate in
   ms or m, positive downwards.
 - Azimuths are in degrees, clockwise from north; without map coordinates they are counted from the inline axis towards
-  the crossline axis. Surveys may be rotated, sheared and of either handedness: everything goes through one 2 x 2 matrix.
+  the crossline axis. Surveys may be rotated, sheared and of either handedness: all goes through one 2 x 2 matrix.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ class Axis:
     def __post_init__(self) -> None:
         if self.n < 1 or self.step == 0 or not np.isfinite([self.first, self.step]).all():
             raise GeometryError(
-                f"axis has first {self.first}, step {self.step}, n {self.n}; expected finite numbers, a step other than 0 and n >= 1."
+                f"axis has first {self.first}, step {self.step}, n {self.n}; "
+                "expected finite numbers, a step other than 0 and n >= 1."
             )
 
     @property
@@ -86,7 +87,7 @@ class Axis:
             return cls(float(numbers[0]), 1.0, 1)
         step = float(numbers[-1] - numbers[0]) / (numbers.size - 1)
         ideal = numbers[0] + step * np.arange(numbers.size)
-        if step == 0 or not np.isfinite(step) or np.abs(numbers - ideal).max() > 1e-4 * abs(step):
+        if step == 0 or not np.isfinite(step) or not np.abs(numbers - ideal).max() <= 1e-4 * abs(step):
             raise GeometryError(
                 f"{name} is not evenly spaced; expected a constant step. Interpolate it onto one first."
             )
@@ -206,7 +207,7 @@ class SurveyGeometry:
 
     @property
     def bin_size(self) -> tuple[float, float]:
-        """Distance in metres to the next index along the inline axis and along the crossline axis; NaN without a map."""
+        """Metres to the next index along the inline axis and along the crossline axis; NaN without a map."""
         if self.map_fit is None:
             return (float("nan"), float("nan"))
         return (float(np.hypot(*self.map_fit.inline_step)), float(np.hypot(*self.map_fit.crossline_step)))
@@ -223,7 +224,7 @@ class SurveyGeometry:
 
     @property
     def is_right_handed(self) -> bool:
-        """Whether, seen from above, the crossline axis lies clockwise of the inline axis (with samples down: right-handed)."""
+        """Whether the crossline axis lies clockwise of the inline axis, seen from above: right-handed, samples down."""
         return self.map_fit is None or float(np.linalg.det(self.map_fit.matrix)) < 0
 
     def index_to_map(self, points: ArrayLike) -> Float64Array:

@@ -36,7 +36,7 @@ def ibm_words(values: AnyArray) -> AnyArray:
 
 
 def sample_header(volume: Any) -> tuple[int, int, int]:
-    """Return the header's interval (us), delay and delay scalar for a cube's sample axis, or refuse what SEG-Y cannot hold."""
+    """Return the header's interval (us), delay and its scalar for a cube's samples; refuse what SEG-Y cannot hold."""
     axis = Axis.from_coordinates(volume[volume.dims[-1]].values, str(volume.dims[-1]))
     if axis.n > 65535:
         raise GeometryError(
@@ -45,8 +45,8 @@ def sample_header(volume: Any) -> tuple[int, int, int]:
     interval = axis.step * 1000.0
     if not 0.5 <= interval <= _MAX_SHORT or abs(interval - round(interval)) * axis.n > 500.0:
         raise GeometryError(
-            f"cube has a sample interval of {axis.step:g}; expected 0.001 to 32.767 in whole thousandths, all that SEG-Y can hold. "
-            "Resample it, or write Zarr."
+            f"cube has a sample interval of {axis.step:g}; expected 0.001 to 32.767 in whole thousandths, all that "
+            "SEG-Y can hold. Resample it, or write Zarr."
         )
     for scalar, factor in ((0, 1), (-10, 10), (-100, 100), (-1000, 1000)):
         delay = axis.first * factor

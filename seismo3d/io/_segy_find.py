@@ -84,7 +84,8 @@ def find_grid(
     verdict = sample.judge(pair)
     if given and verdict == "none":
         raise FormatError(
-            f"{layout.path} has no line numbers at bytes {pair[0]} and {pair[1]}: {sample.describe(pair)}. Name other header bytes."
+            f"{layout.path} has no line numbers at bytes {pair[0]} and {pair[1]}: {sample.describe(pair)}. "
+            "Name other header bytes."
         )
     if not given and verdict != "cube":
         better = sample.best_pair(only_full=verdict == "line")
@@ -185,7 +186,7 @@ class _Sample:
         return bool(np.ptp(self.fields[byte]) > 0)
 
     def fold(self, pair: tuple[int, int]) -> float:
-        """Traces a place: counted in the sample, or, if larger, the file's traces over the places that the numbers span."""
+        """Traces a place: counted in the sample, or, if larger, the file's traces over the bins spanned."""
         a, b = self._numbers(pair)
         counted = a.size / _n_pairs(a, b)
         if self.is_whole:

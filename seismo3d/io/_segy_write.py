@@ -124,7 +124,7 @@ def _match(layout: SegyLayout, volume: Any, *, is_bare: bool) -> _Template:
         )
         if found.is_line:
             raise GeometryError(
-                f"{layout.path} is a 2D line; the cube has shape {volume.shape}. Give a file with inlines and crosslines."
+                f"{layout.path} is a 2D line; the cube has shape {volume.shape}. Give a file that holds a cube."
             )
         grid = found.grid
         numbers = [volume["inline"].values, volume["crossline"].values]
@@ -187,9 +187,8 @@ def _write_like(stream: IO[bytes], volume: Any, template: _Template, code: int, 
         records = np.empty(rows.size, dtype=record)
         records["head"] = traces["head"][rows]
         records["data"] = encode(values[ci - low, cj], code, fill)
-        set_header_field(records["head"], 115, n_samples % 65536, little_endian=little)
         if not keeps_axis:
-            for byte, value in ((117, interval_us), (109, delay), (215, scalar)):
+            for byte, value in ((115, n_samples % 65536), (117, interval_us), (109, delay), (215, scalar)):
                 set_header_field(records["head"], byte, value, little_endian=little)
         places = rows if ranks is None else np.searchsorted(ranks, rows)
         _write_runs(stream, records, places, layout.data_offset)

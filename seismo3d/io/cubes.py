@@ -55,8 +55,8 @@ def open_cube(
         True: backed by dask, in chunks of whole inlines, read when asked for. False: in memory. Without it, lazy
         above 2 GiB. Values are identical.
     scan : {"auto", "full"}
-        Whether to read every trace header of a large SEG-Y file. "auto" derives the geometry of a regular file from a few
-        hundred headers, and compares the headers of every trace as it is read.
+        Whether to read every trace header of a large SEG-Y file. "auto" derives the geometry of a regular file from a
+        few hundred headers, and compares the headers of every trace as it is read.
     variable : str, optional
         The array to take from a Zarr group or an NPZ file with several.
 
