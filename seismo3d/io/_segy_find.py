@@ -130,10 +130,10 @@ def refuse_prestack(layout: SegyLayout, sample: _Sample, pair: tuple[int, int]) 
     if fold >= 1.5 and sample.judge(pair, check_fold=False) == "cube":
         raise _not_stacked(layout, pair, fold)
     if sample.n_offsets > 1 and sample.judge(pair) == "none":
-        number = _CDP if sample.varies(_CDP) else _SHOT
-        unique = np.unique(sample.fields[number]).size
-        if unique > 1 and sample.rows.size >= 1.5 * unique and sample.is_whole:
-            raise _not_stacked(layout, (number,), sample.rows.size / unique)
+        # the first field that varies numbers the places: midpoints, the lines' own numbers, or shots
+        number = next((byte for byte in (_CDP, *reversed(pair), _SHOT) if sample.varies(byte)), None)
+        if number is not None and (fold := sample.rows.size / np.unique(sample.fields[number]).size) >= 1.5:
+            raise _not_stacked(layout, (number,), fold)
 
 
 def _not_stacked(layout: SegyLayout, pair: tuple[int, ...], fold: float) -> FormatError:

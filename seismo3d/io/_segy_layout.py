@@ -50,6 +50,8 @@ class SegyLayout:
         Position of the first trace header: 3600, and the extended textual headers.
     text : str
         The textual header, 40 lines.
+    in_feet : bool
+        Whether the binary header says that lengths are in feet.
     """
 
     path: str
@@ -60,6 +62,7 @@ class SegyLayout:
     interval_us: int
     data_offset: int
     text: str
+    in_feet: bool = False
 
     @property
     def stored_dtype(self) -> np.dtype[Any]:
@@ -126,7 +129,9 @@ def read_layout(path: Any) -> SegyLayout:
             f"{file} has {size} bytes: {n_traces} traces of {n_samples} samples, as its header says, and {left} bytes "
             "over; expected whole traces. It is cut short, or its headers are wrong."
         )
-    return SegyLayout(str(file), code, little, n_samples, n_traces, interval, offset, _decode_text(head[:3200]))
+    in_feet = int.from_bytes(head[3254:3256], order) == 2
+    text = _decode_text(head[:3200])
+    return SegyLayout(str(file), code, little, n_samples, n_traces, interval, offset, text, in_feet)
 
 
 def read_fields(layout: SegyLayout, rows: Any, byte_numbers: list[int]) -> dict[int, IntArray]:

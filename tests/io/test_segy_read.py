@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import seismo3d as s3
 from seismo3d.errors import FormatError, ParameterError
+from seismo3d.io._segy_grid import _spread_rows
 from seismo3d.io._segy_layout import SegyLayout
 
 INLINES, CROSSLINES, N_SAMPLES = np.arange(100, 105), np.arange(30, 44, 2), 9
@@ -401,3 +402,36 @@ def test_parihaka_opens_as_segyio_reads_it(real_data):
         np.testing.assert_array_equal(cube.crossline, file.xlines)
         np.testing.assert_array_equal(cube.values[100], file.iline[int(file.ilines[100])])
     assert float(cube.time[0]) == 392.0
+
+
+def test_a_prestack_line_is_refused(tmp_path, maker):
+    heads = [{189: 1, 193: cdp, 37: offset} for cdp in range(1, 9) for offset in (100, 200, 300)]
+    with pytest.raises(FormatError, match=r"is not stacked: about 3 traces for each place \(bytes 193\)"):
+        s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(24), heads))
+
+
+def test_feet_are_said(tmp_path, maker):
+    cube = s3.open_cube(full(maker, tmp_path / "a.sgy", b3255=2))
+    assert "says feet" in " ".join(cube.attrs["notes"])
+    assert not s3.open_cube(full(maker, tmp_path / "b.sgy")).attrs["notes"]
+
+
+def test_an_irregular_large_file_is_scanned(tmp_path, maker, monkeypatch):
+    """A file above the limit for reading every header at once, with a gap, and with a swap that the sample misses."""
+    monkeypatch.setattr("seismo3d.io.segy._SCANNED_BELOW", 0)
+    heads = maker.headers(range(40), range(50))
+    regular = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(2000, 2), heads), lazy=True)
+    assert "sample of the trace headers" in " ".join(regular.attrs["notes"])
+    np.testing.assert_array_equal(regular.values.reshape(-1, 2), numbered(2000, 2))
+    gap = s3.open_cube(maker.write(tmp_path / "b.sgy", numbered(1999, 2), heads[1:]), lazy=True)
+    assert gap.attrs["n_missing"] == 1
+    sampled = set(_spread_rows(2000, 50).tolist())
+    row = next(k for k in range(5, 1990) if not {k, k + 1} & sampled and k % 50 not in (0, 48, 49))
+    heads[row], heads[row + 1] = heads[row + 1], heads[row]
+    swapped = maker.write(tmp_path / "c.sgy", numbered(2000, 2), heads)
+    blind = s3.open_cube(swapped, lazy=True)
+    with pytest.raises(FormatError, match=r"expected .* as in a regular file\. Open it with scan='full'"):
+        blind.compute()
+    exact = s3.open_cube(swapped, lazy=True, scan="full").values
+    np.testing.assert_array_equal(exact[row // 50, row % 50], numbered(2000, 2)[row + 1])
+    np.testing.assert_array_equal(exact, s3.open_cube(swapped, lazy=False).values)

@@ -126,7 +126,9 @@ def test_what_is_not_finite_becomes_the_fill(tmp_path, awkward):
         np.testing.assert_array_equal(back.values[cube.live.values], throw.fillna(-9.0).values[cube.live.values])
 
 
-@given(arrays(np.float32, 20, elements=st.floats(-(2.0**100), 2.0**100, width=32)))
+@given(
+    arrays(np.float32, 20, elements=st.floats(width=32, allow_nan=False, allow_infinity=False, allow_subnormal=False))
+)
 @settings(max_examples=60, deadline=None)
 def test_ibm_words_are_nearest(values):
     words = ibm_words(values).astype(np.int64)
