@@ -79,7 +79,9 @@ def open_cube(
         raise ParameterError(f"scan is {scan!r}; expected 'auto' or 'full'.")
     file = Path(path)
     limit = LAZY_ABOVE if lazy is None else (-1 if lazy else 2**63)
-    if file.suffix.lower() == ".zarr" or (file.is_dir() and _is_zarr(file)):
+    with refuse_os_errors(file, "read"):
+        is_zarr = file.suffix.lower() == ".zarr" or (file.is_dir() and _is_zarr(file))
+    if is_zarr:
         from seismo3d.io.zarr_store import read_zarr
 
         return read_zarr(file, variable=variable, lazy_above=limit)

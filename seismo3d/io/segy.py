@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
@@ -114,7 +115,7 @@ def _attributes(layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tu
     grid = found.grid
     attrs: dict[str, Any] = {
         "path": layout.path,
-        "segy_path": layout.path,
+        "segy_path": str(Path(layout.path).resolve()),
         "file_format": "SEG-Y",
         "sample_format": layout.format_words,
         "sample_format_code": layout.format_code,

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -109,3 +110,17 @@ def test_no_permission(good, monkeypatch):
 def test_errors_are_builtin_too(tmp_path):
     with pytest.raises(OSError, match="does not exist"):
         s3.open_cube(tmp_path / "no.sgy")
+
+
+def test_a_pipe_is_refused_and_does_not_hang(tmp_path):
+    os.mkfifo(tmp_path / "pipe.sgy")
+    with pytest.raises(FileAccessError, match="is a pipe or a device"):
+        s3.open_cube(tmp_path / "pipe.sgy")
+
+
+def test_reasons_of_the_system_are_told(tmp_path):
+    (tmp_path / "loop.sgy").symlink_to(tmp_path / "loop.sgy")
+    with pytest.raises(FileAccessError, match=r"loop\.sgy cannot be read: "):
+        s3.open_cube(tmp_path / "loop.sgy")
+    with pytest.raises(FileAccessError, match=r"cannot be read: File name too long"):
+        s3.open_cube(tmp_path / ("x" * 300))
