@@ -100,7 +100,7 @@ def find_grid(
     if verdict == "torn":
         raise FormatError(
             f"{layout.path} has line numbers {sample.describe(pair)} (bytes {pair[0]} and {pair[1]}), a grid far "
-            f"larger than its {layout.n_traces} traces. Some headers are wrong: repair them, or name other header bytes."
+            f"larger than its {layout.n_traces} traces. Some headers are wrong: repair them or name other header bytes."
         )
     if verdict != "cube":
         return _as_line(layout, pair if verdict == "line" else None, how)
