@@ -66,8 +66,8 @@ def make_cube(shape: tuple[int, int, int] = SHAPE, *, dip: float = 0.15) -> xr.D
     values[4, 3:5] = 0.0
     inline, crossline = 100 + 2 * np.arange(shape[0]), 500 + np.arange(shape[1])
     turn = np.radians(30.0)
-    I, J = np.meshgrid(np.arange(shape[0]) * BINS[0], np.arange(shape[1]) * BINS[1], indexing="ij")
-    x, y = 5e5 + I * np.sin(turn) + J * np.cos(turn), 6e6 + I * np.cos(turn) - J * np.sin(turn)
+    along, across = np.meshgrid(np.arange(shape[0]) * BINS[0], np.arange(shape[1]) * BINS[1], indexing="ij")
+    x, y = 5e5 + along * np.sin(turn) + across * np.cos(turn), 6e6 + along * np.cos(turn) - across * np.sin(turn)
     coordinates: dict[str, Any] = {
         "inline": inline,
         "crossline": crossline,

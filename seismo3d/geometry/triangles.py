@@ -209,4 +209,5 @@ def weigh_vertices(vertices: AnyArray, cells: AnyArray) -> Float64Array:
     """
     numbers = np.asarray(cells, dtype=np.int64)
     parts = np.repeat(measure_cells(vertices, cells) / numbers.shape[1], numbers.shape[1])
-    return np.bincount(numbers.ravel(), weights=parts, minlength=len(vertices))
+    weights: Float64Array = np.bincount(numbers.ravel(), weights=parts, minlength=len(vertices)).astype(np.float64)
+    return weights

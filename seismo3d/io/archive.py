@@ -98,7 +98,7 @@ def _read_member(archive: zipfile.ZipFile, name: str) -> AnyArray:
 
 
 def _encode(value: Any, place: str) -> Any:
-    if value is None or isinstance(value, bool | int | float | str) and not isinstance(value, np.generic):
+    if value is None or (isinstance(value, bool | int | float | str) and not isinstance(value, np.generic)):
         return value
     if isinstance(value, Mapping):
         return {"dict": [[_encode(k, place), _encode(v, f"{place}[{k!r}]")] for k, v in value.items()]}

@@ -1,9 +1,10 @@
 """Fault sticks in the ASCII forms that OpendTect and Petrel read.
 
-- OpendTect (Survey > Import > Faults > ASCII, "Import Multiple Faults"): columns fault name, x, y, z, stick index, node
-  index. Without map coordinates the second and third column are inline and crossline, which its import dialog takes too.
-- Petrel ("Charisma fault sticks (ASCII)"): ``INLINE- inline crossline x y z fault_name stick_number``, also read by many
-  others.
+- OpendTect (Survey > Import > Faults > ASCII, "Import Multiple Faults"): columns fault name, x, y, z, stick index,
+  node index. Without map coordinates the second and third column are inline and crossline, which its import dialog
+  takes too.
+- Petrel ("Charisma fault sticks (ASCII)"): ``INLINE- inline crossline x y z fault_name stick_number``, also read by
+  many others.
 
 Both have no header line. z grows downwards, in ms or m; nodes run from the top of a stick to its foot.
 """
@@ -84,5 +85,5 @@ def write_charisma_sticks(path: str | Path, sticks: Iterable[FaultStick]) -> Non
         for stick in sticks:
             lines = np.rint(stick.lines).astype(np.int64)
             for (inline, crossline), (x, y, z) in zip(lines, stick.points, strict=True):
-                row = f"INLINE- {inline:>8d} {crossline:>8d} {x:>15.2f} {y:>15.2f} {z:>12.3f} {stick.fault} {stick.number:>6d}\n"
-                file.write(row.encode())
+                place = f"{inline:>8d} {crossline:>8d} {x:>15.2f} {y:>15.2f} {z:>12.3f}"
+                file.write(f"INLINE- {place} {stick.fault} {stick.number:>6d}\n".encode())

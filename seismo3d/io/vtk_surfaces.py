@@ -79,8 +79,7 @@ def _document(points: AnyArray, cells: AnyArray, data: Mapping[str, AnyArray], n
             '<?xml version="1.0"?>\n',
             '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n<PolyData>\n',
             f"<FieldData>\n{fields}</FieldData>\n",
-            f'<Piece NumberOfPoints="{len(points)}" NumberOfVerts="0" NumberOfLines="{n_lines}" NumberOfStrips="0" '
-            f'NumberOfPolys="{n_polys}">\n',
+            f'<Piece NumberOfPoints="{len(points)}" NumberOfLines="{n_lines}" NumberOfPolys="{n_polys}">\n',
             "<PointData>\n",
             *(_array(name, values) for name, values in data.items()),
             "</PointData>\n<Points>\n",

@@ -1,7 +1,7 @@
 """Pictures: sections, time slices and maps with matplotlib, 3D scenes with pyvista, and the report.
 
-No function here changes matplotlib's or pyvista's settings. Functions that take ``ax`` draw on it; without one they make
-a pyplot figure, to be shown with ``matplotlib.pyplot.show()`` and closed by the caller.
+No function here changes matplotlib's or pyvista's settings. Functions that take ``ax`` draw on it; without one they
+make a pyplot figure, to be shown with ``matplotlib.pyplot.show()`` and closed by the caller.
 """
 
 from __future__ import annotations

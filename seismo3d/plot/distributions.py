@@ -47,7 +47,7 @@ def strike_rose(faults: Any, *, from_north: bool, bin_deg: float = 10.0, ax: Any
     ax.set_theta_zero_location("N")
     ax.set_theta_direction(-1)
     ax.bar(centres, np.tile(length, 2), width=np.pi / n, color=_BLUE, edgecolor="white", linewidth=0.6)
-    names = "N E S W".split() if from_north else ("inline axis", "crossline\naxis", "", "")
+    names = ["N", "E", "S", "W"] if from_north else ("inline axis", "crossline\naxis", "", "")
     ax.set_xticks(np.radians([0, 90, 180, 270]), names)
     ax.set_yticks([])
     ax.set_title("Strike", fontsize="medium")

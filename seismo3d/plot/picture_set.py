@@ -50,8 +50,8 @@ def save_pictures(
 
     For a cube: ``scene.png``, ``section_inline_N.png`` and ``section_crossline_N.png`` through the most faulted lines,
     ``time_slice.png`` (or ``depth_slice.png``), ``throw_map.png``, ``strike.png`` and ``throw.png``; for a section:
-    ``section_faults.png`` and ``throw.png``. Where the machine has no OpenGL, the scene is drawn with matplotlib and its
-    ``note`` says so.
+    ``section_faults.png`` and ``throw.png``. Where the machine has no OpenGL, the scene is drawn with matplotlib and
+    its ``note`` says so.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def _save_scene(path: Path, cube: Any, faults: Any) -> PictureFile:
 def _save_section(directory: Path, cube: Any, faults: Any, axis: str, line: float) -> PictureFile:
     figure = _figure(14.0, 5.6)
     plain, drawn = figure.subplots(1, 2, sharex=True, sharey=True)
-    where = {axis: line} if axis else {}
+    where: dict[str, Any] = {axis: line} if axis else {}
     section(cube, ax=plain, **where)
     section(cube, ax=drawn, faults=faults, colour="throw", **where)
     drawn.set_ylabel("")
@@ -136,7 +136,8 @@ def _save_section(directory: Path, cube: Any, faults: Any, axis: str, line: floa
 def _save_slice(path: Path, cube: Any, faults: Any, level: float) -> PictureFile:
     figure = _figure(7.2, 6.4)
     name = name_axes(cube)[2]
-    ax = time_slice(cube, faults=faults, colour="surface", ax=figure.subplots(), **{name: level})
+    where: dict[str, Any] = {name: level}
+    ax = time_slice(cube, faults=faults, colour="surface", ax=figure.subplots(), **where)
     return _save(figure, path, f"{ax.get_title(loc='left')}: one colour a fault, as in the table.", kind="half")
 
 
@@ -157,7 +158,9 @@ def _save_strike(path: Path, cube: Any, faults: Any) -> PictureFile:
 def _save_throw(path: Path, faults: Any) -> PictureFile:
     figure = _figure(6.4, 4.6)
     throw_histogram(faults, ax=figure.subplots())
-    return _save(figure, path, "Throw over the fault area: positive on normal faults, negative on reverse ones.", kind="half")
+    return _save(
+        figure, path, "Throw over the fault area: positive on normal faults, negative on reverse ones.", kind="half"
+    )
 
 
 def _lies_on_map(cube: Any) -> bool:

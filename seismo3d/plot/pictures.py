@@ -117,7 +117,7 @@ def axis_coordinates(cube: Any, axis: int) -> Float64Array:
 
 
 def axis_label(name: str) -> str:
-    """What is written beside an axis."""
+    """Return what is written beside an axis."""
     return _LABELS.get(name, name)
 
 

@@ -55,7 +55,7 @@ def key_numbers(faults: Any, cube: Any, rows: list[dict[str, Any]]) -> list[tupl
     if not rows:
         return numbers
     throws = [row[key] for row in rows for key in row if key.startswith("throw_max_") and not key.endswith("samples")]
-    unit = rows[0] and next((key.rsplit("_", 1)[1] for key in rows[0] if key in ("throw_max_ms", "throw_max_m")), "samples")
+    unit = next((key.rsplit("_", 1)[1] for key in rows[0] if key in ("throw_max_ms", "throw_max_m")), "samples")
     throws = throws or [row["throw_max_samples"] for row in rows]
     finite = [value for value in throws if math.isfinite(value)]
     if finite:
@@ -94,7 +94,15 @@ def table_cell(key: str, value: Any) -> tuple[str, str]:
         return f"{number / 1e6:.3g}", repr(number)
     if key == "throw_known":
         return _percent(number), repr(number)
-    digits = {"fault": 0, "confidence": 2, "strike_deg": 0, "dip_deg": 0, "area_index": 0, "length_index": 0, "length_m": 0}
+    digits = {
+        "fault": 0,
+        "confidence": 2,
+        "strike_deg": 0,
+        "dip_deg": 0,
+        "area_index": 0,
+        "length_index": 0,
+        "length_m": 0,
+    }
     return f"{number:,.{digits.get(key, 1)}f}", repr(number)
 
 
@@ -114,10 +122,11 @@ def _map_facts(cube: Any) -> list[tuple[str, str]]:
     far = np.array(cube.shape, dtype=np.float64) - 1
     corners = survey.index_to_map([[0, 0, 0], [far[0], 0, 0], [0, far[1], 0], [far[0], far[1], 0]])
     area = bins[0] * far[0] * bins[1] * far[1] / 1e6
+    (left, south), (right, north) = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
     return [
         ("Bin size", f"{bins[0]:.4g} m (next inline) x {bins[1]:.4g} m (next crossline)"),
         ("Inline axis", f"azimuth {survey.inline_axis_azimuth_deg:.1f}° from north"),
-        ("Extent", f"x {corners[:, 0].min():,.0f} to {corners[:, 0].max():,.0f}, y {corners[:, 1].min():,.0f} to {corners[:, 1].max():,.0f}"),
+        ("Extent", f"x {left:,.0f} to {right:,.0f}, y {south:,.0f} to {north:,.0f}"),
         ("Box area", f"{area:,.4g} km²"),
     ]
 

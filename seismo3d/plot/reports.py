@@ -85,7 +85,11 @@ def _page(cube: Any, faults: Any, title: str, pictures: list[dict[str, str]], ru
         for row in rows[:_MOST_ROWS]
     ]
     environment = Environment(
-        loader=PackageLoader("seismo3d.plot"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=PackageLoader("seismo3d.plot"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     timings = run.pop("timings_s", {})
     return environment.get_template("report.html.jinja").render(
@@ -116,7 +120,7 @@ def _embed(pictures: Sequence[PictureFile]) -> list[dict[str, str]]:
 
 
 def _lines(value: Any) -> list[tuple[str, str]]:
-    """A mapping as names and values in words; anything else as one value."""
+    """Turn a mapping into names and values in words; anything else as one value."""
     if isinstance(value, Mapping):
         return [(str(name), _words(item)) for name, item in value.items()]
     return [("", _words(value))]

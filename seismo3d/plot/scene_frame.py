@@ -75,7 +75,7 @@ class SceneFrame:
         return [float(value) for pair in pairs for value in pair]
 
     def axis_titles(self, cube: Any) -> tuple[str, str, str]:
-        """What is written beside the axes right, back and up."""
+        """Return what is written beside the axes right, back and up."""
         names = [axis_label(name) for name in name_axes(cube)]
         return names[self.order[0]], names[self.order[1]], names[2]
 
@@ -90,7 +90,7 @@ def slice_points(frame: SceneFrame, axis: int, index: int) -> tuple[Float64Array
 
 
 def far_slices(cube: Any) -> tuple[int, int, int]:
-    """Indices of the back walls and the floor: the last lines that are as full as nine tenths of the fullest."""
+    """Choose the back walls and the floor: the last lines that are nine tenths as full as the fullest."""
     live = live_traces(cube)
     walls = []
     for axis in (0, 1):

@@ -102,7 +102,7 @@ def cube(
 def choose_slices(
     cube: Any, *, inline: float | None = None, crossline: float | None = None, sample: float | None = None
 ) -> tuple[int, int, int]:
-    """Indices of the scene's three slices: those asked for, else the back walls and the floor."""
+    """Choose the indices of the scene's three slices: those asked for, else the back walls and the floor."""
     far = far_slices(cube)
     return (
         far[0] if inline is None else find_index(cube, 0, float(inline)),

@@ -48,7 +48,7 @@ def sketch_scene(cube: Any, *, faults: Any, height: float = 0.6) -> Any:
     for k, (name, title) in enumerate(zip("xyz", frame.axis_titles(cube), strict=True)):
         low, high = bounds[2 * k : 2 * k + 2]
         getattr(ax, f"set_{name}lim")(low, high)
-        ticks = [f"{value:.0f}" for value in np.linspace(*ranges[2 * k : 2 * k + 2], 5)]
+        ticks = [f"{value:.0f}" for value in np.linspace(ranges[2 * k], ranges[2 * k + 1], 5)]
         getattr(ax, f"set_{name}ticks")(np.linspace(low, high, 5), ticks)
         getattr(ax, f"set_{name}label")(title)
     ax.set_box_aspect([bounds[1] - bounds[0], bounds[3] - bounds[2], bounds[5] - bounds[4]])

@@ -50,7 +50,7 @@ class FaultLines:
     throw_unit: str
 
     def values(self, colour: str) -> Float64Array | None:
-        """The numbers behind a colouring: None where colours go by surface."""
+        """Return the numbers behind a colouring: None where colours go by surface."""
         return {"throw": self.throw, "likelihood": self.likelihood}.get(colour)
 
 

@@ -27,8 +27,8 @@ def write_faults(faults: FaultSet, cube: Any, *, directory: str | Path) -> list[
     """Write faults in every exchange format.
 
     ``surfaces.vtp`` (VTK), ``surfaces.ts`` (GOCAD TSurf; ``surfaces.pl``, polylines, for a section),
-    ``sticks_opendtect.txt``, ``sticks_petrel.txt`` (Charisma) and ``faults.csv``. Coordinates are metres on the map where
-    the cube knows them, else line numbers; z is time or depth, positive downwards.
+    ``sticks_opendtect.txt``, ``sticks_petrel.txt`` (Charisma) and ``faults.csv``. Coordinates are metres on the map
+    where the cube knows them, else line numbers; z is time or depth, positive downwards.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def _properties(surface: FaultSurface) -> dict[str, Any]:
 
 
 def _describe(cube: Any) -> tuple[str, dict[str, str]]:
-    """The unit of z, and the notes that go into a VTK file."""
+    """Return the unit of z, and the notes that go into a VTK file."""
     geometry = SurveyGeometry.from_cube(cube) if np.ndim(cube) == 3 else SectionGeometry.from_cube(cube)
     unit = geometry.unit if geometry.unit != "samples" else "none"
     place = "metres on the map" if geometry.has_map else "line numbers" if np.ndim(cube) == 3 else "trace index, 0"

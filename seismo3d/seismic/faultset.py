@@ -2,8 +2,8 @@
 
 Frame and sign conventions, here once for the whole seismic side:
 
-- Coordinates are fractional indices, ``(inline, crossline, sample)`` in a cube and ``(trace, sample)`` in a section; the
-  sample axis points down.
+- Coordinates are fractional indices, ``(inline, crossline, sample)`` in a cube and ``(trace, sample)`` in a section;
+  the sample axis points down.
 - A surface's normals point into its hanging wall, so that their sample component is not positive (up) on a dipping
   surface; where a surface is vertical the sign is that of its neighbours.
 - Throw is vertical: positive where the hanging wall went down (normal fault), negative where it went up (reverse).
@@ -45,7 +45,8 @@ class FaultSurface:
     throw : ndarray of shape (n,), float32
         Vertical displacement in samples, positive where the hanging wall is down; NaN where it is not known.
     strike_deg, dip_deg : ndarray of shape (n,), float32
-        Orientation at each vertex in degrees; strike 0 to 360 by the right-hand rule, dip 0 to 90. In a section strike is NaN.
+        Orientation at each vertex in degrees; strike 0 to 360 by the right-hand rule, dip 0 to 90. In a section strike
+        is NaN.
     sample_interval : float
         Size of a sample in ms or m, or 1 where the input was a bare array.
     sample_unit : str
@@ -211,6 +212,5 @@ def _unpack_surfaces(arrays: dict[str, Any], scalars: list[dict[str, Any]]) -> t
     parts = {}
     for name in _ARRAYS if scalars else ():
         parts[name] = [part.copy() for part in np.split(arrays[f"surfaces.{name}"], arrays[f"ends.{name}"][:-1])]
-    return tuple(
-        FaultSurface(**{name: freeze(parts[name][i]) for name in _ARRAYS}, **row) for i, row in enumerate(scalars)
-    )
+    rows: list[dict[str, Any]] = [{name: freeze(parts[name][i]) for name in _ARRAYS} for i in range(len(scalars))]
+    return tuple(FaultSurface(**row, **numbers) for row, numbers in zip(rows, scalars, strict=True))

@@ -1,4 +1,4 @@
-"""Fault sticks from fault surfaces: the surfaces cut by inline or crossline planes, as an interpreter would pick them."""
+"""Fault sticks from fault surfaces: cut by inline or crossline planes, as an interpreter would pick them."""
 
 from __future__ import annotations
 
