@@ -89,13 +89,14 @@ def sample_axis(
     return SampleAxis(axis, domain, "ms" if domain == "time" else "m", reason, tuple(notes))
 
 
-def judge_domain(layout: SegyLayout, interval: float) -> tuple[str, str]:
+def judge_domain(layout: SegyLayout, interval: float, *, by_name: bool = True) -> tuple[str, str]:
     """Tell time from depth by the textual header, the sample interval and the file's name; time where nothing speaks."""
     text = re.sub(r"\s+", " ", layout.text.lower())
     found = [(weight, words) for pattern, weight, words in _HINTS if re.search(pattern, text)]
     if interval >= _COARSE_MS:
-        found.append((2, f"interval {interval:g} is too coarse for time in ms"))
-    name = Path(layout.path).stem.lower()
+        found.append((3, f"interval {interval:g} is too coarse for time in ms"))
+    total = sum(weight for weight, _ in found)
+    name = Path(layout.path).stem.lower() if by_name and total == 0 else ""
     if re.search(r"depth|psdm|(^|[-_ .])z([-_ .]|$)", name):
         found.append((1, "file name"))
     elif re.search(r"time|twt|pstm", name):

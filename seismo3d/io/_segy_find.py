@@ -113,7 +113,7 @@ def find_coordinates(layout: SegyLayout, *, x_byte: int | None, y_byte: int | No
                     f"{name} is {byte}; expected 1 to 237, the first byte of a field in a trace header."
                 )
         return (x_byte, y_byte)
-    rows = _sample_rows(layout.n_traces)
+    rows = np.unique(np.linspace(0, layout.n_traces - 1, min(layout.n_traces, 512)).astype(np.int64))
     for pair in ((181, 185), (73, 77), (81, 85)):
         values = read_fields(layout, rows, list(pair))
         known = (values[pair[0]] != 0) | (values[pair[1]] != 0)

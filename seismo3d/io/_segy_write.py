@@ -12,6 +12,7 @@ from seismo3d.errors import GeometryError, ParameterError, Seismo3dError
 from seismo3d.geometry.survey import Axis
 from seismo3d.io._as_cube import as_cube
 from seismo3d.io._files import written_aside
+from seismo3d.io._segy_axis import judge_domain, sample_axis
 from seismo3d.io._segy_encode import encode, fresh_file_header, fresh_heads, sample_header
 from seismo3d.io._segy_find import find_grid
 from seismo3d.io._segy_grid import TraceGrid, line_grid
@@ -70,8 +71,7 @@ def write_segy(
     volume = as_cube(cube)
     out = Path(path)
     template = _template(volume, cube, like)
-    source = volume.attrs.get("path")
-    for other in (source, template.layout.path if template else None):
+    for other in (volume.attrs.get("path"), template.layout.path if template else None):
         if other and out.exists() and Path(other).exists() and out.samefile(other):
             raise ParameterError(
                 f"{out} is the file that the cube was read from; expected another name for the result."
@@ -102,7 +102,7 @@ def _template(volume: Any, given: Any, like: Any) -> _Template | None:
     attrs = volume.attrs
     automatic = isinstance(like, str) and like == "input"
     if automatic:
-        like = attrs.get("path") if attrs.get("file_format") == "SEG-Y" else None
+        like = attrs.get("segy_path")
         if like is None or not Path(like).is_file():
             return None
     try:
@@ -167,13 +167,13 @@ def _write_like(stream: IO[bytes], volume: Any, template: _Template, code: int, 
     n_samples = volume.shape[-1]
     record = np.dtype([("head", np.uint8, 240), ("data", np.dtype(f"{'<' if little else '>'}u4"), (n_samples,))])
     interval_us, delay, scalar = sample_header(volume)
-    stream.write(_patched_file_header(layout, code, n_samples, interval_us))
+    keeps_axis = _has_axis(layout, volume)
+    stream.write(_patched_file_header(layout, volume, code, None if keeps_axis else interval_us))
     ranks = _ranks(template)
     inlines = np.flatnonzero(template.inlines >= 0)
     line_bytes = record.itemsize * max(1, grid.crossline.n)
     block = max(1, _BLOCK_BYTES // line_bytes)
     traces = layout.map_traces()
-    original = read_start(traces, layout)
     for start in range(0, inlines.size, block):
         part = inlines[start : start + block]
         rows, i, j = grid.all_rows(int(part[0]), int(part[-1]) + 1)
@@ -188,7 +188,7 @@ def _write_like(stream: IO[bytes], volume: Any, template: _Template, code: int, 
         records["head"] = traces["head"][rows]
         records["data"] = encode(values[ci - low, cj], code, fill)
         set_header_field(records["head"], 115, n_samples % 65536, little_endian=little)
-        if original != (interval_us, delay, scalar):
+        if not keeps_axis:
             for byte, value in ((117, interval_us), (109, delay), (215, scalar)):
                 set_header_field(records["head"], byte, value, little_endian=little)
         places = rows if ranks is None else np.searchsorted(ranks, rows)
@@ -196,24 +196,38 @@ def _write_like(stream: IO[bytes], volume: Any, template: _Template, code: int, 
         step("write", min(1.0, (start + part.size) / inlines.size))
 
 
-def read_start(traces: AnyArray, layout: SegyLayout) -> tuple[int, int, int]:
-    """Interval, delay and its scalar in the first trace header: where they are the cube's own, headers stay as they are."""
-    from seismo3d.io._segy_layout import header_field
-
-    head = traces["head"][:1]
-    interval, delay, scalar = (
-        int(header_field(head, byte, little_endian=layout.little_endian)[0]) for byte in (117, 109, 215)
-    )
-    return interval, delay, scalar
+def _has_axis(layout: SegyLayout, volume: Any) -> bool:
+    """Whether a file's headers already mean the cube's sample axis: then they stay as they are."""
+    own = sample_axis(layout, domain="time").axis
+    axis = Axis.from_coordinates(volume[volume.dims[-1]].values, str(volume.dims[-1]))
+    tolerance = 1e-4 * own.step
+    return own.n == axis.n and abs(own.first - axis.first) < tolerance and abs(own.step - axis.step) < tolerance / own.n
 
 
-def _patched_file_header(layout: SegyLayout, code: int, n_samples: int, interval_us: int) -> bytes:
+def _patched_file_header(layout: SegyLayout, volume: Any, code: int, interval_us: int | None) -> bytes:
+    n_samples = volume.shape[-1]
     with Path(layout.path).open("rb") as source:
         head = bytearray(source.read(layout.data_offset))
     order = "<" if layout.little_endian else ">"
-    for byte, value in ((3217, interval_us), (3221, n_samples), (3225, code)):
+    fields = {3221: n_samples, 3225: code} | ({} if interval_us is None else {3217: interval_us})
+    for byte, value in fields.items():
         head[byte - 1 : byte + 1] = np.array([value % 65536], dtype=f"{order}u2").tobytes()
+    domain = str(volume.dims[-1])
+    step = float(volume[domain][1] - volume[domain][0]) if n_samples > 1 else 1.0
+    if judge_domain(layout, step, by_name=False)[0] != domain:
+        _state_domain(head, domain)
     return bytes(head)
+
+
+def _state_domain(head: bytearray, domain: str) -> None:
+    """Say time or depth on the last free line of the textual header: nothing else in the file would tell."""
+    is_ebcdic = head[:3200].count(0x40) > head[:3200].count(0x20)
+    encoding = "cp037" if is_ebcdic else "latin-1"
+    for line in reversed(range(40)):
+        text = bytes(head[80 * line : 80 * line + 80]).decode(encoding)
+        if not text[3:].strip("\0 "):
+            head[80 * line : 80 * line + 80] = f"C{line + 1:2d} Domain: {domain}".ljust(80).encode(encoding)
+            return
 
 
 def _ranks(template: _Template) -> Int64Array | None:

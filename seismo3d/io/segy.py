@@ -18,6 +18,7 @@ from seismo3d.io._segy_write import write_segy
 __all__ = ["read_segy", "write_segy"]
 
 _CHUNK_BYTES = 32 * 2**20
+_SCANNED_BELOW = 100_000
 
 
 def read_segy(
@@ -37,9 +38,8 @@ def read_segy(
     layout = read_layout(path)
     size = layout.n_traces * layout.n_samples * layout.dtype.itemsize
     is_lazy = size > lazy_above
-    found = find_grid(
-        layout, inline_byte=inline_byte, crossline_byte=crossline_byte, scan_all=scan == "full" or not is_lazy
-    )
+    scan_all = scan == "full" or not is_lazy or layout.n_traces <= _SCANNED_BELOW
+    found = find_grid(layout, inline_byte=inline_byte, crossline_byte=crossline_byte, scan_all=scan_all)
     xy_bytes = find_coordinates(layout, x_byte=x_byte, y_byte=y_byte)
     axis = sample_axis(layout, domain=domain, interval=interval, start=start)
     if found.is_line:
@@ -109,6 +109,7 @@ def _attributes(layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tu
     grid = found.grid
     attrs: dict[str, Any] = {
         "path": layout.path,
+        "segy_path": layout.path,
         "file_format": "SEG-Y",
         "sample_format": layout.format_words,
         "sample_format_code": layout.format_code,

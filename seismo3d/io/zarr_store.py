@@ -84,7 +84,7 @@ def read_zarr(path: Any, *, variable: str | None = None, lazy_above: int = 2 * 2
     cube = dataset[chosen]
     cube.encoding = {}
     coords = {n: c.compute() for n, c in cube.coords.items() if c.nbytes < 2**30}
-    cube = as_cube(cube.assign_coords(coords), name=str(store))
+    cube = as_cube(cube.assign_coords(coords), name=str(store)).assign_attrs(path=str(store), file_format="Zarr")
     return cube if cube.nbytes > lazy_above else cube.compute()
 
 
