@@ -76,7 +76,12 @@ def score_cube(cube: SyntheticCube, labels: Any, throw: Any) -> tuple[FaultScore
 
 
 def run_cube(
-    kind: str, seed: int, *, shape: tuple[int, int, int] = (128, 128, 128), trace: Tracer | None = None, memory: bool = False
+    kind: str,
+    seed: int,
+    *,
+    shape: tuple[int, int, int] = (128, 128, 128),
+    trace: Tracer | None = None,
+    memory: bool = False,
 ) -> CubeResult:
     """Make a cube, trace its faults and score them.
 

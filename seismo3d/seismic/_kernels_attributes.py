@@ -12,7 +12,14 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array
 
 @nb.njit(cache=True, nogil=True)
 def find_slopes(
-    xx: AnyArray, yy: AnyArray, zz: AnyArray, xy: AnyArray, xz: AnyArray, yz: AnyArray, steepest: float, out: Float32Array
+    xx: AnyArray,
+    yy: AnyArray,
+    zz: AnyArray,
+    xy: AnyArray,
+    xz: AnyArray,
+    yz: AnyArray,
+    steepest: float,
+    out: Float32Array,
 ) -> None:
     """Slopes dz/dx, dz/dy of the planes normal to the tensors' strongest axes; 0 where a tensor is empty.
 
@@ -73,7 +80,13 @@ def _diagonalise(a: AnyArray, v: AnyArray) -> None:
 
 @nb.njit(cache=True, nogil=True)
 def stack_along_dip(
-    cube: AnyArray, live: BoolArray, slope_x: AnyArray, slope_y: AnyArray, i: int, out_stack: AnyArray, out_energy: AnyArray
+    cube: AnyArray,
+    live: BoolArray,
+    slope_x: AnyArray,
+    slope_y: AnyArray,
+    i: int,
+    out_stack: AnyArray,
+    out_energy: AnyArray,
 ) -> None:
     """Sum and energy of up to 3 x 3 traces aligned along the dip, for every sample of inline ``i``.
 

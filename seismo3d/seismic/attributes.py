@@ -108,7 +108,7 @@ def _estimate_slopes(volume: Float32Array, live: BoolArray, report: Progress) ->
     """Slopes along both lateral axes, of shape (2, ...), in samples a bin."""
     from scipy.ndimage import gaussian_filter
 
-    known = live[:, :, None].astype(np.float32)
+    trust = _trust(live, volume.shape[2])
     gradients = []
     for axis in range(3):
         order = [int(k == axis) for k in range(3)]
@@ -116,12 +116,27 @@ def _estimate_slopes(volume: Float32Array, live: BoolArray, report: Progress) ->
         report("dips", 0.1 * (axis + 1))
     tensors = []
     for number, (a, b) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
-        tensors.append(gaussian_filter(gradients[a] * gradients[b] * known, _TENSOR, mode="nearest", truncate=3.0).ravel())
+        tensors.append(
+            gaussian_filter(gradients[a] * gradients[b] * trust, _TENSOR, mode="nearest", truncate=3.0).ravel()
+        )
         report("dips", 0.3 + 0.1 * (number + 1))
     slopes = np.empty((2, volume.size), dtype=np.float32)
     find_slopes(*tensors, _STEEPEST, slopes)
     report("dips", 1.0)
     return slopes.reshape((2, *volume.shape))
+
+
+def _trust(live: BoolArray, n_samples: int) -> Float32Array:
+    """Weights of the gradients, of shape (inlines, crosslines, samples): little where a filter reaches beyond the data."""
+    from scipy.ndimage import binary_erosion
+
+    reach = 2
+    structure = np.ones([3 if n > 1 else 1 for n in live.shape], dtype=bool)
+    inner = binary_erosion(live, structure, iterations=reach)
+    lateral = np.where(inner, 1.0, 1e-4) * live
+    vertical = np.full(n_samples, 1e-4)
+    vertical[reach : n_samples - reach] = 1.0
+    return (lateral[:, :, None] * vertical).astype(np.float32)
 
 
 def _measure_semblance(volume: Float32Array, live: BoolArray, slopes: Float32Array, report: Progress) -> Float32Array:

@@ -98,7 +98,13 @@ def fault_score(labels: ArrayLike, truth: ArrayLike, *, tolerance: float = 2.0) 
 
 
 def throw_score(
-    labels: ArrayLike, throw: ArrayLike, truth: ArrayLike, true_throw: ArrayLike, *, tolerance: float = 2.0, allowed: float = 1.5
+    labels: ArrayLike,
+    throw: ArrayLike,
+    truth: ArrayLike,
+    true_throw: ArrayLike,
+    *,
+    tolerance: float = 2.0,
+    allowed: float = 1.5,
 ) -> ThrowScore:
     """Score throws at the called voxels that agree with a true fault voxel.
 

@@ -193,8 +193,10 @@ def trace_structure(
             pi, px, ps, side, grade, t = undo_fault(hi, hx, hs, f)
             if side > 0.0:
                 bits |= 1 << m
-            if label == 0 and abs(t) >= least and _is_on_surface(
-                i, x, first + k, side, grade, n_old + m, faults, bumps, terms, old_faults
+            if (
+                label == 0
+                and abs(t) >= least
+                and _is_on_surface(i, x, first + k, side, grade, n_old + m, faults, bumps, terms, old_faults)
             ):
                 label, throw = n_old + m + 1, t
                 s0, s1, s2 = slip_vector(hi, hx, hs, t, f)
@@ -212,8 +214,10 @@ def trace_structure(
                 pi, px, ps, side, grade, t = undo_fault(hi, hx, hs, f)
                 if side > 0.0:
                     bits |= 1 << (n_new + m)
-                if label == 0 and abs(t) >= least and _is_on_surface(
-                    i, x, first + k, side, grade, m, faults, bumps, terms, old_faults
+                if (
+                    label == 0
+                    and abs(t) >= least
+                    and _is_on_surface(i, x, first + k, side, grade, m, faults, bumps, terms, old_faults)
                 ):
                     label, throw = m + 1, t * stretch
                     s0, s1, s2 = slip_vector(hi, hx, hs, t, f)
@@ -332,7 +336,9 @@ def slab_structure(
         )  # fmt: skip
         mark_breaks(tau, sides, depth, breaks)
         trace = np.zeros(n_samples)
-        lay_trace(tau, breaks, depth, origin, first, times, strengths, erosion_strength, channels, wavelet, steps, trace)
+        lay_trace(
+            tau, breaks, depth, origin, first, times, strengths, erosion_strength, channels, wavelet, steps, trace
+        )
         find_horizons(tau, breaks, wanted, n_samples, first, horizons_out[:, x])
         for k in range(n_samples):
             seismic[x, k] = trace[k]

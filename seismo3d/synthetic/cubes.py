@@ -136,7 +136,9 @@ class SyntheticCube:
         return array
 
 
-def fault_cube(kind: str = "clean", *, seed: int = 0, progress: Progress | None = None, **overrides: object) -> SyntheticCube:
+def fault_cube(
+    kind: str = "clean", *, seed: int = 0, progress: Progress | None = None, **overrides: object
+) -> SyntheticCube:
     """Make a cube of one of the kinds of the benchmark suite.
 
     Parameters
@@ -213,7 +215,9 @@ def make_cube(recipe: CubeRecipe, *, seed: int = 0, progress: Progress | None = 
         Amplitudes and truth.
     """
     if not isinstance(recipe, CubeRecipe):
-        raise ParameterError(f"recipe is of type {type(recipe).__name__}; expected a CubeRecipe. See fault_cube for kinds.")
+        raise ParameterError(
+            f"recipe is of type {type(recipe).__name__}; expected a CubeRecipe. See fault_cube for kinds."
+        )
     return _make(recipe, seed, range(recipe.shape[0]), progress)
 
 
@@ -270,7 +274,9 @@ def _make(
         times, _ = earth.layer_times(recipe.shape)
     margin = 4.0 * recipe.shape[2]
     layers = sample_layers(streams[3], times.min() - margin, times.max() + margin, spacing=recipe.layer_spacing)
-    channels = recipe.channels + sample_channels(streams[4], recipe.shape, recipe.n_channels, np.quantile(times, np.linspace(0.1, 0.85, 64)))
+    channels = recipe.channels + sample_channels(
+        streams[4], recipe.shape, recipe.n_channels, np.quantile(times, np.linspace(0.1, 0.85, 64))
+    )
     wanted = _horizon_times(times, *layers, recipe.n_horizons)
     truth = _fill(recipe, earth, layers, channels, wavelength, wanted, inlines, progress)
     signal = truth[0]
@@ -366,7 +372,9 @@ def _record(
         bowls = noises.migration_smiles(rng, recipe.shape, frequency, count=recipe.smiles)
         seismic += recipe.smile_strength * bowls[inlines.start : inlines.stop]
     if recipe.noise > 0.0:
-        seismic += recipe.noise * noises.coloured_noise(rng, signal.shape, frequency, lateral=rng.uniform(*recipe.noise_lateral))
+        seismic += recipe.noise * noises.coloured_noise(
+            rng, signal.shape, frequency, lateral=rng.uniform(*recipe.noise_lateral)
+        )
     if recipe.agc_window is not None:
         seismic = noises.apply_agc(seismic, window=recipe.agc_window)
     if recipe.reverse_polarity:

@@ -86,13 +86,23 @@ class SyntheticFault:
             raise ParameterError(f"profile is {self.profile!r}; expected one of {', '.join(_PROFILES)}.")
         if min(self.semi_axes) <= 0.0:
             raise ParameterError(f"semi_axes are {self.semi_axes}; expected two positive lengths.")
-        steepest = {"uniform": abs(self.trend[1]), "gaussian": 0.61 / self.semi_axes[1], "elliptic": 1.6 / self.semi_axes[1]}
+        steepest = {
+            "uniform": abs(self.trend[1]),
+            "gaussian": 0.61 / self.semi_axes[1],
+            "elliptic": 1.6 / self.semi_axes[1],
+        }
         if self.listric is None and abs(self.throw) * steepest[self.profile] > 0.9:
-            raise ParameterError(f"throw {self.throw:g} changes faster down dip than one sample a sample. Lengthen semi_axes.")
+            raise ParameterError(
+                f"throw {self.throw:g} changes faster down dip than one sample a sample. Lengthen semi_axes."
+            )
         if self.drag and abs(self.throw) * 2.0 * max(self.share, 1.0 - self.share) > 0.9 * self.drag:
-            raise ParameterError(f"drag is {self.drag:g}; expected more than twice the throw, or layers would turn over.")
+            raise ParameterError(
+                f"drag is {self.drag:g}; expected more than twice the throw, or layers would turn over."
+            )
         if self.listric is not None and (self.rake_deg != 90.0 or self.drag or self.share != 1.0 or self.bend[1]):
-            raise ParameterError("a listric fault moves its hanging wall by dip slip alone: leave rake, drag, share, bend[1].")
+            raise ParameterError(
+                "a listric fault moves its hanging wall by dip slip alone: leave rake, drag, share, bend[1]."
+            )
 
     def row(self) -> Float64Array:
         """Return the fault as the row of numbers that the compiled loops read."""

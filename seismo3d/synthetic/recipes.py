@@ -93,11 +93,17 @@ class CubeRecipe:
             raise ParameterError(f"wavelength is {self.wavelength}; expected a range of 4 samples or more.")
         if not 0.0 < self.layer_spacing[0] <= self.layer_spacing[1]:
             raise ParameterError(f"layer_spacing is {self.layer_spacing}; expected a range of positive numbers.")
-        buried = any(fault.buried for fault in self.faults) or (self.population is not None and self.population.buried > 0)
+        buried = any(fault.buried for fault in self.faults) or (
+            self.population is not None and self.population.buried > 0
+        )
         if buried and self.unconformity is None:
-            raise ParameterError("some faults are buried but there is no unconformity. Give unconformity, e.g. (0.4, 0.5).")
+            raise ParameterError(
+                "some faults are buried but there is no unconformity. Give unconformity, e.g. (0.4, 0.5)."
+            )
         if self.noise < 0.0 or not 0.0 <= self.dead_traces < 1.0 or not 0.0 <= self.missing_corner <= 1.0:
-            raise ParameterError("noise, dead_traces and missing_corner are shares: expected 0 or more, the last two below 1.")
+            raise ParameterError(
+                "noise, dead_traces and missing_corner are shares: expected 0 or more, the last two below 1."
+            )
         if not 0 <= self.top_mute < self.shape[2]:
             raise ParameterError(f"top_mute is {self.top_mute}; expected 0 to {self.shape[2] - 1} samples.")
 
@@ -128,7 +134,9 @@ KINDS: dict[str, CubeRecipe] = {
             SyntheticFault((70, 40, 130), 80.0, 58.0, 16.0, "elliptic", (90, 90), drag=60, share=0.6, buried=True),
             SyntheticFault((60, 120, 125), 255.0, 62.0, 12.0, "elliptic", (70, 80), drag=60, share=0.5, buried=True),
             SyntheticFault((50, 62, 70), 12.0, 62.0, 22.0, trend=(0.004, 0.0), listric=(25.0, 75.0), bend=(0.003, 0.0)),
-            SyntheticFault((64, 112, 90), 194.0, 66.0, 14.0, "elliptic", (95, 130), bend=(-0.003, 0.001), drag=90, share=0.7),
+            SyntheticFault(
+                (64, 112, 90), 194.0, 66.0, 14.0, "elliptic", (95, 130), bend=(-0.003, 0.001), drag=90, share=0.7
+            ),
             SyntheticFault((84, 136, 80), 160.0, 70.0, 8.0, "gaussian", (55, 60), ripple=(1.5, 70.0, 0.4), share=0.5),
             SyntheticFault((40, 24, 110), 205.0, 48.0, -9.0, "elliptic", (70, 90), drag=60, share=0.8),
         ),
@@ -165,5 +173,7 @@ def recipe_of(kind: str, **overrides: object) -> CubeRecipe:
         raise ParameterError(f"kind is {kind!r}; expected one of {', '.join(KINDS)}.")
     unknown = sorted(set(overrides) - set(CubeRecipe.__dataclass_fields__))
     if unknown:
-        raise ParameterError(f"recipe has no field {unknown[0]!r}; it has {', '.join(CubeRecipe.__dataclass_fields__)}.")
+        raise ParameterError(
+            f"recipe has no field {unknown[0]!r}; it has {', '.join(CubeRecipe.__dataclass_fields__)}."
+        )
     return replace(KINDS[kind], **overrides)  # type: ignore[arg-type]

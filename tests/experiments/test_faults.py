@@ -22,7 +22,9 @@ class Oracle:
         for cube in self.known:
             if cube.seismic.shape == seismic.shape and np.array_equal(cube.seismic, seismic):
                 return SimpleNamespace(labels=cube.faults, throw=cube.throw)
-        return SimpleNamespace(labels=np.zeros(seismic.shape, np.int32), throw=np.full(seismic.shape, np.nan, np.float32))
+        return SimpleNamespace(
+            labels=np.zeros(seismic.shape, np.int32), throw=np.full(seismic.shape, np.nan, np.float32)
+        )
 
 
 def test_truth_scores_one_and_nothing_found_scores_zero(tmp_path, capsys):
@@ -57,7 +59,9 @@ def test_visible_truth_leaves_out_the_dying_ends():
 def test_memory_is_measured_on_request():
     def greedy(seismic):
         spare = np.ones(2_000_000)
-        return SimpleNamespace(labels=np.zeros(seismic.shape, int) * int(spare[0]), throw=np.full(seismic.shape, np.nan))
+        return SimpleNamespace(
+            labels=np.zeros(seismic.shape, int) * int(spare[0]), throw=np.full(seismic.shape, np.nan)
+        )
 
     result = suite.run_cube("clean", 1, shape=(16, 16, 16), trace=greedy, memory=True)
     assert result.peak_mb == pytest.approx(16.0, rel=0.1)

@@ -12,10 +12,14 @@ SHORT = {29, 31, 33, 35, 69, 71, 109, 115, 117, 215}
 
 
 def field(buffer: bytearray, byte: int, value: int, *, width: int, order: str) -> None:
-    buffer[byte - 1 : byte - 1 + width] = int(value).to_bytes(width, "little" if order == "<" else "big", signed=value < 0)
+    buffer[byte - 1 : byte - 1 + width] = int(value).to_bytes(
+        width, "little" if order == "<" else "big", signed=value < 0
+    )
 
 
-def file_header(n_samples: int, *, code: int = 5, interval: int = 4000, order: str = ">", text: str = "", **binary: int) -> bytes:
+def file_header(
+    n_samples: int, *, code: int = 5, interval: int = 4000, order: str = ">", text: str = "", **binary: int
+) -> bytes:
     head = bytearray(text.ljust(3200)[:3200].encode("cp037") + bytes(400))
     for byte, value in {3217: interval, 3221: n_samples, 3225: code, 3501: 0x0100, 3503: 1}.items():
         field(head, byte, value, width=2, order=order)
@@ -53,6 +57,10 @@ def grid_headers(
     inlines: Any, crosslines: Any, *, bytes_: tuple[int, int] = (189, 193), by: str = "inline", **more: int
 ) -> list[dict[int, int]]:
     """Headers of a full grid in the order of the file, line by line."""
-    pairs = [(i, x) for i in inlines for x in crosslines] if by == "inline" else [(i, x) for x in crosslines for i in inlines]
+    pairs = (
+        [(i, x) for i in inlines for x in crosslines]
+        if by == "inline"
+        else [(i, x) for x in crosslines for i in inlines]
+    )
     extra = {int(name[1:]): value for name, value in more.items()}
     return [{bytes_[0]: int(i), bytes_[1]: int(x)} | extra for i, x in pairs]

@@ -258,7 +258,9 @@ def test_noise_has_the_ratio_asked_for():
 def test_lost_traces_polarity_mute_and_smiles():
     settings = {"shape": (32, 32, 40), "seed": 3}
     plain = synthetic.fault_cube("clean", **settings)
-    np.testing.assert_array_equal(synthetic.fault_cube("clean", reverse_polarity=True, **settings).seismic, -plain.seismic)
+    np.testing.assert_array_equal(
+        synthetic.fault_cube("clean", reverse_polarity=True, **settings).seismic, -plain.seismic
+    )
     broken = synthetic.fault_cube("clean", dead_traces=0.1, missing_corner=0.4, top_mute=6, **settings)
     missing = np.isnan(broken.seismic).all(axis=2)
     dead = (broken.seismic == 0).all(axis=2)

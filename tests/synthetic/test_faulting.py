@@ -26,7 +26,9 @@ def test_impossible_faults_are_refused(settings, message):
 
 
 def test_shares_of_a_population_are_kept():
-    p = FaultPopulation(count=(400, 400), reverse=0.5, listric=0.3, curved=0.5, buried=0.2, throw=(5, 15), dip_deg=(50, 80))
+    p = FaultPopulation(
+        count=(400, 400), reverse=0.5, listric=0.3, curved=0.5, buried=0.2, throw=(5, 15), dip_deg=(50, 80)
+    )
     faults = sample_faults(np.random.default_rng(1), (128, 128, 128), p)
     assert len(faults) == 400
     assert np.mean([f.throw < 0 for f in faults]) == pytest.approx(0.5, abs=0.08)
