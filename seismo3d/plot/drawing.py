@@ -9,7 +9,7 @@ import numpy as np
 from seismo3d._typing import AnyArray
 from seismo3d._validate import as_number
 from seismo3d.plot.pictures import Picture
-from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, FaultLines
+from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, FaultLines, value_colours
 
 _NO_DATA = "#e9edf2"
 
@@ -104,7 +104,7 @@ def draw_faults(ax: Any, lines: FaultLines, *, colour: str, width: float = 2.0, 
         top.set_color([SURFACE_COLOURS[(number - 1) % len(SURFACE_COLOURS)] for number in lines.surface])
     else:
         top.set_array(np.ma.masked_invalid(values))
-        name, low, high = value_colours(values, colour)
+        name, low, high = lines.throw_colours if colour == "throw" else value_colours(values, colour)
         top.set_cmap(_with_unknown(name))
         top.set_clim(low, high)
     ax.add_collection(top)
@@ -114,21 +114,6 @@ def draw_faults(ax: Any, lines: FaultLines, *, colour: str, width: float = 2.0, 
         name = f"Throw ({lines.throw_unit})" if colour == "throw" else "Fault likelihood"
         ax.figure.colorbar(top, ax=ax, label=name, pad=0.02, shrink=0.8)
     return top
-
-
-def value_colours(values: AnyArray, colour: str) -> tuple[str, float, float]:
-    """Colour map and its limits for throw or likelihood: throws of both signs get a symmetric map."""
-    if colour == "likelihood":
-        return "plasma", 0.0, 1.0
-    finite = values[np.isfinite(values)]
-    if not finite.size:
-        return "turbo", 0.0, 1.0
-    # signed noise of a few points should not turn the whole picture into two colours
-    low, high = (float(v) for v in np.percentile(finite, [2.0, 98.0]))
-    if low < 0 < high:
-        limit = max(-low, high)
-        return "RdYlBu_r", -limit, limit
-    return "turbo", min(low, 0.0), max(high, 0.0) or (0.0 if low < 0 else 1.0)
 
 
 def _with_unknown(name: str) -> Any:

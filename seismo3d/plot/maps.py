@@ -8,9 +8,9 @@ import numpy as np
 
 from seismo3d.errors import GeometryError, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.plot.drawing import draw_amplitudes, draw_faults, new_axes, value_colours
+from seismo3d.plot.drawing import draw_amplitudes, draw_faults, new_axes
 from seismo3d.plot.pictures import Picture, axis_coordinates, axis_label, live_traces, name_axes, take_picture
-from seismo3d.plot.traces_of_faults import check_colour, check_faults, cut_faults, display_throw
+from seismo3d.plot.traces_of_faults import check_colour, check_faults, cut_faults, display_throw, value_colours
 
 
 def time_slice(

@@ -10,11 +10,11 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d.errors import ShapeError
-from seismo3d.plot.drawing import amplitude_limit, value_colours
+from seismo3d.plot.drawing import amplitude_limit
 from seismo3d.plot.pictures import axis_coordinates, find_index, live_traces
 from seismo3d.plot.rendering import has_screen, windowless
 from seismo3d.plot.scene_frame import SceneFrame, far_slices, slice_points
-from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, check_colour, check_faults, display_throw
+from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, check_colour, check_faults, display_throw, value_colours
 
 _TRACK_COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8")
 
@@ -242,7 +242,7 @@ def _add_axes(plotter: Any, cube: Any, frame: SceneFrame) -> None:
     _aim_camera(plotter, frame.bounds)
 
 
-def _aim_camera(plotter: Any, bounds: tuple[float, ...], *, margin: float = 0.82) -> None:
+def _aim_camera(plotter: Any, bounds: tuple[float, ...], *, margin: float = 0.88) -> None:
     """Look from the front left and above, as near as all eight corners allow."""
     angle = 22.0
     corners = np.stack(np.meshgrid(bounds[:2], bounds[2:4], bounds[4:]), axis=-1).reshape(-1, 3)

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.plot.drawing import amplitude_limit, value_colours
+from seismo3d.plot.drawing import amplitude_limit
 from seismo3d.plot.scene_frame import SceneFrame, slice_points
 from seismo3d.plot.scenes import choose_slices, fault_values, join_surfaces, read_slice
-from seismo3d.plot.traces_of_faults import check_faults
+from seismo3d.plot.traces_of_faults import check_faults, value_colours
 
 _MOST_TRIANGLES = 60_000
 _MOST_CELLS = 90  # a side of a slice: matplotlib draws each cell as a polygon

@@ -41,6 +41,8 @@ class FaultLines:
         Means of both ends; throw in ``throw_unit``, NaN where not known.
     throw_unit : str
         "ms", "m" or "samples".
+    throw_colours : (str, float, float)
+        Colour map and limits for throw, the same on every picture of these faults.
     """
 
     segments: Float64Array
@@ -48,6 +50,7 @@ class FaultLines:
     throw: Float64Array
     likelihood: Float64Array
     throw_unit: str
+    throw_colours: tuple[str, float, float]
 
     def values(self, colour: str) -> Float64Array | None:
         """Return the numbers behind a colouring: None where colours go by surface."""
@@ -97,9 +100,27 @@ def cut_faults(faults: Any, picture: Picture) -> FaultLines:
         ends = points[segments]
         parts.append((ends, np.full(len(ends), number), throw[segments], likelihood[segments]))
     if not parts:
-        return FaultLines(np.zeros((0, 2, 2)), np.zeros(0, dtype=int), np.zeros(0), np.zeros(0), unit)
+        return FaultLines(
+            np.zeros((0, 2, 2)), np.zeros(0, dtype=int), np.zeros(0), np.zeros(0), unit, ("turbo", 0.0, 1.0)
+        )
     ends, surface_number, throw, likelihood = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return FaultLines(ends, surface_number, throw.mean(axis=1), likelihood.mean(axis=1), unit)
+    colours = value_colours(np.concatenate([display_throw(surface)[0] for surface in faults.surfaces]), "throw")
+    return FaultLines(ends, surface_number, throw.mean(axis=1), likelihood.mean(axis=1), unit, colours)
+
+
+def value_colours(values: AnyArray, colour: str) -> tuple[str, float, float]:
+    """Choose a colour map and its limits for throw or likelihood: throws of both signs get a symmetric map."""
+    if colour == "likelihood":
+        return "plasma", 0.0, 1.0
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return "turbo", 0.0, 1.0
+    # signed noise of a few points should not turn the whole picture into two colours
+    low, high = (float(v) for v in np.percentile(finite, [2.0, 98.0]))
+    if low < 0 < high:
+        limit = max(-low, high)
+        return "RdYlBu_r", -limit, limit
+    return "turbo", min(low, 0.0), max(high, 0.0) or (0.0 if low < 0 else 1.0)
 
 
 def _cross(surface: Any, picture: Picture, throw: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:

@@ -103,7 +103,7 @@ def stack_along_dip(
                     if x < 0 or x >= n_x or y < 0 or y >= n_y or not live[x, y]:
                         continue
                     z = k + di * slope_x[i, j, k] + dj * slope_y[i, j, k]
-                    low = int(math.floor(z))
+                    low = math.floor(z)
                     if low < 0 or low + 1 >= n_z:
                         if z != n_z - 1:
                             continue

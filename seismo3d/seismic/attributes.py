@@ -43,11 +43,12 @@ def compute_attributes(
     dict of str to DataArray (ndarray where the input was one), float32
         - ``dip``: degrees from level, 0 to 90; in a section signed, positive where reflectors go down with the trace
           number.
-        - ``azimuth``: direction in which reflectors go down, degrees 0 to 360 from north (from the inline axis towards the
-          crossline axis without a map); NaN where level. Cubes only.
+        - ``azimuth``: direction in which reflectors go down, degrees 0 to 360 from north (from the inline axis towards
+          the crossline axis without a map); NaN where level. Cubes only.
         - ``semblance``: likeness of up to 3 x 3 traces along the dip, over 9 samples; 0 to 1.
-        - ``curvature_most_positive``, ``curvature_most_negative``: largest and smallest curvature of the reflector [1]_,
-          positive on anticlines; 1/m in depth cubes on a map, else samples a bin a bin. A section has ``curvature``.
+        - ``curvature_most_positive``, ``curvature_most_negative``: largest and smallest curvature of the reflector
+          [1]_, positive on anticlines; 1/m in depth cubes on a map, else samples a bin a bin. A section has
+          ``curvature``.
 
         NaN on traces that are not live.
 
@@ -78,10 +79,7 @@ def compute_attributes(
     if weight is not None:
         semblance = _denoise(semblance, weight)
     report("curvature", 0.0)
-    if np.ndim(cube) == 2:
-        found = _section_attributes(slopes[1], cube)
-    else:
-        found = _cube_attributes(slopes, cube)
+    found = _section_attributes(slopes[1], cube) if np.ndim(cube) == 2 else _cube_attributes(slopes, cube)
     found["semblance"] = semblance
     report("curvature", 1.0)
     return {name: _wrap(values, live, cube, name) for name, values in found.items()}
@@ -121,13 +119,14 @@ def _estimate_slopes(volume: Float32Array, live: BoolArray, report: Progress) ->
         )
         report("dips", 0.3 + 0.1 * (number + 1))
     slopes = np.empty((2, volume.size), dtype=np.float32)
-    find_slopes(*tensors, _STEEPEST, slopes)
+    xx, yy, zz, xy, xz, yz = tensors
+    find_slopes(xx, yy, zz, xy, xz, yz, _STEEPEST, slopes)
     report("dips", 1.0)
     return slopes.reshape((2, *volume.shape))
 
 
 def _trust(live: BoolArray, n_samples: int) -> Float32Array:
-    """Weights of the gradients, of shape (inlines, crosslines, samples): little where a filter reaches beyond the data."""
+    """Weights of the gradients, of the cube's shape: little where a filter reaches beyond the data."""
     from scipy.ndimage import binary_erosion
 
     reach = 2
@@ -143,7 +142,7 @@ def _measure_semblance(volume: Float32Array, live: BoolArray, slopes: Float32Arr
     from scipy.ndimage import uniform_filter1d
 
     out = np.empty_like(volume)
-    stack, energy = np.empty(volume.shape[1:]), np.empty(volume.shape[1:])
+    stack, energy = np.empty((2, *volume.shape[1:]))
     window = 2 * _HALF_WINDOW + 1
     for i in range(volume.shape[0]):
         stack_along_dip(volume, live, slopes[0], slopes[1], i, stack, energy)
@@ -193,7 +192,7 @@ def _principal_curvatures(slopes: Float32Array, bins: AnyArray, step: float) -> 
 
 
 def _along_reflector(slopes: Float32Array, axis: int, of: int) -> Float32Array:
-    """Derivative along a lateral axis of one slope, following the reflector: d/dx + p d/dz."""
+    """Differentiate one slope along a lateral axis, following the reflector: d/dx + p d/dz."""
     from scipy.ndimage import gaussian_filter
 
     lateral = gaussian_filter(slopes[of], _CURVATURE, order=[int(k == axis) for k in range(3)], mode="nearest")

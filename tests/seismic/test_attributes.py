@@ -85,7 +85,7 @@ def test_semblance_falls_at_a_fault() -> None:
     assert semblance[10:20, 4:10, 20:40].mean() > 0.97
 
 
-def test_dead_and_missing_traces_stay_apart(rng: np.random.Generator) -> None:
+def test_dead_and_missing_traces_stay_apart() -> None:
     cube = plane_wave(0.3, 0.2)
     whole = compute_attributes(cube)
     holed = cube.copy()
