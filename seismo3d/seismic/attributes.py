@@ -142,7 +142,7 @@ def _measure_semblance(volume: Float32Array, live: BoolArray, slopes: Float32Arr
     from scipy.ndimage import uniform_filter1d
 
     out = np.empty_like(volume)
-    stack, energy = np.empty((2, *volume.shape[1:]))
+    stack, energy = np.empty_like(volume[0], dtype=np.float64), np.empty_like(volume[0], dtype=np.float64)
     window = 2 * _HALF_WINDOW + 1
     for i in range(volume.shape[0]):
         stack_along_dip(volume, live, slopes[0], slopes[1], i, stack, energy)
