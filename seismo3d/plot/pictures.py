@@ -122,13 +122,14 @@ def axis_label(name: str) -> str:
 
 
 def find_index(cube: Any, axis: int, value: float, *, as_index: bool = False) -> int:
-    """Index of the line nearest to a coordinate, at most half a line away."""
+    """Find the line nearest to a coordinate that lies within the cube."""
     coordinates = np.arange(cube.shape[axis], dtype=np.float64) if as_index else axis_coordinates(cube, axis)
     distance = np.abs(coordinates - value)
     index = int(distance.argmin())
-    if not distance[index] <= 0.5 * _step(coordinates) * (1 + 1e-6):
+    low, high = coordinates.min(), coordinates.max()
+    slack = 1e-3 * _step(coordinates)
+    if not low - slack <= value <= high + slack:
         name = "sample" if as_index else name_axes(cube)[axis]
-        low, high = coordinates.min(), coordinates.max()
         raise ParameterError(f"{name} is {value:g}; expected {low:g} to {high:g}. Choose a line of the cube.")
     return index
 

@@ -69,7 +69,12 @@ def test_vtk_surfaces_are_read_by_vtk(tmp_path: Path) -> None:
     cells = np.concatenate([faults.surfaces[0].cells, faults.surfaces[1].cells + n])
     np.testing.assert_array_equal(mesh.regular_faces, cells)
     np.testing.assert_array_equal(mesh["surface"], np.repeat([1, 2], [n, n]))
-    for name, attribute in {"throw": "throw", "likelihood": "likelihood", "strike": "strike_deg", "dip": "dip_deg"}.items():
+    for name, attribute in {
+        "throw": "throw",
+        "likelihood": "likelihood",
+        "strike": "strike_deg",
+        "dip": "dip_deg",
+    }.items():
         np.testing.assert_array_equal(mesh[name], np.concatenate([getattr(s, attribute) for s in faults.surfaces]))
     assert mesh.field_data["z"][0] == "z: two-way time in ms, positive down"
     assert mesh.field_data["xy"][0] == "x, y: metres on the map"

@@ -23,7 +23,9 @@ def test_sticks_lie_on_their_fault_and_run_down() -> None:
     for stick in sticks:
         assert np.all(np.diff(stick.points[:, 2]) > 0)
         index = survey.map_to_index(stick.points)
-        np.testing.assert_allclose(index, survey.lines_to_index(np.column_stack([stick.lines, stick.points[:, 2]])), atol=1e-5)
+        np.testing.assert_allclose(
+            index, survey.lines_to_index(np.column_stack([stick.lines, stick.points[:, 2]])), atol=1e-5
+        )
         if stick.fault == "fault_001":
             np.testing.assert_allclose(index[:, 1], 20 + (index[:, 2] - 24.5) * 0.5, atol=1e-3)
             assert np.ptp(index[:, 0]) < 1e-6
