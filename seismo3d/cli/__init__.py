@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 from collections.abc import Sequence
 from types import FrameType
 from typing import Any, NoReturn
@@ -22,7 +23,8 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
     """Run one command and leave with its exit code: 0; 2 on bad input; 130 when interrupted, 143 when terminated."""
     words = list(sys.argv[1:] if args is None else args)
     debug = "--debug" in words
-    signal.signal(signal.SIGTERM, _terminate)
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminate)
     sys.exit(_run([word for word in words if word != "--debug"], debug=debug))
 
 

@@ -7,10 +7,12 @@ import pkgutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
-from seismo3d._typing import Progress
+if TYPE_CHECKING:
+    from seismo3d._typing import Progress  # numpy is not needed to show help
 
 _FIRST = ("info", "faults", "tracks", "network", "score", "convert", "view")
 """The order in which help lists the commands; others follow by name."""

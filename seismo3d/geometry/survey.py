@@ -8,7 +8,7 @@ Frame and sign conventions, here once:
 - Map coordinates are ``(x, y)`` = (east, north) in metres, as in ``cdp_x`` and ``cdp_y``; z is the sample coordinate in
   ms or m, positive downwards.
 - Azimuths are in degrees, clockwise from north; without map coordinates they are counted from the inline axis towards
-  the crossline axis. Surveys may be rotated, sheared and of either handedness: everything goes through one 2 x 2 matrix.
+  the crossline axis. Surveys may be rotated, sheared and of either handedness: all goes through one 2 x 2 matrix.
 """
 
 from __future__ import annotations
@@ -20,137 +20,12 @@ import numpy as np
 
 from seismo3d._typing import ArrayLike, Float64Array, FloatArray
 from seismo3d._validate import as_points
-from seismo3d.errors import GeometryError, ShapeError
+from seismo3d.errors import GeometryError
+from seismo3d.geometry.axis import Axis
+from seismo3d.geometry.map_fit import MapFit, fit_map
+from seismo3d.geometry.section import SectionGeometry
 
-
-@dataclass(frozen=True, slots=True)
-class Axis:
-    """A regular axis: ``first + step * index`` for ``n`` indices.
-
-    Attributes
-    ----------
-    first, step : float
-        Coordinate of index 0, and the difference of two neighbours; the step is not zero.
-    n : int
-        Number of indices, at least 1.
-
-    Examples
-    --------
-    >>> axis = Axis(100, 4, 3)
-    >>> axis.coordinates()
-    array([100., 104., 108.])
-    >>> axis.index(106)
-    1.5
-    """
-
-    first: float
-    step: float
-    n: int
-
-    def __post_init__(self) -> None:
-        if self.n < 1 or self.step == 0 or not np.isfinite([self.first, self.step]).all():
-            raise GeometryError(
-                f"axis has first {self.first}, step {self.step}, n {self.n}; expected finite numbers, a step other than 0 and n >= 1."
-            )
-
-    @property
-    def last(self) -> float:
-        """Coordinate of the last index."""
-        return self.first + self.step * (self.n - 1)
-
-    def coordinates(self) -> Float64Array:
-        """Coordinates of all indices, float64 of shape (n,)."""
-        return self.first + self.step * np.arange(self.n, dtype=np.float64)
-
-    def index(self, coordinate: Any) -> Any:
-        """Fractional index of one or many coordinates; may lie outside the axis."""
-        return (coordinate - self.first) / self.step
-
-    def coordinate(self, index: Any) -> Any:
-        """Coordinate of one or many fractional indices."""
-        return self.first + self.step * index
-
-    @classmethod
-    def from_coordinates(cls, values: ArrayLike, name: str) -> Axis:
-        """Return the axis of evenly spaced coordinates, or refuse them.
-
-        Raises
-        ------
-        GeometryError
-            If the coordinates are not evenly spaced (to 1e-4 of a step).
-        """
-        numbers = np.asarray(values, dtype=np.float64).ravel()
-        if numbers.size == 0:
-            raise GeometryError(f"{name} has no coordinates; expected at least one.")
-        if numbers.size == 1:
-            return cls(float(numbers[0]), 1.0, 1)
-        step = float(numbers[-1] - numbers[0]) / (numbers.size - 1)
-        ideal = numbers[0] + step * np.arange(numbers.size)
-        if step == 0 or not np.isfinite(step) or np.abs(numbers - ideal).max() > 1e-4 * abs(step):
-            raise GeometryError(
-                f"{name} is not evenly spaced; expected a constant step. Interpolate it onto one first."
-            )
-        return cls(float(numbers[0]), step, int(numbers.size))
-
-
-@dataclass(frozen=True, slots=True)
-class MapFit:
-    """The affine map from fractional line indices to metres: ``(x, y) = origin + M @ (inline, crossline)``.
-
-    Attributes
-    ----------
-    origin : (float, float)
-        Map coordinates of index (0, 0).
-    inline_step, crossline_step : (float, float)
-        Map vector from one index to the next along axis 0 and along axis 1, the columns of M.
-    rms : float
-        Root mean square distance, in metres, of the points that it was fitted to.
-    """
-
-    origin: tuple[float, float]
-    inline_step: tuple[float, float]
-    crossline_step: tuple[float, float]
-    rms: float = 0.0
-
-    @property
-    def matrix(self) -> Float64Array:
-        """M, of shape (2, 2)."""
-        return np.array([self.inline_step, self.crossline_step], dtype=np.float64).T
-
-
-def fit_map(indices: ArrayLike, xy: ArrayLike) -> MapFit | None:
-    """Fit map coordinates as an affine function of line indices, by least squares.
-
-    Parameters
-    ----------
-    indices : array of shape (n, 2)
-        Fractional (inline, crossline) indices.
-    xy : array of shape (n, 2)
-        Map coordinates in metres; rows that are not finite are left out.
-
-    Returns
-    -------
-    MapFit or None
-        None where the points do not span a plane, neither in index space nor on the map: then there is no map.
-    """
-    ij, metres = as_points(indices, "indices", dim=2), as_points(xy, "xy", dim=2, finite=False)
-    if len(ij) != len(metres):
-        raise ShapeError(f"indices has {len(ij)} rows and xy {len(metres)}; expected as many.")
-    keep = np.isfinite(metres).all(axis=1)
-    ij, metres = ij[keep], metres[keep]
-    if len(ij) < 3:
-        return None
-    centre, middle = ij.mean(axis=0), metres.mean(axis=0)
-    solution, _, rank, _ = np.linalg.lstsq(ij - centre, metres - middle, rcond=1e-9)
-    if rank < 2:
-        return None
-    area = abs(np.linalg.det(solution))
-    if area <= 1e-6 * max(float((solution**2).sum()), 1e-12):
-        return None
-    rms = float(np.sqrt(((metres - middle - (ij - centre) @ solution) ** 2).sum(axis=1).mean()))
-    origin = middle - centre @ solution
-    pairs = [(float(a), float(b)) for a, b in (origin, solution[0], solution[1])]
-    return MapFit(pairs[0], pairs[1], pairs[2], rms)
+__all__ = ["Axis", "MapFit", "SectionGeometry", "SurveyGeometry", "fit_map"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +81,7 @@ class SurveyGeometry:
 
     @property
     def bin_size(self) -> tuple[float, float]:
-        """Distance in metres to the next index along the inline axis and along the crossline axis; NaN without a map."""
+        """Metres to the next index along the inline axis and along the crossline axis; NaN without a map."""
         if self.map_fit is None:
             return (float("nan"), float("nan"))
         return (float(np.hypot(*self.map_fit.inline_step)), float(np.hypot(*self.map_fit.crossline_step)))
@@ -223,7 +98,7 @@ class SurveyGeometry:
 
     @property
     def is_right_handed(self) -> bool:
-        """Whether, seen from above, the crossline axis lies clockwise of the inline axis (with samples down: right-handed)."""
+        """Whether the crossline axis lies clockwise of the inline axis, seen from above: right-handed, samples down."""
         return self.map_fit is None or float(np.linalg.det(self.map_fit.matrix)) < 0
 
     def index_to_map(self, points: ArrayLike) -> Float64Array:
@@ -332,59 +207,6 @@ class SurveyGeometry:
                 "rms": fit.rms,
             }
         return out
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SectionGeometry:
-    """Geometry of a section: where its traces lie, and its sample axis.
-
-    Attributes
-    ----------
-    xy : ndarray of shape (n, 2), float64, or None
-        Map coordinates of the traces in metres.
-    sample : Axis
-        The sample coordinate in ``unit``.
-    unit : str
-        "ms", "m" or "samples".
-    """
-
-    xy: Float64Array | None
-    sample: Axis
-    unit: str = "samples"
-
-    @classmethod
-    def from_cube(cls, section: Any) -> SectionGeometry:
-        """Return the geometry of a section: a DataArray with dims (trace, time or depth), or a bare array of 2 axes."""
-        shape = np.shape(section)
-        if len(shape) != 2:
-            raise GeometryError(f"section has shape {shape}; expected 2 axes (trace, sample).")
-        if not hasattr(section, "dims"):
-            return cls(None, Axis(0.0, 1.0, shape[1]))
-        vertical = section.dims[1]
-        values = section[vertical].values if vertical in section.coords else np.arange(shape[1])
-        xy = None
-        if "cdp_x" in section.coords and "cdp_y" in section.coords:
-            xy = np.stack([np.asarray(section[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y")], axis=1)
-        return cls(xy, Axis.from_coordinates(values, str(vertical)), str(section.attrs.get("sample_unit", "samples")))
-
-    @property
-    def has_map(self) -> bool:
-        """Whether map coordinates are known."""
-        return self.xy is not None
-
-    def index_to_map(self, points: ArrayLike) -> Float64Array:
-        """Carry (trace, sample) indices to (x, y, z); x is the trace index and y 0 where there is no map.
-
-        Between traces x and y are interpolated; beyond the first and the last trace they stay at those traces.
-        """
-        p = as_points(points, "points", dim=2, finite=False)
-        z = self.sample.coordinate(p[:, 1])
-        if self.xy is None:
-            return np.stack([p[:, 0], np.zeros(len(p)), z], axis=1)
-        number = np.arange(len(self.xy))
-        return np.stack(
-            [np.interp(p[:, 0], number, self.xy[:, 0]), np.interp(p[:, 0], number, self.xy[:, 1]), z], axis=1
-        )
 
 
 def _degrees(east: FloatArray, north: FloatArray) -> Float64Array:

@@ -71,8 +71,8 @@ def _ordered(cube: Any, name: str) -> Any:
     lateral = ("trace",) if cube.ndim == 2 else ("inline", "crossline")
     if len(vertical) != 1 or dims != {*lateral, vertical[0]}:
         raise ShapeError(
-            f"{name} has dimensions {tuple(cube.dims)}; expected (inline, crossline, time or depth) or (trace, time or depth). "
-            "Rename them, or give the bare array."
+            f"{name} has dimensions {tuple(cube.dims)}; expected (inline, crossline, time or depth) or "
+            "(trace, time or depth). Rename them, or give the bare array."
         )
     _refuse_elements(cube, name)
     ordered = cube.transpose(*lateral, vertical[0])

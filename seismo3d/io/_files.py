@@ -14,10 +14,13 @@ from seismo3d.errors import FileAccessError
 def as_readable_file(path: str | os.PathLike[str]) -> Path:
     """Return the path of an ordinary file that can be opened for reading, or refuse it."""
     file = Path(path)
-    if file.is_dir():
-        raise FileAccessError(f"{file} is a directory; expected a file.")
-    with refuse_os_errors(file, "read"), file.open("rb"):
-        pass
+    with refuse_os_errors(file, "read"):
+        if file.is_dir():
+            raise FileAccessError(f"{file} is a directory; expected a file.")
+        if file.exists() and not file.is_file():
+            raise FileAccessError(f"{file} is a pipe or a device; expected an ordinary file. Save it to disk first.")
+        with file.open("rb"):
+            pass
     return file
 
 

@@ -24,7 +24,10 @@ _HINTS: tuple[tuple[str, int, str], ...] = (
     (r"domain\s*[:=]?\s*depth|depth domain|z[- ]?domain\s*[:=]?\s*depth", 4, "text header: depth domain"),
     (r"domain\s*[:=]?\s*(twt|time)|(twt|time) domain", -4, "text header: time domain"),
     (
-        r"depth (min|max|range|interval|step)|(sample|z) (interval|rate|unit)s?\s*[:=]?\s*[\d.]*\s*(m|metre|meter|ft|feet)s?\b",
+        (
+            r"depth (min|max|range|interval|step)|"
+            r"(sample|z) (interval|rate|unit)s?\s*[:=]?\s*[\d.]*\s*(m|metre|meter|ft|feet)s?\b"
+        ),
         2,
         "text header: depth range",
     ),
@@ -90,7 +93,7 @@ def sample_axis(
 
 
 def judge_domain(layout: SegyLayout, interval: float, *, by_name: bool = True) -> tuple[str, str]:
-    """Tell time from depth by the textual header, the sample interval and the file's name; time where nothing speaks."""
+    """Tell time from depth by the textual header, the interval, and else the file's name; time where nothing speaks."""
     text = re.sub(r"\s+", " ", layout.text.lower())
     found = [(weight, words) for pattern, weight, words in _HINTS if re.search(pattern, text)]
     if interval >= _COARSE_MS:
@@ -114,7 +117,8 @@ def _interval(layout: SegyLayout, notes: list[str]) -> float:
     if in_file > 0:
         if in_trace not in (0, in_file):
             notes.append(
-                f"sample interval {in_file} us in the binary header, {in_trace} in the trace headers: took the binary header's"
+                f"sample interval {in_file} us in the binary header, {in_trace} in the trace headers: "
+                "took the binary header's"
             )
         return in_file / 1000.0
     if in_trace > 0:
@@ -139,6 +143,7 @@ def _start(layout: SegyLayout, notes: list[str]) -> float:
     first = float(values[np.argmax(counts)])
     if values.size > 1:
         notes.append(
-            f"traces start at different times ({values[0]:g} to {values[-1]:g}, trace header byte 109): took the commonest, {first:g}, for all"
+            f"traces start at different times ({values[0]:g} to {values[-1]:g}, trace header byte 109): "
+            f"took the commonest, {first:g}, for all"
         )
     return first

@@ -24,19 +24,24 @@ def encode(values: AnyArray, code: int, fill: float) -> AnyArray:
 
 
 def ibm_words(values: AnyArray) -> AnyArray:
-    """Encode finite float32 as IBM System/360 words: sign, base-16 exponent in excess 64, 24-bit fraction, rounded."""
-    mantissa, exponent = np.frexp(np.abs(values).astype(np.float64))
-    power = -(-exponent // 4)
-    fraction = np.rint(np.ldexp(mantissa, exponent - 4 * power + 24)).astype(np.int64)
-    carried = fraction == 1 << 24
-    fraction = np.where(carried, 1 << 20, fraction)
-    power = power + carried
-    words = np.where(np.signbit(values), 1 << 31, 0) | ((power + 64) << 24) | fraction
-    return np.where(values == 0, 0, words).astype(np.uint32)
+    """Encode finite float32 as IBM System/360 words: sign, base-16 exponent in excess 64, 24-bit fraction, rounded.
+
+    What is below the smallest normal float32, 1.2e-38, becomes zero.
+    """
+    bits = np.ascontiguousarray(values, dtype=np.float32).view(np.uint32)
+    binary = ((bits >> 23) & 0xFF).astype(np.int32)  # excess 126 of a fraction in [1/2, 1)
+    power = (binary - 126 + 3) >> 2  # rounded up to a power of 16
+    shift = (4 * power - (binary - 126)).astype(np.uint32)
+    fraction: AnyArray = (bits & 0x7FFFFF) | 0x800000
+    # half of the last bit that stays, added before the others fall off; a fraction that shifts has room for the carry
+    fraction = (fraction + ((np.uint32(1) << shift) >> 1)) >> shift
+    words = (bits & 0x80000000) | ((power + 64).astype(np.uint32) << 24) | fraction
+    words[binary == 0] = 0
+    return words
 
 
 def sample_header(volume: Any) -> tuple[int, int, int]:
-    """Return the header's interval (us), delay and delay scalar for a cube's sample axis, or refuse what SEG-Y cannot hold."""
+    """Return the header's interval (us), delay and its scalar for a cube's samples; refuse what SEG-Y cannot hold."""
     axis = Axis.from_coordinates(volume[volume.dims[-1]].values, str(volume.dims[-1]))
     if axis.n > 65535:
         raise GeometryError(
@@ -45,8 +50,8 @@ def sample_header(volume: Any) -> tuple[int, int, int]:
     interval = axis.step * 1000.0
     if not 0.5 <= interval <= _MAX_SHORT or abs(interval - round(interval)) * axis.n > 500.0:
         raise GeometryError(
-            f"cube has a sample interval of {axis.step:g}; expected 0.001 to 32.767 in whole thousandths, all that SEG-Y can hold. "
-            "Resample it, or write Zarr."
+            f"cube has a sample interval of {axis.step:g}; expected 0.001 to 32.767 in whole thousandths, all that "
+            "SEG-Y can hold. Resample it, or write Zarr."
         )
     for scalar, factor in ((0, 1), (-10, 10), (-100, 100), (-1000, 1000)):
         delay = axis.first * factor

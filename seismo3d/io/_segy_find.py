@@ -22,6 +22,8 @@ _ANY_FIELD = (1, 5, 9, 13, 17, 21, 25, 181, 185, 189, 193, 197, 201, 205, 209, 2
 _OFFSET = 37
 _CDP, _SHOT = 21, 9
 _SMALL = 60_000
+_LEAST_SHARE = 0.1
+XY_PAIRS = ((181, 185), (73, 77), (81, 85))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +86,8 @@ def find_grid(
     verdict = sample.judge(pair)
     if given and verdict == "none":
         raise FormatError(
-            f"{layout.path} has no line numbers at bytes {pair[0]} and {pair[1]}: {sample.describe(pair)}. Name other header bytes."
+            f"{layout.path} has no line numbers at bytes {pair[0]} and {pair[1]}: {sample.describe(pair)}. "
+            "Name other header bytes."
         )
     if not given and verdict != "cube":
         better = sample.best_pair(only_full=verdict == "line")
@@ -114,7 +117,7 @@ def find_coordinates(layout: SegyLayout, *, x_byte: int | None, y_byte: int | No
                 )
         return (x_byte, y_byte)
     rows = np.unique(np.linspace(0, layout.n_traces - 1, min(layout.n_traces, 512)).astype(np.int64))
-    for pair in ((181, 185), (73, 77), (81, 85)):
+    for pair in XY_PAIRS:
         values = read_fields(layout, rows, list(pair))
         known = (values[pair[0]] != 0) | (values[pair[1]] != 0)
         varies = any(np.ptp(v[known]) > 0 for v in values.values()) if known.any() else False
@@ -129,10 +132,10 @@ def refuse_prestack(layout: SegyLayout, sample: _Sample, pair: tuple[int, int]) 
     if fold >= 1.5 and sample.judge(pair, check_fold=False) == "cube":
         raise _not_stacked(layout, pair, fold)
     if sample.n_offsets > 1 and sample.judge(pair) == "none":
-        number = _CDP if sample.varies(_CDP) else _SHOT
-        unique = np.unique(sample.fields[number]).size
-        if unique > 1 and sample.rows.size >= 1.5 * unique and sample.is_whole:
-            raise _not_stacked(layout, (number,), sample.rows.size / unique)
+        # the first field that varies numbers the places: midpoints, the lines' own numbers, or shots
+        number = next((byte for byte in (_CDP, *reversed(pair), _SHOT) if sample.varies(byte)), None)
+        if number is not None and (fold := sample.rows.size / np.unique(sample.fields[number]).size) >= 1.5:
+            raise _not_stacked(layout, (number,), fold)
 
 
 def _not_stacked(layout: SegyLayout, pair: tuple[int, ...], fold: float) -> FormatError:
@@ -170,7 +173,7 @@ class _Sample:
     @classmethod
     def read(cls, layout: SegyLayout, pair: tuple[int, int]) -> _Sample:
         rows = _sample_rows(layout.n_traces)
-        byte_numbers = sorted({*_ANY_FIELD, _OFFSET, *pair})
+        byte_numbers = sorted({*_ANY_FIELD, _OFFSET, *pair, *(byte for xy in XY_PAIRS for byte in xy)})
         return cls(rows, layout.n_traces, read_fields(layout, rows, byte_numbers))
 
     @property
@@ -185,7 +188,7 @@ class _Sample:
         return bool(np.ptp(self.fields[byte]) > 0)
 
     def fold(self, pair: tuple[int, int]) -> float:
-        """Traces a place: counted in the sample, or, if larger, the file's traces over the places that the numbers span."""
+        """Traces a place: counted in the sample, or, if larger, the file's traces over the bins spanned."""
         a, b = self._numbers(pair)
         counted = a.size / _n_pairs(a, b)
         if self.is_whole:
@@ -212,39 +215,50 @@ class _Sample:
         return f"{ranges[0]}, and {ranges[1]}"
 
     def best_pair(self, *, only_full: bool = False) -> tuple[int, int] | None:
-        """Return the first usual pair that spans a cube, else, in a small file, any that does so without a gap."""
+        """Return the usual pair that spans the fullest grid, else, in a small file, any that spans one without a gap.
+
+        Pairs must agree with the map coordinates, where there are any.
+        """
         if self.n_offsets > 1:
             return None
-        cubes = [pair for pair in _USUAL_PAIRS if self.judge(pair) == "cube" and self._fits_map(pair)]
-        full = [pair for pair in cubes if self._is_full(pair)]
-        if full:
-            return full[0]
-        if only_full:
-            return None
-        if cubes:
-            return cubes[0]
-        if not self.is_whole:
+        least = 1.0 if only_full else _LEAST_SHARE
+        shares = {pair: self._share(pair) for pair in _USUAL_PAIRS if self.judge(pair) == "cube"}
+        usual = [pair for pair, share in shares.items() if share >= least and self._fits_map(pair)]
+        if usual:
+            return max(usual, key=shares.__getitem__)  # the first of equals
+        if only_full or not self.is_whole:
             return None
         varying = [byte for byte in _ANY_FIELD if self.varies(byte)]
         # the number that changes less often is the line that the file runs along
         for pair in permutations(varying, 2):
             slow, fast = (int((np.diff(self.fields[byte]) != 0).sum()) for byte in pair)
-            if slow <= fast and self.judge(pair) == "cube" and self._is_full(pair) and self._fits_map(pair):
+            if slow <= fast and self.judge(pair) == "cube" and self._share(pair) == 1.0 and self._fits_map(pair):
                 return pair
         return None
 
-    def _is_full(self, pair: tuple[int, int]) -> bool:
-        return self.n_traces == line_axis(self.fields[pair[0]]).n * line_axis(self.fields[pair[1]]).n
+    def _share(self, pair: tuple[int, int]) -> float:
+        """Share of the bins that the numbers span which have a trace."""
+        a, b = self._numbers(pair)
+        n_traces = _n_pairs(a, b) if self.is_whole else self.n_traces
+        return n_traces / (line_axis(a).n * line_axis(b).n)
 
     def _fits_map(self, pair: tuple[int, int]) -> bool:
-        """Whether map coordinates, where there are any, are an affine function of the numbers to two bins."""
-        x, y = self.fields[181], self.fields[185]
-        if np.ptp(x) == 0 and np.ptp(y) == 0:
-            return True
-        ij = np.stack([self.fields[pair[0]], self.fields[pair[1]]], axis=1).astype(np.float64)
-        steps = [line_axis(self.fields[byte]).step for byte in pair]
-        fit = fit_map((ij - ij[0]) / steps, np.stack([x, y], axis=1).astype(np.float64))
-        return fit is None or fit.rms <= 2.0 * float(np.hypot(*np.add(fit.inline_step, fit.crossline_step)))
+        """Whether map coordinates, where there are any, are an affine function of the numbers to a third of a bin."""
+        a, b = self._numbers(pair)
+        keep = ~padding(self.fields[pair[0]], self.fields[pair[1]])
+        for xy_bytes in XY_PAIRS:
+            x, y = (self.fields[byte][keep] for byte in xy_bytes)
+            if set(xy_bytes) & set(pair) or (np.ptp(x) == 0 and np.ptp(y) == 0):
+                continue
+            ij = np.stack([line_axis(n).index(n) for n in (a, b)], axis=1)
+            fit = fit_map(ij, np.stack([x, y], axis=1).astype(np.float64))
+            if fit is None:
+                return False
+            along, across = np.hypot(*fit.inline_step), np.hypot(*fit.crossline_step)
+            # coordinates along one straight line are those of a 2D line, whatever the numbers say
+            is_line = abs(np.linalg.det(fit.matrix)) < 0.05 * along * across
+            return not is_line and fit.rms <= min(along, across) / 3
+        return True
 
     def _numbers(self, pair: tuple[int, int]) -> tuple[IntArray, IntArray]:
         """Line numbers of the sample, without padding traces."""

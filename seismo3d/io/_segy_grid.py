@@ -68,7 +68,7 @@ class TraceGrid:
         return origin + a * i + b * np.arange(self.crossline.n, dtype=np.int64)
 
     def all_rows(self, start: int, stop: int) -> tuple[Int64Array, Int64Array, Int64Array]:
-        """Every trace of inlines start to stop - 1, duplicates too: traces in file order, inline and crossline indices."""
+        """Every trace of inlines start to stop - 1, duplicates too: rows in file order, and their bins."""
         n_xl = self.crossline.n
         if self.bin_of is not None:
             rows = np.flatnonzero((self.bin_of >= start * n_xl) & (self.bin_of < stop * n_xl))
@@ -146,8 +146,8 @@ def scanned_grid(il: IntArray, xl: IntArray, inline_byte: int, crossline_byte: i
     n_bins = inline.n * crossline.n
     if n_bins > 50 * il.size + 1_000_000:
         raise FormatError(
-            f"{path} has line numbers {inline.first:.0f} to {inline.last:.0f} (byte {inline_byte}) and {crossline.first:.0f} to "
-            f"{crossline.last:.0f} (byte {crossline_byte}), a grid of {n_bins} bins for {il.size} traces. "
+            f"{path} has line numbers {inline.first:.0f} to {inline.last:.0f} (byte {inline_byte}) and "
+            f"{crossline.first:.0f} to {crossline.last:.0f} (byte {crossline_byte}): {n_bins} bins, {il.size} traces. "
             "Some headers are wrong: repair them, or name other header bytes."
         )
     i = np.rint(inline.index(il)).astype(np.int64)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -50,6 +50,8 @@ class SegyLayout:
         Position of the first trace header: 3600, and the extended textual headers.
     text : str
         The textual header, 40 lines.
+    in_feet : bool
+        Whether the binary header says that lengths are in feet.
     """
 
     path: str
@@ -60,6 +62,7 @@ class SegyLayout:
     interval_us: int
     data_offset: int
     text: str
+    in_feet: bool = False
 
     @property
     def stored_dtype(self) -> np.dtype[Any]:
@@ -109,8 +112,8 @@ def read_layout(path: Any) -> SegyLayout:
     if len(head) < 3600:
         raise FormatError(f"{file} has {size} bytes; a SEG-Y file has at least 3600. It is cut short, or not SEG-Y.")
     code, little = _sample_format(head, file)
-    order = "little" if little else "big"
-    interval, n_samples = (int.from_bytes(head[k - 1 : k + 1], order, signed=True) for k in (3217, 3221))  # type: ignore[arg-type]
+    order: Literal["little", "big"] = "little" if little else "big"
+    interval, n_samples = (int.from_bytes(head[k - 1 : k + 1], order, signed=True) for k in (3217, 3221))
     if interval < 0:
         raise FormatError(
             f"{file} has a sample interval of {interval} in its binary header (bytes 3217-3218); expected 0 to 32767."
@@ -123,10 +126,12 @@ def read_layout(path: Any) -> SegyLayout:
     n_traces, left = divmod(size - offset, trace_bytes)
     if n_traces == 0 or left:
         raise FormatError(
-            f"{file} has {size} bytes: {n_traces} traces of {n_samples} samples, as its header says, and {left} bytes over; "
-            "expected whole traces. It is cut short, or its headers are wrong."
+            f"{file} has {size} bytes: {n_traces} traces of {n_samples} samples, as its header says, and {left} bytes "
+            "over; expected whole traces. It is cut short, or its headers are wrong."
         )
-    return SegyLayout(str(file), code, little, n_samples, n_traces, interval, offset, _decode_text(head[:3200]))
+    in_feet = int.from_bytes(head[3254:3256], order) == 2
+    text = _decode_text(head[:3200])
+    return SegyLayout(str(file), code, little, n_samples, n_traces, interval, offset, text, in_feet)
 
 
 def read_fields(layout: SegyLayout, rows: Any, byte_numbers: list[int]) -> dict[int, IntArray]:
@@ -187,12 +192,12 @@ def _sample_format(head: bytes, file: Path) -> tuple[int, bool]:
     )
 
 
-def _data_offset(file: Path, head: bytes, order: Any, size: int) -> int:
+def _data_offset(file: Path, head: bytes, order: Literal["little", "big"], size: int) -> int:
     n_extended = int.from_bytes(head[3504:3506], order, signed=True)
     offset = 3600 + 3200 * n_extended if n_extended >= 0 else _end_of_extended_text(file, size)
     if offset >= size:
         raise FormatError(
-            f"{file} has {size} bytes, and its header announces {n_extended} extended textual headers (bytes 3505-3506); "
+            f"{file} has {size} bytes, and its header announces {n_extended} extended textual headers (bytes 3505-6); "
             "expected traces behind them. It is cut short, or holds no trace."
         )
     return offset

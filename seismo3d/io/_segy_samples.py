@@ -98,7 +98,7 @@ class SegyCube:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegyHeaders:
-    """A map coordinate of every bin, indexed as an array of shape (inlines, crosslines); NaN where a trace is missing."""
+    """A map coordinate of every bin, indexed as an array (inlines, crosslines); NaN where a trace is missing."""
 
     layout: SegyLayout
     grid: TraceGrid
@@ -141,7 +141,7 @@ def scale_coordinate(values: IntArray, scalar: IntArray) -> AnyArray:
 
 
 def as_slices(key: Any, shape: tuple[int, ...]) -> tuple[tuple[slice, ...], tuple[Any, ...]]:
-    """Split an index into slices that step forwards and cover it, and the index that is left to apply to what they give."""
+    """Split an index into slices that cover it, stepping forwards, and what is left to apply to what they give."""
     keys = key if isinstance(key, tuple) else (key,)
     keys = (*keys, *(slice(None) for _ in range(len(shape) - len(keys))))
     cover: list[slice] = []

@@ -43,8 +43,8 @@ def write_segy(
     like : path, "input" or None
         The SEG-Y file whose geometry is taken: its textual, binary and trace headers, its order of traces, its
         duplicates, and no trace where it has none. The cube may be a part of it. "input" is the file that the cube was
-        opened from where that is still there, else None. None: headers are made from the cube's coordinates, and
-        traces that are missing (all NaN and not live) are left out.
+        opened from where that is still there and holds the cube's lines, else None. None: headers are made from the
+        cube's coordinates, and traces that are missing (all NaN and not live) are left out.
     sample_format : {5, 1}
         IEEE or IBM float, 4 bytes.
     fill : float
@@ -124,7 +124,7 @@ def _match(layout: SegyLayout, volume: Any, *, is_bare: bool) -> _Template:
         )
         if found.is_line:
             raise GeometryError(
-                f"{layout.path} is a 2D line; the cube has shape {volume.shape}. Give a file with inlines and crosslines."
+                f"{layout.path} is a 2D line; the cube has shape {volume.shape}. Give a file that holds a cube."
             )
         grid = found.grid
         numbers = [volume["inline"].values, volume["crossline"].values]
@@ -173,7 +173,6 @@ def _write_like(stream: IO[bytes], volume: Any, template: _Template, code: int, 
     inlines = np.flatnonzero(template.inlines >= 0)
     line_bytes = record.itemsize * max(1, grid.crossline.n)
     block = max(1, _BLOCK_BYTES // line_bytes)
-    traces = layout.map_traces()
     for start in range(0, inlines.size, block):
         part = inlines[start : start + block]
         rows, i, j = grid.all_rows(int(part[0]), int(part[-1]) + 1)
@@ -185,11 +184,11 @@ def _write_like(stream: IO[bytes], volume: Any, template: _Template, code: int, 
         low, high = int(ci.min()), int(ci.max()) + 1
         values = np.asarray(volume[low:high].data if volume.ndim == 3 else volume[low:high].data[:, None])
         records = np.empty(rows.size, dtype=record)
-        records["head"] = traces["head"][rows]
+        # mapped anew for each block, so that memory stays bounded
+        records["head"] = layout.map_traces()["head"][rows]
         records["data"] = encode(values[ci - low, cj], code, fill)
-        set_header_field(records["head"], 115, n_samples % 65536, little_endian=little)
         if not keeps_axis:
-            for byte, value in ((117, interval_us), (109, delay), (215, scalar)):
+            for byte, value in ((115, n_samples % 65536), (117, interval_us), (109, delay), (215, scalar)):
                 set_header_field(records["head"], byte, value, little_endian=little)
         places = rows if ranks is None else np.searchsorted(ranks, rows)
         _write_runs(stream, records, places, layout.data_offset)

@@ -55,8 +55,8 @@ def open_cube(
         True: backed by dask, in chunks of whole inlines, read when asked for. False: in memory. Without it, lazy
         above 2 GiB. Values are identical.
     scan : {"auto", "full"}
-        Whether to read every trace header of a large SEG-Y file. "auto" derives the geometry of a regular file from a few
-        hundred headers, and compares the headers of every trace as it is read.
+        Whether to read every trace header of a large SEG-Y file. "auto" derives the geometry of a regular file from a
+        few hundred headers, and compares the headers of every trace as it is read.
     variable : str, optional
         The array to take from a Zarr group or an NPZ file with several.
 
@@ -79,7 +79,9 @@ def open_cube(
         raise ParameterError(f"scan is {scan!r}; expected 'auto' or 'full'.")
     file = Path(path)
     limit = LAZY_ABOVE if lazy is None else (-1 if lazy else 2**63)
-    if file.suffix.lower() == ".zarr" or (file.is_dir() and _is_zarr(file)):
+    with refuse_os_errors(file, "read"):
+        is_zarr = file.suffix.lower() == ".zarr" or (file.is_dir() and _is_zarr(file))
+    if is_zarr:
         from seismo3d.io.zarr_store import read_zarr
 
         return read_zarr(file, variable=variable, lazy_above=limit)

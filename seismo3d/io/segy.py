@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
@@ -102,14 +103,19 @@ def _read_line(
 
 def live_traces(data: Any) -> Any:
     """Tell the live traces: those with a sample that is neither zero nor NaN. Lazy where the data are."""
-    return ((data != 0) & (data == data)).any(axis=-1)  # NaN differs from itself, also in dask
+    if not isinstance(data, np.ndarray):
+        return ((data != 0) & (data == data)).any(axis=-1)  # NaN differs from itself
+    live = np.empty(data.shape[:-1], dtype=bool)
+    for k, line in enumerate(data):  # line by line: no temporary of the cube's size
+        live[k] = ((line != 0) & (line == line)).any(axis=-1)
+    return live
 
 
 def _attributes(layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tuple[int, int] | None) -> dict[str, Any]:
     grid = found.grid
     attrs: dict[str, Any] = {
         "path": layout.path,
-        "segy_path": layout.path,
+        "segy_path": str(Path(layout.path).resolve()),
         "file_format": "SEG-Y",
         "sample_format": layout.format_words,
         "sample_format_code": layout.format_code,
@@ -128,6 +134,8 @@ def _attributes(layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tu
         attrs["inline_byte"], attrs["crossline_byte"] = found.line_bytes
     if xy_bytes is not None:
         attrs["x_byte"], attrs["y_byte"] = xy_bytes
+    if layout.in_feet:
+        attrs["notes"].append("the binary header says feet: map coordinates, and depths, are as stored, not in metres")
     if found.is_sampled:
         attrs["notes"].append(
             "a regular file: geometry read from a sample of the trace headers, checked as traces are read"

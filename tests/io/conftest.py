@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 STORED = {1: "u4", 2: "i4", 3: "i2", 5: "f4", 6: "f8", 8: "i1", 10: "u4", 11: "u2", 16: "u1"}
 SHORT = {29, 31, 33, 35, 69, 71, 109, 115, 117, 215}
@@ -64,3 +66,11 @@ def grid_headers(
     )
     extra = {int(name[1:]): value for name, value in more.items()}
     return [{bytes_[0]: int(i), bytes_[1]: int(x)} | extra for i, x in pairs]
+
+
+@pytest.fixture
+def maker() -> SimpleNamespace:
+    """The functions above, as a fixture: test folders are not packages."""
+    return SimpleNamespace(
+        write=write_raw, headers=grid_headers, file_header=file_header, trace_header=trace_header, stored=STORED
+    )
