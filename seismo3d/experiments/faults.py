@@ -1,7 +1,7 @@
 """Benchmark of fault tracing on synthetic cubes: ``python -m seismo3d.experiments.faults``.
 
-Every cube is made anew from its kind and seed, traced at default settings, and scored against its exact truth. The seeds
-of the suite, :data:`SUITE_SEEDS`, are for measuring only; settings are tuned on others.
+Every cube is made anew from its kind and seed, traced at default settings, and scored against its exact truth. The
+seeds of the suite, :data:`SUITE_SEEDS`, are for measuring only; settings are tuned on others.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.errors import ParameterError
+from seismo3d.errors import ParameterError, Seismo3dError
 from seismo3d.seismic.scores import FaultScore, ThrowScore, fault_score, throw_score
 from seismo3d.synthetic import KINDS, SyntheticCube, fault_cube
 
 SUITE_SEEDS = (101, 102, 103)
 SUITE_KINDS = tuple(kind for kind in KINDS if kind != "demo")
 VISIBLE_THROW = 1.0
-"""Truth below this absolute throw, in samples, is left out of ``visible``: such faults end without a trace in the data."""
+"""Truth below this absolute throw, in samples, is left out of ``visible``: so small a throw leaves no trace."""
 
 Tracer = Callable[[Any], Any]
 
@@ -53,6 +53,8 @@ class CubeResult:
         That time over the median time of ``scipy.ndimage.gaussian_filter(cube, 4)`` in the same run.
     peak_mb : float or None
         Peak memory that tracing took beyond what was there before, in MB; None where it was not measured.
+    peak_cubes : float or None
+        The same over the size of the cube in float32.
     """
 
     kind: str
@@ -63,6 +65,7 @@ class CubeResult:
     seconds: float
     ratio: float
     peak_mb: float | None = None
+    peak_cubes: float | None = None
 
 
 def score_cube(cube: SyntheticCube, labels: Any, throw: Any) -> tuple[FaultScore, FaultScore, ThrowScore]:
@@ -96,7 +99,7 @@ def run_cube(
     trace : callable, optional
         Takes the amplitudes, gives an object with ``labels`` and ``throw``; :func:`seismo3d.trace_faults` if not given.
     memory : bool
-        True to measure peak memory in a second pass, under ``tracemalloc``.
+        True to measure peak memory in a second pass (Linux).
 
     Returns
     -------
@@ -115,7 +118,8 @@ def run_cube(
     reference = min(reference, reference_seconds(cube.seismic))
     score, visible, throws = score_cube(cube, faults.labels, faults.throw)
     peak = _peak_mb(trace, cube.seismic) if memory else None
-    return CubeResult(kind, seed, score, visible, throws, seconds, seconds / reference, peak)
+    cubes = None if peak is None else peak * 1e6 / (4.0 * cube.seismic.size)
+    return CubeResult(kind, seed, score, visible, throws, seconds, seconds / reference, peak, cubes)
 
 
 def reference_seconds(seismic: Any, *, repeats: int = 5) -> float:
@@ -131,14 +135,23 @@ def reference_seconds(seismic: Any, *, repeats: int = 5) -> float:
 
 
 def _peak_mb(trace: Tracer, seismic: Any) -> float:
-    import tracemalloc
-
-    tracemalloc.start()
+    """Largest resident memory while tracing, above what was resident before; compiled code's own arrays included."""
     try:
-        trace(seismic)
-        return tracemalloc.get_traced_memory()[1] / 1e6
-    finally:
-        tracemalloc.stop()
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    except OSError as error:
+        raise ParameterError(
+            "peak memory was asked for; it needs Linux's /proc/self/clear_refs. Run without it."
+        ) from error
+    before = _resident_mb("VmRSS")
+    trace(seismic)
+    return _resident_mb("VmHWM") - before
+
+
+def _resident_mb(field: str) -> float:
+    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+        if line.startswith(field + ":"):
+            return float(line.split()[1]) * 1024.0 / 1e6
+    raise ParameterError(f"peak memory was asked for, but /proc/self/status has no {field}. Run without it.")
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -166,6 +179,7 @@ def summarise(results: Sequence[CubeResult]) -> list[dict[str, Any]]:
                 "seconds": _mean([r.seconds for r in of_kind]),
                 "ratio": _mean([r.ratio for r in of_kind]),
                 "peak_mb": max((r.peak_mb for r in of_kind if r.peak_mb is not None), default=None),
+                "peak_cubes": max((r.peak_cubes for r in of_kind if r.peak_cubes is not None), default=None),
             }
         )
     return rows
@@ -173,9 +187,11 @@ def summarise(results: Sequence[CubeResult]) -> list[dict[str, Any]]:
 
 _COLUMNS = (
     ("kind", "", "{}"), ("F1", "f1", "{:.3f}"), ("precision", "precision", "{:.3f}"), ("recall", "recall", "{:.3f}"),
-    ("F1 visible", "f1_visible", "{:.3f}"), ("called %", "called_percent", "{:.2f}"), ("throw known", "throw_known", "{:.2f}"),
+    ("F1 visible", "f1_visible", "{:.3f}"), ("called %", "called_percent", "{:.2f}"),
+    ("throw known", "throw_known", "{:.2f}"),
     ("within 1.5", "throw_within", "{:.2f}"), ("median error", "throw_median_error", "{:.2f}"),
-    ("seconds", "seconds", "{:.2f}"), ("x filter", "ratio", "{:.0f}"), ("peak MB", "peak_mb", "{:.0f}"),
+    ("seconds", "seconds", "{:.2f}"),
+    ("x filter", "ratio", "{:.0f}"), ("peak MB", "peak_mb", "{:.0f}"), ("x cube", "peak_cubes", "{:.1f}"),
 )  # fmt: skip
 
 
@@ -184,7 +200,7 @@ def print_table(rows: Sequence[dict[str, Any]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    measured = [c for c in _COLUMNS if c[1] != "peak_mb" or any(row["peak_mb"] is not None for row in rows)]
+    measured = [c for c in _COLUMNS if not c[1].startswith("peak") or any(row[c[1]] is not None for row in rows)]
     table = Table(title="Faults on synthetic cubes, default settings, tolerance 2 voxels", box=None)
     for name, _, _ in measured:
         table.add_column(name, justify="left" if name == "kind" else "right")
@@ -194,6 +210,15 @@ def print_table(rows: Sequence[dict[str, Any]]) -> None:
                  for (_, _, form), v in zip(measured, values)]  # fmt: skip
         table.add_row(*cells)
     Console(width=150).print(table)
+
+
+def _plain(value: Any) -> Any:
+    """Replace NaN, which JSON does not have, by null."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -239,10 +264,14 @@ def main(arguments: Sequence[str] | None = None, *, trace: Tracer | None = None)
     rows = summarise(results)
     print_table(rows)
     if options.json is not None:
-        text = json.dumps({"kinds": rows, "cubes": [asdict(result) for result in results]}, indent=1)
+        text = json.dumps(_plain({"kinds": rows, "cubes": [asdict(result) for result in results]}), indent=1)
         options.json.write_text(text, encoding="utf-8")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except Seismo3dError as error:
+        sys.stderr.write(f"error: {error}\n")
+        sys.exit(2)

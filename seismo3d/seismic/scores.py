@@ -45,8 +45,8 @@ class ThrowScore:
     known : float
         Share of them with a finite throw.
     within : float
-        Share of them (of all, not only of those with a finite throw) whose throw is within the allowed error of the throw at
-        the nearest true voxel.
+        Share of them (of all, not only of those with a finite throw) whose throw is within the allowed error of the
+        throw at the nearest true voxel.
     median_error : float
         Median absolute error over those with a finite throw, in samples.
     """
@@ -158,6 +158,6 @@ def _nearest(points: Float64Array, others: Float64Array, limit: float) -> tuple[
     if not len(points) or not len(others):
         return np.full(len(points), np.inf), np.zeros(len(points), np.int64)
     tree = cKDTree(others)
-    # The bound is exclusive in the tree and inclusive here.
-    distance, index = tree.query(points, distance_upper_bound=np.nextafter(limit, np.inf))
-    return distance, index
+    # The bound is exclusive in the tree and inclusive here; squares of distances between voxels are whole numbers.
+    distance, index = tree.query(points, distance_upper_bound=limit + 1e-6)
+    return np.asarray(distance), np.asarray(index)

@@ -1,9 +1,12 @@
-"""Compiled loops of the synthetic cubes: undo faults and folds at every voxel, lay wavelets on the reflectors found there.
+"""Compiled loops of the synthetic cubes: undo faults and folds at every voxel, lay wavelets on the reflectors there.
 
-One fault is one row of ``faulting.FAULT_COLUMNS`` numbers, one folding one row of linear terms and a table of Gaussians.
-All positions are fractional indices (inline, crossline, sample). Time runs backwards here: from where a grain lies today,
-through the faults from the youngest to the oldest and the folding, to the layer in which it was laid down.
+One fault is one row of ``faulting.N_COLUMNS`` numbers, one folding one row of linear terms and a table of
+Gaussians. All positions are fractional indices (inline, crossline, sample). Time runs backwards here: from where a
+grain lies today, through the faults from the youngest to the oldest and the folding, to the layer in which it was
+laid down.
 """
+
+# mypy: disable-error-code="no-untyped-def"
 
 from __future__ import annotations
 
@@ -102,7 +105,7 @@ def undo_fault(i, x, s, f):
             i, x, s = i - heave * f[DI], x - heave * f[DX], s - throw
         return i, x, s, side, grade, throw
     side = bent - z * (f[COT] + 0.5 * f[BEND_S] * z)
-    grade = max(abs(f[COT] + f[BEND_S] * z), max(gi, gx))
+    grade = max(abs(f[COT] + f[BEND_S] * z), gi, gx)
     throw = f[THROW] * slip_profile(a, z, f)
     moved = throw * f[SHARE] if side > 0.0 else throw * (f[SHARE] - 1.0)
     if f[DRAG] > 0.0:
@@ -216,7 +219,7 @@ def trace_structure(
                     bits |= 1 << (n_new + m)
                 if (
                     label == 0
-                    and abs(t) >= least
+                    and abs(t * stretch) >= least
                     and _is_on_surface(i, x, first + k, side, grade, m, faults, bumps, terms, old_faults)
                 ):
                     label, throw = m + 1, t * stretch
@@ -274,36 +277,60 @@ def _channel_base(i, x, c):
 
 
 @njit(cache=True, nogil=True)
-def lay_trace(tau, breaks, depth, origin, first, times, strengths, erosion_strength, channels, wavelet, steps, out):
-    """Lay one wavelet on every reflector that the trace meets: layers, erosion surface, channels."""
+def _channel_at(i, x, t, channels):
+    """Return the last channel that holds a grain laid down at (i, x, t), or -1."""
+    for m in range(channels.shape[0] - 1, -1, -1):
+        c = channels[m]
+        if c[0] <= t < c[0] + c[1] and t < _channel_base(i, x, c):
+            return m
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _impedance_at(t, channel, times, impedance, channels):
+    value = impedance[np.searchsorted(times, t)]
+    if channel >= 0:
+        value = channels[channel, 10] + channels[channel, 11] * value
+    return value
+
+
+@njit(cache=True, nogil=True)
+def _channel_edge(t0, t1, o0, o1, c):
+    """Return where between two samples a channel begins or ends, 0 to 1."""
+    if t0 < c[0] <= t1:
+        return (c[0] - t0) / (t1 - t0)
+    d0, d1 = t0 - _channel_base(o0[0], o0[1], c), t1 - _channel_base(o1[0], o1[1], c)
+    return min(max(d0 / (d0 - d1), 0.0), 1.0) if d0 != d1 else 0.5
+
+
+@njit(cache=True, nogil=True)
+def lay_trace(tau, breaks, depth, origin, first, times, impedance, channels, wavelet, steps, out):
+    """Lay one wavelet on every step of impedance that the trace meets: layers, erosion surface, channels.
+
+    The fault planes themselves reflect nothing. Where layers end at the erosion surface or a channel, that reflects the
+    whole step of impedance across it, so that amplitudes fade into each other as they do in the Earth.
+    """
     n = tau.shape[0]
+    inside = _channel_at(origin[0, 0], origin[0, 1], tau[0], channels)
     for k in range(n - 1):
+        t0, t1, before = tau[k], tau[k + 1], inside
+        inside = _channel_at(origin[k + 1, 0], origin[k + 1, 1], t1, channels)
         if breaks[k] == 1:
             continue
-        if breaks[k] == 2:
-            place = first + k + depth[k] / (depth[k] - depth[k + 1])
-            lay_wavelet(out, place, erosion_strength, wavelet, steps)
+        if breaks[k] == 2 or before != inside:
+            step = _impedance_at(t1, inside, times, impedance, channels)
+            step -= _impedance_at(t0, before, times, impedance, channels)
+            if breaks[k] == 2:
+                part = depth[k] / (depth[k] - depth[k + 1])
+            else:
+                part = _channel_edge(t0, t1, origin[k], origin[k + 1], channels[max(before, inside)])
+            lay_wavelet(out, first + k + part, step, wavelet, steps)
             continue
-        t0, t1 = tau[k], tau[k + 1]
-        gain, shift = 1.0, 0
-        for m in range(channels.shape[0]):
-            c = channels[m]
-            if t1 < c[0] or t0 > c[0] + c[1]:
-                continue
-            b0 = _channel_base(origin[k, 0], origin[k, 1], c)
-            b1 = _channel_base(origin[k + 1, 0], origin[k + 1, 1], c)
-            if b1 <= c[0]:
-                continue
-            if t0 < c[0] <= t1:
-                lay_wavelet(out, first + k + (c[0] - t0) / (t1 - t0), c[10], wavelet, steps)
-            if t0 - b0 < 0.0 <= t1 - b1:
-                lay_wavelet(out, first + k + (t0 - b0) / ((t0 - b0) - (t1 - b1)), c[11], wavelet, steps)
-            elif t1 < b1:
-                gain, shift = c[12], 7 * (m + 1)
+        gain = channels[inside, 11] if inside >= 0 else 1.0
         j = np.searchsorted(times, t0)
         while j < times.shape[0] and times[j] < t1:
             place = first + k + (times[j] - t0) / (t1 - t0)
-            lay_wavelet(out, place, gain * strengths[(j + shift) % strengths.shape[0]], wavelet, steps)
+            lay_wavelet(out, place, gain * (impedance[j + 1] - impedance[j]), wavelet, steps)
             j += 1
 
 
@@ -321,7 +348,7 @@ def find_horizons(tau, breaks, wanted, n_samples, first, out):
 @njit(cache=True, nogil=True)
 def slab_structure(
     i, first, n_samples, faults, bumps, terms, erosion, old_faults, old_bumps, old_terms, offset, least,
-    times, strengths, erosion_strength, channels, wavelet, steps, wanted,
+    times, impedance, channels, wavelet, steps, wanted,
     seismic, tau_out, labels_out, throws_out, slips_out, horizons_out,
 ):  # fmt: skip
     """One inline of the cube: structure, truth, horizons and the noise-free seismic."""
@@ -336,9 +363,7 @@ def slab_structure(
         )  # fmt: skip
         mark_breaks(tau, sides, depth, breaks)
         trace = np.zeros(n_samples)
-        lay_trace(
-            tau, breaks, depth, origin, first, times, strengths, erosion_strength, channels, wavelet, steps, trace
-        )
+        lay_trace(tau, breaks, depth, origin, first, times, impedance, channels, wavelet, steps, trace)
         find_horizons(tau, breaks, wanted, n_samples, first, horizons_out[:, x])
         for k in range(n_samples):
             seismic[x, k] = trace[k]

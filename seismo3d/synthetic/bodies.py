@@ -25,8 +25,10 @@ class Channel:
         Amplitude, wavelength and phase of the axis.
     half_width : float
         Half of the width at the top.
-    strengths : tuple of float
-        Reflection coefficients of top and base, and the factor on the coefficients inside.
+    contrast : float
+        Impedance of the fill over that of the layers; their steps have a root mean square of about 1.
+    layering : float
+        Factor on the layers' steps of impedance inside: 0 for a fill that is all one.
     """
 
     layer_time: float
@@ -35,7 +37,8 @@ class Channel:
     azimuth_deg: float
     meander: tuple[float, float, float]
     half_width: float
-    strengths: tuple[float, float, float] = (-1.0, 1.5, 0.4)
+    contrast: float = -1.5
+    layering: float = 0.4
 
     def row(self) -> Float64Array:
         """Return the channel as the row of numbers that the compiled loops read."""
@@ -44,13 +47,22 @@ class Channel:
         wave = (amplitude, 2.0 * np.pi / wavelength, phase)
         direction = (np.cos(angle), np.sin(angle))
         return np.array(
-            [self.layer_time, self.thickness, *self.centre, *direction, *wave, self.half_width, *self.strengths]
+            [
+                self.layer_time,
+                self.thickness,
+                *self.centre,
+                *direction,
+                *wave,
+                self.half_width,
+                self.contrast,
+                self.layering,
+            ]
         )
 
 
 def channel_rows(channels: tuple[Channel, ...]) -> Float64Array:
-    """Stack channels into one array of shape (n, 13)."""
-    return np.array([channel.row() for channel in channels]).reshape(len(channels), 13)
+    """Stack channels into one array of shape (n, 12)."""
+    return np.array([channel.row() for channel in channels]).reshape(len(channels), 12)
 
 
 def sample_channels(
@@ -69,7 +81,8 @@ def sample_channels(
                 azimuth_deg=rng.uniform(0.0, 180.0),
                 meander=(rng.uniform(0.03, 0.14) * nx, rng.uniform(0.4, 0.9) * nx, rng.uniform(0.0, 2.0 * np.pi)),
                 half_width=half_width,
-                strengths=(rng.uniform(-1.5, -0.3), rng.uniform(0.8, 2.0), rng.uniform(-0.6, 0.6)),
+                contrast=rng.choice([-1.0, 1.0]) * rng.uniform(0.6, 1.8),
+                layering=rng.uniform(-0.4, 0.8),
             )
         )
     return tuple(channels)
@@ -99,19 +112,23 @@ def erosion_rows(
 def sample_layers(
     rng: np.random.Generator, low: float, high: float, *, spacing: tuple[float, float]
 ) -> tuple[Float64Array, Float64Array]:
-    """Draw layer boundaries between two layer times and their reflection coefficients.
+    """Draw layer boundaries between two layer times and the impedance of the layers.
 
-    Coefficients come in packages: quiet and strong intervals alternate, as in real sequences.
+    Impedance wanders and comes back (an autoregressive sequence), so that its steps are nearly white; they come in
+    packages: quiet and strong intervals alternate, as in real sequences.
 
     Returns
     -------
     times : ndarray of shape (n,), float64
         Layer times of the boundaries, growing.
-    strengths : ndarray of shape (n,), float64
-        Their reflection coefficients; root mean square about 1.
+    impedance : ndarray of shape (n + 1,), float64
+        Impedance before the first boundary, between boundaries, and after the last; arbitrary units.
     """
     n = int((high - low) / (0.5 * (spacing[0] + spacing[1]))) + 2
     times = low + np.cumsum(rng.uniform(*spacing, n))
-    strengths = rng.uniform(-1.0, 1.0, n) * np.sqrt(3.0)
     knots = np.arange(low, high + 60.0, 30.0)
-    return times, strengths * np.interp(times, knots, rng.uniform(0.4, 1.4, len(knots)))
+    strengths = rng.uniform(-1.0, 1.0, n) * np.sqrt(3.0) * np.interp(times, knots, rng.uniform(0.4, 1.4, len(knots)))
+    impedance = np.zeros(n + 1)
+    for k in range(n):
+        impedance[k + 1] = 0.85 * impedance[k] + strengths[k]
+    return times, impedance

@@ -1,32 +1,27 @@
 """Synthetic seismic cubes with exact truth: folded, faulted layers under a Ricker wavelet.
 
-Time runs as in the Earth: layers are laid down, folded, faulted by one fault after the other (later faults cut and shift
-the earlier ones, and the earlier faults' truth with them), and only then seen through the wavelet, which is therefore
-never distorted. Every voxel is mapped back through that history in closed form, so that nothing is interpolated.
+Time runs as in the Earth: layers are laid down, folded, faulted by one fault after the other (later faults cut and
+shift the earlier ones, and the earlier faults' truth with them), and only then seen through the wavelet, which is
+therefore never distorted. Every voxel is mapped back through that history in closed form, so that nothing is
+interpolated.
 """
 
 from __future__ import annotations
 
-import os
 import zlib
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array, Int32Array, Progress
+from seismo3d._typing import BoolArray, Float32Array, Int32Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import ParameterError
-from seismo3d.synthetic import _kernels as kernels
 from seismo3d.synthetic import noise as noises
-from seismo3d.synthetic.bodies import Channel, channel_rows, erosion_rows, sample_channels, sample_layers
-from seismo3d.synthetic.faulting import SyntheticFault, fault_rows, sample_faults
-from seismo3d.synthetic.folding import flat_folding, sample_folding
+from seismo3d.synthetic.bodies import Channel
+from seismo3d.synthetic.earth import draw_earth, fill_cube
+from seismo3d.synthetic.faulting import SyntheticFault, sample_faults
 from seismo3d.synthetic.recipes import CubeRecipe, recipe_of
-from seismo3d.synthetic.wavelets import ricker_table
-
-_STEPS = 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,22 +35,24 @@ class SyntheticCube:
     signal : ndarray of the same shape, float32
         The same before noise, smiles, gain, polarity and lost traces.
     faults : ndarray of the same shape, int32
-        0, or the number of the fault (1 is the oldest) whose surface passes through the voxel: its distance from the voxel's
-        centre, along the grid axis nearest to the surface's normal, is in [-0.5, 0.5) voxels. So a fault is one voxel thick
-        along that axis. Only where its absolute throw is ``recipe.least_throw`` or more. The younger of two faults wins.
+        0, or the number of the fault (1 is the oldest) whose surface passes through the voxel: its distance from the
+        voxel's centre, along the grid axis nearest to the surface's normal, is in [-0.5, 0.5) voxels. So a fault is
+        one voxel thick along that axis. Only where its absolute throw is ``recipe.least_throw`` or more. The younger
+        of two faults wins.
     throw : ndarray of the same shape, float32
         Vertical displacement in samples at fault voxels, positive where the hanging wall is down; NaN elsewhere.
     slip : ndarray of shape (m, 3), float32
-        Motion (inline, crossline, sample) of the hanging wall relative to the footwall at the m fault voxels, in C order.
+        Motion (inline, crossline, sample) of the hanging wall relative to the footwall at the m fault voxels, in C
+        order.
     layer_time : ndarray of the same shape as ``seismic``, float32
-        Relative geologic time of each voxel, in samples. It increases down each trace within a fault block. Across a fault it
-        jumps: by more than nothing at a normal one; backwards at a reverse one, which lays older layers on younger ones, and
-        in places where a fault cuts an earlier one and lays its footwall on its hanging wall.
+        Relative geologic time of each voxel, in samples. It increases down each trace within a fault block. Across a
+        fault it jumps: by more than nothing at a normal one; backwards at a reverse one, which lays older layers on
+        younger ones, and in places where a fault cuts an earlier one and lays its footwall on its hanging wall.
     horizon_times : ndarray of shape (k,), float32
         Layer times of the horizons.
     horizons : ndarray of shape (k, n_inline, n_crossline), float32
-        Their depth in fractional samples; NaN where the layer is absent (outside the cube, faulted out, eroded). Where a
-        reverse fault repeats it: the upper one.
+        Their depth in fractional samples; NaN where the layer is absent (outside the cube, faulted out, eroded).
+        Where a reverse fault repeats it: the upper one.
     live : ndarray of shape (n_inline, n_crossline), bool
         False at dead and missing traces.
     fault_list : tuple of SyntheticFault
@@ -113,8 +110,8 @@ class SyntheticCube:
         Returns
         -------
         xarray.DataArray
-            Dimensions inline, crossline, time; coordinates ``cdp_x``, ``cdp_y`` and ``live`` a trace. Of a section: trace,
-            time, and the same coordinates.
+            Dimensions inline, crossline, time; coordinates ``cdp_x``, ``cdp_y`` and ``live`` a trace. Of a section:
+            trace, time, and the same coordinates.
         """
         import xarray as xr
 
@@ -186,15 +183,11 @@ def fault_section(kind: str = "clean", *, seed: int = 0, **overrides: object) ->
     recipe = recipe_of(kind, **overrides)
     middle = recipe.shape[0] // 2
     made = _make(recipe, seed, range(middle, middle + 1), None, stream=_stream(kind))
-    return SyntheticCube(
-        *(freeze(a[0].copy()) for a in (made.seismic, made.signal, made.faults, made.throw)),
-        made.slip,
-        freeze(made.layer_time[0].copy()),
-        made.horizon_times,
-        freeze(made.horizons[:, 0].copy()),
-        freeze(made.live[0].copy()),
-        *(made.fault_list, made.channels, made.wavelength, recipe, seed),
-    )
+    flat: dict[str, Any] = {
+        name: freeze(getattr(made, name)[0].copy())
+        for name in ("seismic", "signal", "faults", "throw", "layer_time", "live")
+    }
+    return replace(made, **flat, horizons=freeze(made.horizons[:, 0].copy()))
 
 
 def make_cube(recipe: CubeRecipe, *, seed: int = 0, progress: Progress | None = None) -> SyntheticCube:
@@ -221,139 +214,41 @@ def make_cube(recipe: CubeRecipe, *, seed: int = 0, progress: Progress | None = 
     return _make(recipe, seed, range(recipe.shape[0]), progress)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Earth:
-    """All that the compiled loops read, in the order in which they take it."""
-
-    faults: Float64Array
-    bumps: Float64Array
-    terms: Float64Array
-    erosion: Float64Array
-    old_faults: Float64Array
-    old_bumps: Float64Array
-    old_terms: Float64Array
-    offset: float
-    least: float
-
-    def arguments(self) -> tuple[Any, ...]:
-        return tuple(getattr(self, name) for name in self.__slots__)
-
-    def layer_times(self, shape: tuple[int, int, int]) -> tuple[Float64Array, BoolArray]:
-        """Layer time, and whether it lies below the erosion surface, on a coarse grid of the cube."""
-        lines = [np.unique(np.linspace(0, n - 1, min(n, 16)).round().astype(int)) for n in shape[:2]]
-        n = shape[2]
-        tau, depth, sides = np.empty(n), np.empty(n), np.empty(n, np.int64)
-        times, below = [], []
-        for i in lines[0]:
-            for x in lines[1]:
-                kernels.trace_structure(
-                    *(int(i), int(x), 0, *self.arguments(), tau, sides, depth, np.empty((n, 2))),
-                    *(np.empty(n, np.int32), np.empty(n), np.empty((n, 3))),
-                )
-                times.append(tau.copy())
-                below.append(depth > 0.0)
-        return np.array(times), np.array(below)
-
-
 def _stream(kind: str) -> int:
-    """Number of a kind's own random stream, so that two kinds of one seed share nothing."""
+    """Return the number of a kind's own random stream, so that two kinds of one seed share nothing."""
     return zlib.crc32(kind.encode())
 
 
 def _make(
     recipe: CubeRecipe, seed: int, inlines: range, progress: Progress | None, *, stream: int = 0
 ) -> SyntheticCube:
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence((seed, stream)).spawn(6)]
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence((seed, stream)).spawn(4)]
     wavelength = float(streams[0].uniform(*recipe.wavelength))
-    faults = _draw_faults(recipe, streams[1])
-    earth = _draw_earth(recipe, faults, streams[2])
-    times, below = earth.layer_times(recipe.shape)
-    if below.any() and not below.all():
-        gap = float(times[~below].max() - times[below].min()) + 2.0 * recipe.shape[2] / 10.0
-        earth = _Earth(*earth.arguments()[:-2], max(gap, 0.0), earth.least)
-        times, _ = earth.layer_times(recipe.shape)
-    margin = 4.0 * recipe.shape[2]
-    layers = sample_layers(streams[3], times.min() - margin, times.max() + margin, spacing=recipe.layer_spacing)
-    channels = recipe.channels + sample_channels(
-        streams[4], recipe.shape, recipe.n_channels, np.quantile(times, np.linspace(0.1, 0.85, 64))
-    )
-    wanted = _horizon_times(times, *layers, recipe.n_horizons)
-    truth = _fill(recipe, earth, layers, channels, wavelength, wanted, inlines, progress)
-    signal = truth[0]
+    drawn = sample_faults(streams[1], recipe.shape, recipe.population) if recipe.population is not None else ()
+    faults = tuple(sorted(drawn + recipe.faults, key=lambda fault: not fault.buried))
+    earth = draw_earth(recipe, faults, streams[2])
+    truth = fill_cube(recipe, earth, wavelength, inlines, progress)
+    signal = truth.signal
     if recipe.lateral_resolution > 0.0:
         signal = _smooth_laterally(signal, recipe.lateral_resolution)
     signal /= max(noises.root_mean_square(signal), 1e-12)
-    seismic, live = _record(recipe, signal, wavelength, streams[5], inlines)
-    arrays = (seismic, signal, *truth[1:3], truth[3], truth[4], wanted.astype(np.float32), truth[5], live)
-    return SyntheticCube(*(freeze(a) for a in arrays), faults, channels, wavelength, recipe, seed)
-
-
-def _draw_faults(recipe: CubeRecipe, rng: np.random.Generator) -> tuple[SyntheticFault, ...]:
-    drawn = sample_faults(rng, recipe.shape, recipe.population) if recipe.population is not None else ()
-    return tuple(sorted(drawn + recipe.faults, key=lambda fault: not fault.buried))
-
-
-def _draw_earth(recipe: CubeRecipe, faults: tuple[SyntheticFault, ...], rng: np.random.Generator) -> _Earth:
-    slope, tilt = rng.uniform(*recipe.fold_slope), rng.uniform(*recipe.tilt)
-    folding = sample_folding(rng, recipe.shape, slope=slope, tilt=tilt)
-    old, erosion = flat_folding(), np.zeros((0, 7))
-    if recipe.unconformity is not None:
-        slope, tilt = rng.uniform(*recipe.old_slope), rng.uniform(*recipe.old_tilt)
-        old = sample_folding(rng, recipe.shape, slope=slope, tilt=tilt, base=0.8)
-        share = rng.uniform(*recipe.unconformity)
-        erosion = erosion_rows(rng, recipe.shape, share=share, relief=0.03 * recipe.shape[2], tilt=0.02)
-    buried = [fault for fault in faults if fault.buried]
-    rest = [fault for fault in faults if not fault.buried]
-    return _Earth(
-        *(fault_rows(rest), folding.bumps, folding.terms, erosion),
-        *(fault_rows(buried), old.bumps, old.terms, 0.0, float(recipe.least_throw)),
+    seismic, live = _record(recipe, signal, wavelength, streams[3], inlines)
+    return SyntheticCube(
+        seismic=freeze(seismic),
+        signal=freeze(signal),
+        faults=freeze(truth.labels),
+        throw=freeze(truth.throw),
+        slip=freeze(truth.slip),
+        layer_time=freeze(truth.layer_time),
+        horizon_times=freeze(earth.horizon_times.astype(np.float32)),
+        horizons=freeze(truth.horizons),
+        live=freeze(live),
+        fault_list=faults,
+        channels=earth.channels,
+        wavelength=wavelength,
+        recipe=recipe,
+        seed=seed,
     )
-
-
-def _horizon_times(times: Float64Array, boundaries: Float64Array, strengths: Float64Array, n: int) -> Float64Array:
-    """Layer times of strong boundaries, spread over those that the cube holds."""
-    wanted = []
-    for low, high in zip(*(np.quantile(times, np.linspace(0.1, 0.9, n + 1)[k : k + n]) for k in (0, 1))):
-        inside = np.flatnonzero((boundaries >= low) & (boundaries < high))
-        best = inside[np.argmax(np.abs(strengths[inside]))] if inside.size else np.argmin(np.abs(boundaries - low))
-        wanted.append(boundaries[best])
-    return np.array(wanted, dtype=np.float64)
-
-
-def _fill(
-    recipe: CubeRecipe,
-    earth: _Earth,
-    layers: tuple[Float64Array, Float64Array],
-    channels: tuple[Channel, ...],
-    wavelength: float,
-    wanted: Float64Array,
-    inlines: range,
-    progress: Progress | None,
-) -> tuple[Float32Array, Int32Array, Float32Array, Float32Array, Float32Array, Float32Array]:
-    """Make the arrays, one inline at a time."""
-    shape = (len(inlines), *recipe.shape[1:])
-    signal, tau = np.empty(shape, np.float32), np.empty(shape, np.float32)
-    labels, throw = np.empty(shape, np.int32), np.empty(shape, np.float32)
-    horizons = np.empty((len(wanted), *shape[:2]), np.float32)
-    wavelet = ricker_table(1.0 / wavelength, _STEPS)
-    first = -int(np.ceil(1.3 * wavelength)) - 1
-    rows = channel_rows(channels)
-
-    def fill_inline(row: int) -> Float32Array:
-        slip = np.empty((*shape[1:], 3))
-        kernels.slab_structure(
-            *(inlines[row], first, shape[2], *earth.arguments(), *layers, 1.8, rows, wavelet, _STEPS, wanted),
-            *(signal[row], tau[row], labels[row], throw[row], slip, horizons[:, row]),
-        )
-        return slip[labels[row] > 0].astype(np.float32)
-
-    slips = []
-    with ThreadPoolExecutor(max_workers=min(8, os.cpu_count() or 1)) as pool:
-        for row, slip in enumerate(pool.map(fill_inline, range(len(inlines)))):
-            slips.append(slip)
-            if progress is not None:
-                progress("cube", (row + 1) / len(inlines))
-    return signal, labels, throw, np.concatenate(slips), tau, horizons
 
 
 def _smooth_laterally(signal: Float32Array, sigma: float) -> Float32Array:

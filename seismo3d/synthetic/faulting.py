@@ -34,19 +34,21 @@ class SyntheticFault:
     throw : float
         Vertical displacement at the centre; positive where the hanging wall goes down, negative for a reverse fault.
     profile : {"uniform", "gaussian", "elliptic"}
-        How throw changes over the surface: linearly (``trend``); as a Gaussian of standard deviations ``semi_axes``; or as
-        Walsh and Watterson's profile [1]_ inside an elliptic tip line with ``semi_axes``, zero outside.
+        How throw changes over the surface: linearly (``trend``); as a Gaussian of standard deviations ``semi_axes``;
+        or as Walsh and Watterson's profile [1]_ inside an elliptic tip line with ``semi_axes``, zero outside.
     semi_axes : tuple of float
         Along strike and vertically.
     trend : tuple of float
-        Relative change of a uniform throw a unit along strike and a sample down; throw stays between 0 and twice ``throw``.
+        Relative change of a uniform throw a unit along strike and a sample down; it stays between 0 and twice
+        ``throw``.
     bend : tuple of float
         Curvature of the surface along strike and down dip, in 1 / index units.
     ripple : tuple of float
         Amplitude, wavelength and phase of corrugations along strike.
     listric : tuple of float or None
-        Dip in degrees towards which the surface flattens below its centre, and the horizontal distance over which it does.
-        The hanging wall then moves by a heave that is the same at all depths and sags vertically onto the ramp (a rollover).
+        Dip in degrees towards which the surface flattens below its centre, and the horizontal distance over which it
+        does. The hanging wall then moves by a heave that is the same at all depths and sags vertically onto the ramp (a
+        rollover).
     drag : float
         Distance from the surface at which displacement has died away; 0 for blocks that move as a whole.
     share : float
@@ -145,6 +147,8 @@ class FaultPopulation:
         Shares of reverse, curved and listric faults, of faults older than the unconformity, of slip off the dip line.
     profiles : tuple of float
         Shares of uniform (with trends), Gaussian and elliptic throw.
+    trend : tuple of float
+        Largest relative change of a uniform throw over the width and over the depth of the cube.
     spacing : float
         Smallest distance between the centre lines of faults of one family, as a share of the cube's width.
     """
@@ -161,6 +165,7 @@ class FaultPopulation:
     buried: float = 0.0
     oblique: float = 0.15
     profiles: tuple[float, float, float] = (0.5, 0.25, 0.25)
+    trend: tuple[float, float] = (0.4, 0.6)
     spacing: float = 0.14
 
 
@@ -256,9 +261,8 @@ def _sample_slip(
     _, nx, ns = shape
     settings: dict[str, object] = {"profile": profile}
     if profile == "uniform":
-        settings["trend"] = (rng.uniform(-0.4, 0.4) / nx, rng.uniform(-0.6, 0.6) / ns)
-        if abs(throw) * 0.6 / ns > 0.4:
-            settings["trend"] = (0.0, 0.0)
+        steepest = min(p.trend[1], 0.4 * ns / abs(throw))
+        settings["trend"] = (rng.uniform(-1.0, 1.0) * p.trend[0] / nx, rng.uniform(-1.0, 1.0) * steepest / ns)
     else:
         floor = abs(throw) * (1.6 if profile == "gaussian" else 4.0)
         low, high = (0.35, 0.7) if profile == "gaussian" else (0.5, 0.9)

@@ -42,8 +42,9 @@ def sample_folding(
 ) -> Folding:
     r"""Draw a random folding of a given steepness.
 
-    As in [1]_: :math:`s_1 = z \sum_k b_k \exp(-r_k^2 / 2 \sigma_k^2)` and a shear plane :math:`s_2 = e + f x + g y`; the Gaussians are
-    scaled so that the steepest layer at the base of the cube has the wanted slope.
+    As in [1]_: :math:`s_1 = z \sum_k b_k \exp(-r_k^2 / 2 \sigma_k^2)` and a shear plane
+    :math:`s_2 = e + f x + g y`; the Gaussians are scaled so that the steepest layer at the base of the cube has the
+    wanted slope.
 
     Parameters
     ----------
@@ -79,7 +80,7 @@ def sample_folding(
     azimuth = rng.uniform(0.0, 2.0 * np.pi)
     bumps = np.column_stack([centre, 0.5 / sigma**2, height])
     grid_i, grid_x = np.meshgrid(np.arange(0, ni, max(1, ni // 48)), np.arange(0, nx, max(1, nx // 48)), indexing="ij")
-    value, steepness = _relief(grid_i.ravel(), grid_x.ravel(), bumps)
+    value, steepness = _relief(grid_i.ravel().astype(float), grid_x.ravel().astype(float), bumps)
     factor = slope / max(steepness, 1e-12)
     gain = (1.0 - base) / ns
     factor = min(factor, 0.6 / max(gain * float(np.abs(value).max()), 1e-12))

@@ -100,9 +100,11 @@ def migration_smiles(
         place = rng.uniform(0.05, 0.95, 3) * shape
         radius = rng.uniform(0.35, 0.9) * ns
         strength = rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.0)
-        rho = np.hypot(np.arange(ni)[:, None] - place[0], np.arange(nx)[None, :] - place[1])
-        for i, x in np.argwhere(rho < 0.75 * radius):
-            depth = place[2] - radius + np.sqrt(radius**2 - rho[i, x] ** 2)
-            fade = np.cos(0.5 * np.pi * rho[i, x] / (0.75 * radius)) ** 2
-            out[i, x] += strength * fade * ricker(sample - depth, peak_frequency)
+        for i in range(ni):
+            rho = np.hypot(i - place[0], np.arange(nx) - place[1])
+            reached = np.flatnonzero(rho < 0.75 * radius)
+            rho = rho[reached, None]
+            depth = place[2] - radius + np.sqrt(radius**2 - rho**2)
+            fade = np.cos(0.5 * np.pi * rho / (0.75 * radius)) ** 2
+            out[i, reached] += strength * fade * ricker(sample - depth, peak_frequency)
     return out

@@ -116,7 +116,9 @@ KINDS: dict[str, CubeRecipe] = {
     "folded": CubeRecipe(fold_slope=(0.5, 0.9), tilt=(0.05, 0.25)),
     "noise": CubeRecipe(noise=0.8),
     "small_throws": CubeRecipe(
-        population=FaultPopulation(throw=(2.5, 6.0), profiles=(0.8, 0.2, 0.0), reverse=0.25, oblique=0.0)
+        population=FaultPopulation(
+            throw=(2.8, 5.3), profiles=(1.0, 0.0, 0.0), trend=(0.1, 0.15), reverse=0.25, oblique=0.0
+        )
     ),
     "crossing": CubeRecipe(population=_EIGHT),
     "low_dips": CubeRecipe(
@@ -126,25 +128,27 @@ KINDS: dict[str, CubeRecipe] = {
     "channels": CubeRecipe(population=None, n_channels=5, unconformity=(0.35, 0.6), fold_slope=(0.05, 0.3)),
     "demo": CubeRecipe(
         shape=(128, 160, 192),
-        wavelength=(16.0, 18.0),
-        fold_slope=(0.18, 0.24),
+        wavelength=(15.0, 15.0),
+        fold_slope=(0.2, 0.26),
         tilt=(0.05, 0.1),
         population=None,
         faults=(
             SyntheticFault((70, 40, 130), 80.0, 58.0, 16.0, "elliptic", (90, 90), drag=60, share=0.6, buried=True),
             SyntheticFault((60, 120, 125), 255.0, 62.0, 12.0, "elliptic", (70, 80), drag=60, share=0.5, buried=True),
-            SyntheticFault((50, 62, 70), 12.0, 62.0, 22.0, trend=(0.004, 0.0), listric=(25.0, 75.0), bend=(0.003, 0.0)),
+            SyntheticFault(
+                (50, 62, 70), 12.0, 62.0, 22.0, trend=(0.004, 0.0), listric=(34.0, 110.0), bend=(0.003, 0.0)
+            ),
             SyntheticFault(
                 (64, 112, 90), 194.0, 66.0, 14.0, "elliptic", (95, 130), bend=(-0.003, 0.001), drag=90, share=0.7
             ),
             SyntheticFault((84, 136, 80), 160.0, 70.0, 8.0, "gaussian", (55, 60), ripple=(1.5, 70.0, 0.4), share=0.5),
-            SyntheticFault((40, 24, 110), 205.0, 48.0, -9.0, "elliptic", (70, 90), drag=60, share=0.8),
+            SyntheticFault((40, 20, 120), 205.0, 48.0, -9.0, "elliptic", (70, 90), drag=60, share=0.8),
         ),
         n_channels=2,
         unconformity=(0.55, 0.56),
         old_slope=(0.12, 0.2),
-        old_tilt=(0.2, 0.25),
-        noise=0.25,
+        old_tilt=(0.28, 0.32),
+        noise=0.22,
         lateral_resolution=0.7,
         smiles=5,
         smile_strength=0.8,

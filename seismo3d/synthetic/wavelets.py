@@ -33,7 +33,7 @@ def ricker(time: ArrayLike, peak_frequency: float) -> Float64Array:
     Examples
     --------
     >>> ricker([-1.0, 0.0, 1.0], 0.05).round(3).tolist()
-    [0.928, 1.0, 0.928]
+    [0.927, 1.0, 0.927]
     """
     frequency = as_number(peak_frequency, "peak_frequency", low=0.0, strict=True)
     u = (np.pi * frequency * np.asarray(time, dtype=np.float64)) ** 2
@@ -41,6 +41,6 @@ def ricker(time: ArrayLike, peak_frequency: float) -> Float64Array:
 
 
 def ricker_table(peak_frequency: float, steps: int) -> Float64Array:
-    """Ricker wavelet tabulated ``steps`` times a sample, out to where it has died away, with an odd number of entries."""
+    """Ricker wavelet tabulated ``steps`` times a sample, out to where it has died away."""
     half = round(1.3 / peak_frequency * steps)
     return ricker(np.arange(-half, half + 1) / steps, peak_frequency)

@@ -249,6 +249,31 @@ def test_same_seed_same_cube_and_the_section_is_its_middle_inline(kind):
     np.testing.assert_allclose(section.signal, one.signal[12] * scale, atol=1e-3)
 
 
+def test_number_of_threads_changes_nothing(monkeypatch):
+    many = synthetic.fault_cube("demo", shape=(24, 32, 48), seed=7, population=None, faults=(PLANAR,))
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    one = synthetic.fault_cube("demo", shape=(24, 32, 48), seed=7, population=None, faults=(PLANAR,))
+    np.testing.assert_array_equal(one.seismic, many.seismic)
+    np.testing.assert_array_equal(one.slip, many.slip)
+
+
+def test_small_throws_stay_small_everywhere():
+    for seed in range(3):
+        throw = np.abs(synthetic.fault_cube("small_throws", shape=(40, 40, 40), seed=seed).throw)
+        assert np.nanmin(throw) > 2.2
+        assert np.nanmax(throw) < 6.5
+
+
+def test_truncated_layers_fade_out_at_the_unconformity():
+    cube = make_cube(
+        CubeRecipe(shape=(4, 60, 80), population=None, unconformity=(0.5, 0.5), fold_slope=(0.0, 0.0), tilt=(0.0, 0.0)),
+        seed=3,
+    )
+    # Amplitudes are as smooth across traces there as elsewhere: a step of a whole reflector would exceed this.
+    jump = np.abs(np.diff(cube.signal, axis=1)).max()
+    assert jump < 0.5 * np.abs(cube.signal).max()
+
+
 def test_noise_has_the_ratio_asked_for():
     cube = synthetic.fault_cube("noise", shape=SHAPE, seed=3)
     assert np.std(cube.signal) == pytest.approx(1.0, rel=0.02)
@@ -284,6 +309,19 @@ def test_throws_and_dips_are_drawn_from_the_ranges():
                 assert recipe.population.dip_deg[0] <= fault.dip_deg <= recipe.population.dip_deg[1]
                 assert recipe.population.throw[0] <= abs(fault.throw) <= recipe.population.throw[1]
     assert len(synthetic.fault_cube("crossing", shape=(16, 16, 64)).fault_list) == 8
+
+
+def test_demo_has_everything():
+    section = synthetic.fault_section("demo")
+    faults = section.fault_list
+    assert any(fault.listric for fault in faults)
+    assert any(fault.bend[0] for fault in faults)
+    assert any(fault.throw < 0 for fault in faults)
+    assert sum(fault.buried for fault in faults) == 2
+    assert len(section.channels) == 2
+    assert len(np.unique(section.faults)) >= 5
+    assert not section.recipe.missing_corner
+    assert np.isfinite(section.seismic).all()
 
 
 def test_to_dataarray_gives_a_rotated_survey():
