@@ -23,7 +23,7 @@ if len(sys.argv) > 1:
     path = Path(sys.argv[1])
 else:
     path = out / "cube.sgy"
-    made = s3.synthetic.fault_cube("clean", seed=4, shape=(72, 88, 112))
+    made = s3.synthetic.fault_cube("clean", seed=1, shape=(96, 112, 128))
     s3.write_segy(path, made.to_dataarray(), like=None, title="seismo3d example")
 
 # %% Open it: dims inline, crossline and time; lazy where it is large.

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from seismo3d._typing import Progress
 from seismo3d.cli._options import CrosslineByte, Cube, Domain, InlineByte, XByte, YByte
+
+if TYPE_CHECKING:
+    from seismo3d._typing import Progress
 
 
 def run(
@@ -52,6 +54,9 @@ def run(
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
+        if opened.chunks is not None:
+            clock("live traces", 0.0)
+            opened = opened.assign_coords(live=opened["live"].compute())
         faults = _trace(opened, aside, clock)
         if attributes:
             _write_attributes(opened, aside, smooth_tv, clock)

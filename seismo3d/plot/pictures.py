@@ -135,10 +135,22 @@ def find_index(cube: Any, axis: int, value: float, *, as_index: bool = False) ->
 
 
 def live_traces(cube: Any) -> BoolArray:
-    """Traces with data, from the cube's ``live`` coordinate; without one all are."""
-    if hasattr(cube, "coords") and "live" in cube.coords:
-        return np.asarray(cube["live"].values, dtype=bool)
+    """Traces with data, from the cube's ``live`` coordinate; without one all are.
+
+    Of a cube whose live traces are not counted yet (a lazy one) all are taken for live: to count them is to read it.
+    """
+    if hasattr(cube, "coords") and "live" in cube.coords and isinstance(cube["live"].data, np.ndarray):
+        return np.asarray(cube["live"].data, dtype=bool)
     return np.ones(cube.shape[:-1], dtype=bool)
+
+
+def live_on_slice(cube: Any, axis: int, index: int) -> BoolArray:
+    """Live traces of one slice, read from that slice where they are not known; all of them for axis 2 or -1."""
+    if not (hasattr(cube, "coords") and "live" in cube.coords):
+        return np.ones([n for k, n in enumerate(cube.shape[:-1]) if k != axis], dtype=bool)
+    live = cube["live"]
+    cut = live[(slice(None),) * axis + (index,)] if axis in (0, 1) else live
+    return np.asarray(cut.data, dtype=bool)
 
 
 def _find_axis(name: str, names: tuple[str, ...]) -> int:
@@ -153,7 +165,7 @@ def _find_axis(name: str, names: tuple[str, ...]) -> int:
 def _picture(cube: Any, names: tuple[str, ...], *, axis: int, index: int) -> Picture:
     cut = cube if axis < 0 else cube[(slice(None),) * axis + (index,)]
     values = np.asarray(cut.data if hasattr(cut, "dims") else cut)
-    live = live_traces(cube)
+    live = live_on_slice(cube, axis, index)
     kept = [k for k in range(len(names)) if k != axis]
     if axis == 2:
         mask, title = (
@@ -163,8 +175,7 @@ def _picture(cube: Any, names: tuple[str, ...], *, axis: int, index: int) -> Pic
         column, row = 1, 0
     else:
         column, row = kept
-        lines = live if axis < 0 else live[(slice(None),) * axis + (index,)]
-        mask = np.broadcast_to(lines[None, :], values.T.shape)
+        mask = np.broadcast_to(live[None, :], values.T.shape)
         values = values.T
         title = "" if axis < 0 else f"{axis_label(names[axis])} {axis_coordinates(cube, axis)[index]:g}"
     return Picture(

@@ -11,7 +11,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import amplitude_limit
-from seismo3d.plot.pictures import axis_coordinates, find_index, live_traces
+from seismo3d.plot.pictures import axis_coordinates, find_index, live_on_slice
 from seismo3d.plot.rendering import has_screen, windowless
 from seismo3d.plot.scene_frame import SceneFrame, far_slices, slice_points
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, check_colour, check_faults, display_throw, value_colours
@@ -115,8 +115,7 @@ def read_slice(cube: Any, axis: int, index: int) -> Float64Array:
     """One slice of a cube with NaN on traces that are not live."""
     cut = cube[(slice(None),) * axis + (index,)]
     values = np.array(cut.data if hasattr(cut, "dims") else cut, dtype=np.float64)
-    live = live_traces(cube)
-    values[~(live if axis == 2 else live[(slice(None),) * axis + (index,)])] = np.nan
+    values[~live_on_slice(cube, axis, index)] = np.nan
     return values
 
 

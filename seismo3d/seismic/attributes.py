@@ -142,12 +142,12 @@ def _measure_semblance(volume: Float32Array, live: BoolArray, slopes: Float32Arr
     from scipy.ndimage import uniform_filter1d
 
     out = np.empty_like(volume)
-    stack, energy = np.empty_like(volume[0], dtype=np.float64), np.empty_like(volume[0], dtype=np.float64)
+    stack, energy = np.empty(volume.shape[1:], dtype=np.float64), np.empty(volume.shape[1:], dtype=np.float64)
     window = 2 * _HALF_WINDOW + 1
     for i in range(volume.shape[0]):
         stack_along_dip(volume, live, slopes[0], slopes[1], i, stack, energy)
-        above = uniform_filter1d(stack, window, axis=1, mode="nearest")
-        below = uniform_filter1d(energy, window, axis=1, mode="nearest")
+        above = uniform_filter1d(stack, window, axis=-1, mode="nearest")
+        below = uniform_filter1d(energy, window, axis=-1, mode="nearest")
         with np.errstate(invalid="ignore", divide="ignore"):
             # without energy there is nothing that could differ
             out[i] = np.where(below > 1e-20, np.clip(above / below, 0.0, 1.0), 1.0)
@@ -173,7 +173,7 @@ def _cube_attributes(slopes: Float32Array, cube: Any) -> dict[str, AnyArray]:
 
 def _azimuth(slopes: Float32Array, survey: SurveyGeometry) -> Float32Array:
     """Dip direction inline by inline; slopes are covectors, so the survey's rule for normals does it."""
-    out = np.empty(slopes.shape[1:], dtype=np.float32)
+    out: Float32Array = np.empty_like(slopes[0])
     for i in range(out.shape[0]):
         normals = np.stack([slopes[0, i].ravel(), slopes[1, i].ravel(), np.full(out[i].size, -1.0)], axis=1)
         out[i] = ((survey.strike_deg(normals) + 90.0) % 360.0).reshape(out[i].shape)

@@ -58,7 +58,7 @@ def test_joining_does_not_depend_on_order_and_closes_loops(rng: np.random.Genera
     assert sorted(sorted(line.tolist()) for line in join_segments(star)) == [[0, 1], [0, 2], [0, 3]]
 
 
-def test_simplified_line_stays_within_the_tolerance(rng: np.random.Generator) -> None:
+def test_simplified_line_stays_within_the_tolerance() -> None:
     t = np.linspace(0, 10, 300)
     line = np.stack([t, np.sin(t), 0.1 * t], axis=1)
     kept = simplify_line(line, tolerance=0.05)
@@ -71,7 +71,7 @@ def test_simplified_line_stays_within_the_tolerance(rng: np.random.Generator) ->
     assert simplify_line(np.array([[0.0, 0], [1, 1], [2, 2]]), tolerance=1e-9).tolist() == [0, 2]
 
 
-def test_areas_and_weights(rng: np.random.Generator) -> None:
+def test_areas_and_weights() -> None:
     assert measure_cells(np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]])) == pytest.approx(6.0)
     assert measure_cells(np.array([[0.0, 0], [3, 4]]), np.array([[0, 1]])) == pytest.approx(5.0)
     surface = plane_surface(axis=0, centre=15.0, dip_deg=70.0, throw=1.0)
