@@ -106,11 +106,12 @@ def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, ask
 
     pictures = save_pictures(folder, cube, faults=faults, progress=clock)
     clock("report", 0.0)
+    versions = find_versions()
     record = {
         "input": fingerprint(path),
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         "options": {name: value for name, value in asked.items() if value is not None},
-        "versions": find_versions(),
+        "versions": versions,
     }
     settings, timings = faults.settings, clock.stop()
     write_report(
@@ -119,7 +120,7 @@ def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, ask
         faults=faults,
         title=f"Faults in {path.name}",
         pictures=pictures,
-        run={**record, "timings_s": timings},
+        run={**record, "versions": ", ".join(f"{k} {v}" for k, v in versions.items()), "timings_s": timings},
     )
     notes = [picture.note for picture in pictures if picture.note]
     extra = {"geometry": summarise(cube), "settings": settings, "n_faults": len(faults.surfaces), "notes": notes}

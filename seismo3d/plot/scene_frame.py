@@ -95,5 +95,7 @@ def far_slices(cube: Any) -> tuple[int, int, int]:
     walls = []
     for axis in (0, 1):
         share = live.mean(axis=1 - axis)
-        walls.append(int(np.flatnonzero(share >= 0.9 * share.max())[-1]))
+        full = np.flatnonzero(share >= 0.9 * share.max())
+        # the outermost lines of a survey are often poor: stay a sixty-fourth inside
+        walls.append(int(full[-1 - len(full) // 64]))
     return walls[0], walls[1], int(cube.shape[2]) - 1

@@ -14,6 +14,7 @@ from seismo3d.plot.drawing import amplitude_limit
 from seismo3d.plot.pictures import axis_coordinates, find_index, live_on_slice
 from seismo3d.plot.rendering import has_screen, windowless
 from seismo3d.plot.scene_frame import SceneFrame, far_slices, slice_points
+from seismo3d.plot.scene_view import add_axes, aim_camera
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, check_colour, check_faults, display_throw, value_colours
 
 _TRACK_COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8")
@@ -95,7 +96,8 @@ def cube(
         )
     if faults is not None and faults.surfaces:
         _add_faults(plotter, faults, frame, colour)
-    _add_axes(plotter, cube, frame)
+    add_axes(plotter, cube, frame)
+    aim_camera(plotter, frame.bounds)
     return plotter
 
 
@@ -206,57 +208,3 @@ def _add_faults(plotter: Any, faults: Any, frame: SceneFrame, colour: str) -> No
     bar |= {"color": "black", "title_font_size": 16, "label_font_size": 14, "n_labels": 5, "fmt": "{:.3g}"}
     mesh[title] = values
     plotter.add_mesh(mesh, scalars=title, cmap=cmap, clim=(low, high), nan_color="white", scalar_bar_args=bar, **looks)
-
-
-def _add_axes(plotter: Any, cube: Any, frame: SceneFrame) -> None:
-    plotter.set_background("white")
-    left, right, front, back, bottom, top = frame.bounds
-    # seen from the front left: ticks along the two near edges of the floor and up the left edge of the back wall
-    edges = (((left, front, bottom), 0, right), ((left, front, bottom), 1, back), ((left, back, bottom), 2, top))
-    outwards = ((0.0, -0.06, -0.02), (-0.06, 0.0, -0.02), (-0.09, 0.02, 0.0))
-    ranges, titles = frame.axis_ranges(cube), frame.axis_titles(cube)
-    points, labels = [], []
-    for (start, axis, end), away, title in zip(edges, outwards, titles, strict=True):
-        foot, head = np.array(start), np.array(start)
-        head[axis] = end
-        plotter.add_lines(np.stack([foot, head]), color="black", width=2, name=f"axis {axis}")
-        for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-            points.append(foot + share * (head - foot) + np.array(away))
-            value = ranges[2 * axis] + share * (ranges[2 * axis + 1] - ranges[2 * axis])
-            labels.append(f"{value:.0f}")
-        points.append(foot + 0.375 * (head - foot) + 2.2 * np.array(away))
-        labels.append(title)
-    plotter.add_point_labels(
-        np.array(points),
-        labels,
-        shape=None,
-        show_points=False,
-        always_visible=True,
-        text_color="black",
-        font_size=15,
-        justification_horizontal="center",
-        justification_vertical="center",
-        name="axis labels",
-    )
-    _aim_camera(plotter, frame.bounds)
-
-
-def _aim_camera(plotter: Any, bounds: tuple[float, ...], *, margin: float = 0.88) -> None:
-    """Look from the front left and above, as near as all eight corners allow."""
-    angle = 22.0
-    corners = np.stack(np.meshgrid(bounds[:2], bounds[2:4], bounds[4:]), axis=-1).reshape(-1, 3)
-    centre = corners.mean(axis=0)
-    towards = np.array([-0.62, -0.66, 0.43])
-    towards /= np.linalg.norm(towards)
-    sideways = np.cross([0.0, 0.0, 1.0], towards)
-    sideways /= np.linalg.norm(sideways)
-    relative = corners - centre
-    width, height = plotter.window_size
-    half = margin * np.tan(np.radians(angle / 2))
-    vertical = np.abs(relative @ np.cross(towards, sideways)) / half
-    horizontal = np.abs(relative @ sideways) / (half * 0.9 * width / height)
-    distance = float((np.maximum(vertical, horizontal) + relative @ towards).max())
-    camera = plotter.camera
-    camera.position, camera.focal_point, camera.up = tuple(centre + distance * towards), tuple(centre), (0.0, 0.0, 1.0)
-    camera.view_angle = angle
-    plotter.reset_camera_clipping_range()
