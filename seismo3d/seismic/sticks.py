@@ -40,11 +40,13 @@ def cut_sticks(faults: FaultSet, cube: Any, *, spacing: int = 5) -> list[FaultSt
         Fault by fault, in map coordinates where they are known, else line numbers.
     """
     step = int(as_number(spacing, "spacing", low=1))
+    section = np.ndim(faults.labels) == 2
+    geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
     sticks: list[FaultStick] = []
     for number, surface in enumerate(faults.surfaces, start=1):
-        lines = _section_lines(surface) if surface.vertices.shape[1] == 2 else _surface_lines(surface, step)
+        lines = _section_lines(surface) if section else _surface_lines(surface, step)
         for count, line in enumerate(lines, start=1):
-            points, numbers = _place(line, cube)
+            points, numbers = _place(line, geometry, cube)
             sticks.append(FaultStick(f"fault_{number:03d}", count, points, numbers))
     return sticks
 
@@ -77,13 +79,13 @@ def _tidy(line: AnyArray) -> Float64Array:
     return np.asarray(downwards[simplify_line(downwards, tolerance=_TOLERANCE)], dtype=np.float64)
 
 
-def _place(line: Float64Array, cube: Any) -> tuple[Float64Array, Float64Array]:
+def _place(
+    line: Float64Array, geometry: SurveyGeometry | SectionGeometry, cube: Any
+) -> tuple[Float64Array, Float64Array]:
     """Map coordinates and line numbers of a stick's nodes."""
-    if line.shape[1] == 3:
-        survey = SurveyGeometry.from_cube(cube)
-        return survey.index_to_map(line), survey.index_to_lines(line)[:, :2]
-    points = SectionGeometry.from_cube(cube).index_to_map(line)
-    return points, np.column_stack([_trace_numbers(line[:, 0], cube), np.zeros(len(line))])
+    if isinstance(geometry, SurveyGeometry):
+        return geometry.index_to_map(line), geometry.index_to_lines(line)[:, :2]
+    return geometry.index_to_map(line), np.column_stack([_trace_numbers(line[:, 0], cube), np.zeros(len(line))])
 
 
 def _trace_numbers(index: Float64Array, section: Any) -> Float64Array:

@@ -127,6 +127,26 @@ def test_section_runs_through_the_same_command(demo: Path) -> None:
     np.testing.assert_array_equal(open_cube("line/labels.sgy").values, make_section()[1].labels.values)
 
 
+def test_lazy_cube_gives_the_same(demo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run("faults", "demo.sgy", "-o", "whole") == 0
+    monkeypatch.setattr("seismo3d.io.cubes.LAZY_ABOVE", 1000)
+    assert open_cube("demo.sgy").chunks is not None
+    assert run("faults", "demo.sgy", "-o", "lazy") == 0
+    for name in ("labels.sgy", "surfaces.vtp", "faults.csv", "sticks_petrel.txt"):
+        assert Path("lazy", name).read_bytes() == Path("whole", name).read_bytes()
+    record = json.loads(Path("lazy", "run.json").read_text())
+    assert next(iter(record["timings_s"])) == "live traces"
+
+
+def test_bare_array_is_a_cube_too(demo: Path) -> None:
+    np.save("cube.npy", make_cube().values)
+    assert demo.exists()
+    assert run("faults", "cube.npy", "-o", "out") == 0
+    found = open_cube("out/labels.sgy")
+    np.testing.assert_array_equal(np.nan_to_num(found.values), make_faults(make_cube()).labels.values)
+    assert "distances are in bins" in Path("out/report.html").read_text()
+
+
 def test_existing_folder_is_kept_or_replaced_on_request(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("faults", "demo.sgy", "-o", "out") == 0
     (demo.parent / "out" / "old.txt").write_text("of the earlier run")
