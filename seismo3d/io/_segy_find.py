@@ -74,7 +74,10 @@ def find_grid(
         If the file holds several traces a bin (not stacked), or the given bytes hold no geometry.
     """
     given = inline_byte is not None or crossline_byte is not None
-    pair = (inline_byte or STANDARD[0], crossline_byte or STANDARD[1])
+    pair = (
+        STANDARD[0] if inline_byte is None else inline_byte,
+        STANDARD[1] if crossline_byte is None else crossline_byte,
+    )
     for name, byte in zip(("inline_byte", "crossline_byte"), pair):
         if not 1 <= byte <= 237:
             raise ParameterError(f"{name} is {byte}; expected 1 to 237, the first byte of a field in a trace header.")
@@ -94,6 +97,11 @@ def find_grid(
         if better is not None:
             verdict, how = "cube", f"found by trial (the standard ones, 189 and 193, hold {sample.describe(STANDARD)})"
             pair = better
+    if verdict == "torn":
+        raise FormatError(
+            f"{layout.path} has line numbers {sample.describe(pair)} (bytes {pair[0]} and {pair[1]}), a grid far "
+            f"larger than its {layout.n_traces} traces. Some headers are wrong: repair them or name other header bytes."
+        )
     if verdict != "cube":
         return _as_line(layout, pair if verdict == "line" else None, how)
     if not scan_all and (grid := regular_grid(layout, *pair)) is not None:
@@ -157,6 +165,9 @@ def _grid_notes(grid: TraceGrid) -> tuple[str, ...]:
     notes = []
     if grid.n_duplicates:
         notes.append(f"{grid.n_duplicates} duplicate traces: the first one in the file at each place was taken")
+    n_bins = grid.inline.n * grid.crossline.n
+    if grid.n_missing > 0.5 * n_bins:
+        notes.append(f"{grid.n_missing} of {n_bins} bins have no trace: line numbers may be wrong in some headers")
     if grid.n_unplaced:
         notes.append(f"{grid.n_unplaced} traces numbered inline 0, crossline 0, outside the survey, were left out")
     return tuple(notes)
@@ -196,15 +207,20 @@ class _Sample:
         return max(counted, self.n_traces / (line_axis(a).n * line_axis(b).n))
 
     def judge(self, pair: tuple[int, int], *, check_fold: bool = True) -> str:
-        """Return "cube", "line" (one line number is constant, the other is each trace's own) or "none"."""
+        """Judge two line numbers.
+
+        "cube"; "line": one is constant, the other each trace's own; "torn": a cube, were it not for a few numbers far
+        from the others; or "none".
+        """
         a, b = self._numbers(pair)
         n_a, n_b, n_pairs = np.unique(a).size, np.unique(b).size, _n_pairs(a, b)
         if min(n_a, n_b) == 1:
             return "line" if self.n_traces == 1 or (n_pairs > 1 and a.size < 1.5 * n_pairs) else "none"
         if n_pairs < (1.5 if self.is_whole else 1.2) * max(n_a, n_b):
             return "none"
-        share = self.n_traces / (line_axis(a).n * line_axis(b).n)
-        return "none" if share < 0.02 or (check_fold and self.fold(pair) >= 1.5) else "cube"
+        if check_fold and self.fold(pair) >= 1.5:
+            return "none"
+        return "torn" if self.n_traces < 0.02 * line_axis(a).n * line_axis(b).n else "cube"
 
     def describe(self, pair: tuple[int, int]) -> str:
         ranges = []

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pickle
 import threading
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 import seismo3d as s3
 from seismo3d.errors import FormatError, ParameterError
-from seismo3d.io._segy_grid import _spread_rows
+from seismo3d.io._segy_grid import _spread_rows, scanned_grid
 from seismo3d.io._segy_layout import SegyLayout
 
 INLINES, CROSSLINES, N_SAMPLES = np.arange(100, 105), np.arange(30, 44, 2), 9
@@ -118,6 +119,8 @@ def test_given_bytes_without_geometry_are_refused(tmp_path, maker):
         s3.open_cube(path, inline_byte=9, crossline_byte=21)
     with pytest.raises(ParameterError, match="inline_byte is 300"):
         s3.open_cube(path, inline_byte=300)
+    with pytest.raises(ParameterError, match="crossline_byte is 0"):
+        s3.open_cube(path, crossline_byte=0)
 
 
 def test_missing_duplicate_dead_and_padding_traces(tmp_path, maker):
@@ -140,11 +143,20 @@ def test_missing_duplicate_dead_and_padding_traces(tmp_path, maker):
     assert "1 traces numbered inline 0, crossline 0" in notes
 
 
-def test_line_numbers_that_span_far_too_much_are_refused_before_memory_is_taken(tmp_path, maker):
+@pytest.mark.parametrize("given_bytes", [{}, {"inline_byte": 189, "crossline_byte": 193}])
+def test_line_numbers_that_span_far_too_much_are_refused_before_memory_is_taken(tmp_path, maker, given_bytes):
     heads = maker.headers(INLINES, CROSSLINES)
     heads[4] = {189: 2_000_000_001, 193: 2_000_000_000}
-    with pytest.raises(FormatError, match=r"no line numbers|Some headers are wrong"):
-        s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(35), heads), inline_byte=189, crossline_byte=193)
+    path = maker.write(tmp_path / "a.sgy", numbered(35), heads)
+    with pytest.raises(FormatError, match=r"a grid far larger than its 35 traces\. Some headers are wrong"):
+        s3.open_cube(path, **given_bytes)
+
+
+def test_a_wrong_line_number_that_leaves_most_bins_empty_is_said(tmp_path, maker):
+    heads = maker.headers(INLINES, CROSSLINES)
+    heads[4] = {189: 140, 193: 30}
+    cube = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(35), heads))
+    assert "bins have no trace: line numbers may be wrong" in cube.attrs["notes"][0]
 
 
 @pytest.mark.parametrize(("scalar", "factor"), [(-100, 0.01), (-10, 0.1), (0, 1.0), (1, 1.0), (10, 10.0)])
@@ -435,3 +447,71 @@ def test_an_irregular_large_file_is_scanned(tmp_path, maker, monkeypatch):
     exact = s3.open_cube(swapped, lazy=True, scan="full").values
     np.testing.assert_array_equal(exact[row // 50, row % 50], numbered(2000, 2)[row + 1])
     np.testing.assert_array_equal(exact, s3.open_cube(swapped, lazy=False).values)
+
+
+def test_the_fullest_grid_wins_over_numbers_that_only_run(tmp_path, maker):
+    heads = [h | {9: 7 + k // 3} for k, h in enumerate(maker.headers(range(8), range(20, 40), bytes_=(17, 21)))]
+    del heads[40:44]
+    cube = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(156), heads))
+    assert (cube.attrs["inline_byte"], cube.attrs["crossline_byte"], cube.shape[:2]) == (17, 21, (8, 20))
+
+
+def test_the_map_tells_line_numbers_from_other_numbers(tmp_path, maker):
+    """Two pairs span full grids; the coordinates are those of one of them."""
+    heads = [
+        {9: k // 6, 17: k % 6, 5: 100 + k // 4, 21: 200 + k % 4, 181: 30 * (k // 4), 185: 50 * (k % 4)}
+        for k in range(48)
+    ]
+    cube = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(48), heads))
+    assert (cube.attrs["inline_byte"], cube.attrs["crossline_byte"]) == (5, 21)
+    assert cube.attrs["survey"]["map"]["inline_step"] == pytest.approx([30, 0], abs=1e-9)
+
+
+@pytest.mark.parametrize("straight", [True, False])
+def test_counters_along_a_line_make_no_cube(tmp_path, maker, straight):
+    heads = []
+    for k in range(288):
+        bend = 0 if straight else round(400 * np.sin(k / 40))
+        heads.append(
+            {9: 1 + k // 48, 13: 1 + k % 48, 21: k + 1, 181: 450000 + round(12.5 * k), 185: 600000 + 7 * k + bend}
+        )
+    line = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(288), heads))
+    assert line.dims == ("trace", "time")
+    assert "opened as a 2D line" in line.attrs["notes"][0]
+
+
+@pytest.mark.parametrize("lazy", [False, True])
+def test_many_traces_at_odd_bytes_with_gaps(tmp_path, maker, lazy):
+    """More traces than are looked at one by one: the bytes are found in runs of neighbours spread over the file."""
+    il, xl = (a.ravel() for a in np.meshgrid(np.arange(1000, 1280), np.arange(3000, 3520, 2), indexing="ij"))
+    keep = np.random.default_rng(0).random(il.size) > 0.01
+    il, xl = il[keep], xl[keep]
+    records = np.zeros(il.size, dtype=[("head", "u1", 240), ("data", "i1", 2)])
+    for byte, values in ((17, il), (25, xl), (1, np.arange(il.size)), (181, 10 * xl), (185, 20 * il)):
+        records["head"][:, byte - 1 : byte + 3] = values.astype(">i4").view("u1").reshape(-1, 4)
+    records["data"][:, 0], records["data"][:, 1] = il % 100, xl % 100
+    path = tmp_path / "a.sgy"
+    path.write_bytes(maker.file_header(2, code=8) + records.tobytes())
+    cube = s3.open_cube(path, lazy=lazy, inline_byte=17, crossline_byte=25)
+    assert cube.shape == (280, 260, 2)
+    assert cube.attrs["n_missing"] == 280 * 260 - il.size
+    i, j = il - 1000, (xl - 3000) // 2
+    np.testing.assert_array_equal(cube.values[i, j, 0], il % 100)
+    np.testing.assert_array_equal(cube.values[i, j, 1], xl % 100)
+    records["head"][:, 8:12], records["head"][:, 20:24] = records["head"][:, 16:20], records["head"][:, 24:28]
+    path.write_bytes(maker.file_header(2, code=8) + records.tobytes())
+    found = s3.open_cube(path, lazy=lazy)
+    assert (found.attrs["inline_byte"], found.attrs["crossline_byte"]) == (9, 21)
+    np.testing.assert_array_equal(found.values, cube.values)
+
+
+def test_lazy_cubes_can_be_sent_elsewhere(tmp_path, maker):
+    path = full(maker, tmp_path / "a.sgy")
+    lazy = pickle.loads(pickle.dumps(s3.open_cube(path, lazy=True)))  # noqa: S301 - made one line above
+    np.testing.assert_array_equal(lazy.values, s3.open_cube(path).values)
+
+
+def test_the_table_of_traces_is_never_far_larger_than_the_file():
+    lines = np.array([1, 2, 3, 10_000_019])
+    with pytest.raises(FormatError, match=r"a\.sgy has line numbers 1 to 10000019 \(byte 9\).*Some headers are wrong"):
+        scanned_grid(lines, lines, 9, 13, path="a.sgy")
