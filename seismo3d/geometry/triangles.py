@@ -211,3 +211,35 @@ def weigh_vertices(vertices: AnyArray, cells: AnyArray) -> Float64Array:
     parts = np.repeat(measure_cells(vertices, cells) / numbers.shape[1], numbers.shape[1])
     weights: Float64Array = np.bincount(numbers.ravel(), weights=parts, minlength=len(vertices)).astype(np.float64)
     return weights
+
+
+def merge_vertices(
+    vertices: AnyArray, cells: AnyArray, *, group: AnyArray, size: float
+) -> tuple[Int64Array, Int64Array]:
+    """Coarsen a mesh: vertices of one group in one box of a grid become one, and cells that collapse are dropped.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (n, d)
+        Points.
+    cells : ndarray of shape (m, d)
+        Triangles or segments as rows of vertex numbers.
+    group : ndarray of shape (n,), int
+        Vertices of different groups are kept apart.
+    size : float
+        Side of a box.
+
+    Returns
+    -------
+    merged : ndarray of shape (n,), int64
+        Number of the new vertex of each old one.
+    cells : ndarray of shape (k, d), int64
+        Cells between new vertices.
+    """
+    boxes = np.floor(np.asarray(vertices, dtype=np.float64) / size).astype(np.int64)
+    keys = np.column_stack([np.asarray(group, dtype=np.int64), boxes])
+    merged = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
+    corners = merged[np.asarray(cells, dtype=np.int64)]
+    ordered = np.sort(corners, axis=1)
+    corners = corners[(np.diff(ordered, axis=1) > 0).all(axis=1)]
+    return merged, np.asarray(np.unique(corners, axis=0), dtype=np.int64)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -65,8 +66,10 @@ def _try_window(kind: str) -> str:
         return f"a test process could not be started ({error})"
     if done.returncode == 0:
         return ""
-    last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-    return f"a test scene ended with code {done.returncode} ({last[:160]})"
+    # VTK colours its lines and puts time, process and place before the message
+    lines = [re.sub(r"\x1b\[[0-9;]*m", "", line).rsplit("|", 1)[-1].strip() for line in done.stderr.splitlines()]
+    last = next((line for line in reversed(lines) if line), "no message")
+    return f"a test scene ended with code {done.returncode}: {last[:120]}"
 
 
 @contextmanager

@@ -6,20 +6,22 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._typing import AnyArray, Float64Array
+from seismo3d.geometry.triangles import merge_vertices
 from seismo3d.plot.drawing import amplitude_limit
 from seismo3d.plot.scene_frame import SceneFrame, slice_points
 from seismo3d.plot.scenes import choose_slices, fault_values, join_surfaces, read_slice
 from seismo3d.plot.traces_of_faults import check_faults, value_colours
 
-_MOST_TRIANGLES = 60_000
+_MOST_TRIANGLES = 40_000
 _MOST_CELLS = 90  # a side of a slice: matplotlib draws each cell as a polygon
 
 
 def sketch_scene(cube: Any, *, faults: Any, height: float = 0.6) -> Any:
     """Draw slices and faults of a cube on matplotlib's 3D axes.
 
-    Slices are thinned to some 90 cells a side, and the depth order of surfaces that cross is approximate: use
-    :func:`seismo3d.plot.cube` wherever it runs.
+    Slices are thinned to some 90 cells a side and surfaces to some 40,000 triangles, and the depth order of surfaces
+    that cross is approximate: use :func:`seismo3d.plot.cube` wherever it runs.
 
     Parameters
     ----------
@@ -83,9 +85,13 @@ def _draw_surfaces(ax: Any, faults: Any, frame: SceneFrame) -> None:
     from matplotlib.colors import Normalize
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    vertices, cells, _ = join_surfaces(faults)
-    cells = cells[:: max(1, -(-len(cells) // _MOST_TRIANGLES))]
+    vertices, cells, surface = join_surfaces(faults)
     values, title = fault_values(faults, "throw")
+    size = 1.0
+    while len(cells) > _MOST_TRIANGLES:
+        size *= 1.5
+        merged, cells = merge_vertices(vertices, cells, group=surface, size=size)
+        vertices, values, surface = (_average(item, merged) for item in (vertices, values, surface))
     name, low, high = value_colours(values, "throw")
     scale = ScalarMappable(Normalize(low, high), colormaps[name].with_extremes(bad="white"))
     shades = scale.to_rgba(np.ma.masked_invalid(values[cells].mean(axis=1)))
@@ -94,3 +100,14 @@ def _draw_surfaces(ax: Any, faults: Any, frame: SceneFrame) -> None:
         Poly3DCollection(list(triangles), facecolors=shades, edgecolors=shades, linewidths=0.2, zsort="min")
     )
     ax.figure.colorbar(scale, ax=ax, label=title, shrink=0.6, pad=0.06)
+
+
+def _average(values: AnyArray, merged: AnyArray) -> Float64Array:
+    """Means over merged vertices of what is known at them."""
+    rows = np.asarray(values, dtype=np.float64).reshape(len(merged), -1).T
+    means = []
+    with np.errstate(invalid="ignore"):
+        for row in rows:
+            known = np.isfinite(row)
+            means.append(np.bincount(merged, np.where(known, row, 0.0)) / np.bincount(merged, known))
+    return np.stack(means, axis=1).reshape(-1, *np.shape(values)[1:])

@@ -120,7 +120,7 @@ def test_attributes_are_written_on_request(demo: Path) -> None:
 
 
 def test_section_runs_through_the_same_command(demo: Path) -> None:
-    write_segy("line.sgy", make_section()[0], like=None)
+    write_segy(demo.with_name("line.sgy"), make_section()[0], like=None)
     assert run("faults", "line.sgy", "-o", "line") == 0
     names = {entry.name for entry in (demo.parent / "line").iterdir()}
     assert {"surfaces.pl", "section_faults.png", "labels.sgy", "report.html", "run.json"} <= names
@@ -130,7 +130,7 @@ def test_section_runs_through_the_same_command(demo: Path) -> None:
 def test_lazy_cube_gives_the_same(demo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert run("faults", "demo.sgy", "-o", "whole") == 0
     monkeypatch.setattr("seismo3d.io.cubes.LAZY_ABOVE", 1000)
-    assert open_cube("demo.sgy").chunks is not None
+    assert open_cube(demo).chunks is not None
     assert run("faults", "demo.sgy", "-o", "lazy") == 0
     for name in ("labels.sgy", "surfaces.vtp", "faults.csv", "sticks_petrel.txt"):
         assert Path("lazy", name).read_bytes() == Path("whole", name).read_bytes()
@@ -139,8 +139,7 @@ def test_lazy_cube_gives_the_same(demo: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_bare_array_is_a_cube_too(demo: Path) -> None:
-    np.save("cube.npy", make_cube().values)
-    assert demo.exists()
+    np.save(demo.with_name("cube.npy"), make_cube().values)
     assert run("faults", "cube.npy", "-o", "out") == 0
     found = open_cube("out/labels.sgy")
     np.testing.assert_array_equal(np.nan_to_num(found.values), make_faults(make_cube()).labels.values)

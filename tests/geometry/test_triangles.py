@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from fake_faults import plane_surface
 
-from seismo3d.geometry.triangles import cut_mesh, join_segments, measure_cells, simplify_line, weigh_vertices
+from seismo3d.geometry.triangles import (
+    cut_mesh,
+    join_segments,
+    measure_cells,
+    merge_vertices,
+    simplify_line,
+    weigh_vertices,
+)
 
 
 def test_cut_of_a_plane_is_its_line() -> None:
@@ -78,3 +85,19 @@ def test_areas_and_weights() -> None:
     weights = weigh_vertices(surface.vertices, surface.cells)
     assert weights.sum() == pytest.approx(surface.area, rel=1e-6)
     assert len(weights) == len(surface.vertices)
+
+
+def test_merged_mesh_keeps_its_place_and_groups_apart() -> None:
+    surface = plane_surface(axis=1, centre=20.0, dip_deg=63.4349488, throw=1.0)
+    n = len(surface.vertices)
+    vertices = np.concatenate([surface.vertices, surface.vertices])
+    cells = np.concatenate([surface.cells, surface.cells + n])
+    merged, coarse = merge_vertices(vertices, cells, group=np.repeat([0, 1], n), size=6.0)
+    assert not set(merged[:n]) & set(merged[n:])
+    count = np.bincount(merged)
+    means = np.stack([np.bincount(merged, weights=vertices[:, k]) / count for k in range(3)], axis=1)
+    assert len(coarse) < len(cells) / 4
+    # the mean of points of a plane lies on it
+    np.testing.assert_allclose(means[:, 1], 20 + (means[:, 2] - 24.5) * 0.5, atol=1e-4)
+    # borders shrink by half a box at most
+    assert measure_cells(means, coarse).sum() > 0.6 * 2 * surface.area
