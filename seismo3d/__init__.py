@@ -21,15 +21,19 @@ if TYPE_CHECKING:
     from seismo3d import plot, synthetic
     from seismo3d.io.cubes import as_cube, open_cube
     from seismo3d.io.segy import write_segy
+    from seismo3d.seismic.faults import trace_faults
+    from seismo3d.seismic.faultset import FaultSet
 
 _PUBLIC = {
+    "FaultSet": "seismo3d.seismic.faultset",
     "as_cube": "seismo3d.io.cubes",
     "open_cube": "seismo3d.io.cubes",
+    "trace_faults": "seismo3d.seismic.faults",
     "write_segy": "seismo3d.io.segy",
 }
 _MODULES = ("plot", "synthetic")
 
-__all__ = ["__version__", "as_cube", "open_cube", "plot", "synthetic", "write_segy"]
+__all__ = ["FaultSet", "__version__", "as_cube", "open_cube", "plot", "synthetic", "trace_faults", "write_segy"]
 
 
 def __getattr__(name: str) -> Any:
