@@ -9,7 +9,7 @@ import numpy as np
 from seismo3d._typing import Float32Array, Progress
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_scan import find_ridges, keep_best_dip, merge_best, sum_strike_lines
-from seismo3d.seismic.misfit import Evidence, noise_share
+from seismo3d.seismic.misfit import Evidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class PlanarSupport:
     Attributes
     ----------
     score : ndarray of the evidence's shape, float32
-        How far the best plane's evidence stands above that of the cube at large, in spreads of the latter.
+        Mean evidence on the best plane, in standard deviations of the cube's evidence above its mean.
     orientation : ndarray of the same shape, int16
         Row of `planes`.
     planes : ndarray of shape (m, 3), float32
@@ -73,7 +73,7 @@ class RidgePoints:
     planes : ndarray of shape (n, 3), float32
         Horizontal normal and cotangent of the dip of each.
     score : ndarray of shape (n,), float32
-        Support, in spreads of the background.
+        Support, in standard deviations of the cube's evidence.
     """
 
     voxels: np.ndarray
@@ -91,8 +91,8 @@ def scan_planes(
     over lines in the time slice (one for each strike a) and then over lines down the dip (one for each b): two short
     sums in place of a disc, each along contiguous samples. Planes near-parallel to the inline axis are done alike.
 
-    The score compares with the cube's own distribution of best sums: its median, and the spread below it, to which
-    faults do not contribute.
+    The score of a plane is how far its mean evidence stands above that of the whole cube, in standard deviations of the
+    cube's evidence: it means the same whatever the cube's amplitudes, noise and sampling.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def scan_planes(
     PlanarSupport
     """
     settings = settings or ScanSettings()
-    noisiness = noise_share(evidence.noise)
+    noisiness = evidence.noisiness
     strike_taps = gaussian_taps(_between(settings.along_strike, noisiness))
     dip_taps = gaussian_taps(_between(settings.along_dip, noisiness) / evidence.step)
     n_dips = int(round(_between((float(settings.n_dips[0]), float(settings.n_dips[1])), noisiness)))
@@ -142,7 +142,9 @@ def scan_planes(
                 progress("scan", n_done / n_all)
         kept.append((best, arg))
     best, arg = _merge(families, kept)
-    return PlanarSupport(_standardise(best, evidence.known), arg, np.asarray(planes, np.float32))
+    best -= np.float32(evidence.mean)
+    best /= np.float32(evidence.spread)
+    return PlanarSupport(best, arg, np.asarray(planes, np.float32))
 
 
 def thin(support: PlanarSupport, evidence: Evidence, *, least: float) -> RidgePoints:
@@ -185,8 +187,3 @@ def _merge(
         return np.ascontiguousarray(kept[0][0].transpose(turn)), np.ascontiguousarray(kept[0][1].transpose(turn))
     merge_best(*kept[0], *kept[1])
     return kept[0]
-
-
-def _standardise(best: Float32Array, known: Float32Array) -> Float32Array:
-    """RAW"""
-    return best
