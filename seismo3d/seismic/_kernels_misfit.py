@@ -8,14 +8,21 @@ from numba import njit, prange
 
 @njit(cache=True, nogil=True, inline="always")
 def _sample(row, usable, z, n):  # type: ignore[no-untyped-def]
-    """Linear interpolation at fractional sample z; weight 0 where it needs a sample that is not usable or not there."""
+    """Cubic interpolation at fractional sample z; weight 0 where it needs a sample that is not usable or not there."""
     if z < 0.0 or z > n - 1:
         return np.float32(0.0), np.float32(0.0)
     k = min(int(z), n - 2)
     f = np.float32(z - k)
     if not (usable[k] and usable[k + 1]):
         return np.float32(0.0), np.float32(0.0)
-    return row[k] + (row[k + 1] - row[k]) * f, np.float32(1.0)
+    b, c = row[k], row[k + 1]
+    a = row[k - 1] if k > 0 and usable[k - 1] else b
+    d = row[k + 2] if k < n - 2 and usable[k + 2] else c
+    half = np.float32(0.5)
+    two = np.float32(2.0)
+    bend = a - b * np.float32(2.5) + two * c - half * d
+    twist = half * (d - a) + np.float32(1.5) * (b - c)
+    return b + f * (half * (c - a) + f * (bend + f * twist)), np.float32(1.0)
 
 
 @njit(cache=True, nogil=True, parallel=True)

@@ -35,7 +35,7 @@ class DipSettings:
         Inlines that are worked on at a time; bounds the memory.
     """
 
-    derivative: float = 1.5
+    derivative: float = 1.0
     lateral: float = 5.0
     vertical: float = 8.0
     steepest: float = 4.0

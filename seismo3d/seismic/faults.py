@@ -6,6 +6,7 @@ slopes -> misfit -> planar support -> ridges -> sheets -> throws -> surfaces, la
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
 from seismo3d.seismic.surfaces import build_surface
 from seismo3d.seismic.throw import SheetThrow, ThrowSettings, measure_throw
+from seismo3d.seismic.whitening import whiten
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,17 +38,20 @@ class FaultSettings:
     least_area : float
         Smallest surface, in traces times samples.
     least_strength : float
-        Significance that a surface needs: its mean support times the square root of the patches it is made of.
+        Significance that a surface needs: its mean support times the square root of its area.
     least_height : float
         Smallest extent of a surface down the samples.
+    least_throw : float
+        Smallest median throw, in samples: sides that fit best unmoved, as at a channel's edge, are no fault.
     dip, misfit, scan, link, throw
         Settings of the stages.
     """
 
-    least_score: tuple[float, float] = (0.35, 0.7)
+    least_score: tuple[float, float] = (0.3, 0.5)
     least_area: float = 400.0
-    least_strength: float = 0.0
-    least_height: float = 0.0
+    least_strength: float = 36.0
+    least_height: float = 24.0
+    least_throw: float = 0.6
     dip: DipSettings = field(default_factory=DipSettings)
     misfit: MisfitSettings = field(default_factory=MisfitSettings)
     scan: ScanSettings = field(default_factory=ScanSettings)
@@ -115,6 +120,8 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
         report("throw", number / len(sheets))
         throws.append(measure_throw(volume, valid, slopes, sheet, settings=settings.throw))
     report("surfaces", 0.0)
+    moved = [np.nanmedian(np.abs(t.throw)) >= settings.least_throw for t in throws]
+    sheets, throws = list(compress(sheets, moved)), list(compress(throws, moved))
     surfaces = _surfaces(sheets, throws, geometry, sampling)
     labels, throw = _draw(sheets, throws, volume.shape)
     likelihood = _draw_likelihood(ridges, evidence, volume.shape)
@@ -152,7 +159,7 @@ def _prepare(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[floa
 
 
 def _clean(amplitudes: Float32Array) -> tuple[Float32Array, BoolArray]:
-    """Mark where there are data, put zero elsewhere, clip spikes and scale to unit strength."""
+    """Mark where there are data, put zero elsewhere, clip spikes, and whiten."""
     valid = np.empty(amplitudes.shape, bool)
     mark_valid(amplitudes, 12, valid)
     amplitudes[~valid] = 0.0
@@ -162,7 +169,7 @@ def _clean(amplitudes: Float32Array) -> tuple[Float32Array, BoolArray]:
     if strength > 0.0:
         amplitudes /= np.float32(strength)
         np.clip(amplitudes, -8.0, 8.0, out=amplitudes)
-    return amplitudes, valid
+    return whiten(amplitudes, valid), valid
 
 
 def _choose(sheets: list[Sheet], settings: FaultSettings) -> list[Sheet]:

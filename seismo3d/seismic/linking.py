@@ -191,10 +191,11 @@ def _join(label: IntArray, contacts: IntArray, least: int) -> IntArray:
     n_surfaces = int(label.max(initial=-1)) + 1
     if len(contacts) == 0:
         return np.arange(n_surfaces)
-    pairs, inverse, count = np.unique(contacts[:, :2], axis=0, return_inverse=True, return_counts=True)
-    along = np.bincount(inverse.ravel(), contacts[:, 2], len(pairs))
+    key = contacts[:, 0].astype(np.int64) * n_surfaces + contacts[:, 1]
+    pairs, inverse = np.unique(key, return_inverse=True)
+    count, along = np.bincount(inverse), np.bincount(inverse, contacts[:, 2])
     joined = pairs[(along >= least) & (along > 0.7 * count)]
-    graph = coo_matrix((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(n_surfaces, n_surfaces))
+    graph = coo_matrix((np.ones(len(joined)), (joined // n_surfaces, joined % n_surfaces)), shape=(n_surfaces, n_surfaces))
     _, group = connected_components(graph, directed=False)
     return group
 

@@ -11,6 +11,10 @@ from seismo3d.seismic._kernels_filters import gaussian_taps, filter_crosslines, 
 from seismo3d.seismic._kernels_misfit import clear_unknown, divide_thinned, log_ratio, side_misfit
 
 
+_LEAST_MEAN = 0.6
+_LEAST_SPREAD = 0.8
+
+
 @dataclass(frozen=True, slots=True)
 class MisfitSettings:
     """How the misfit is measured; lengths in samples and traces.
@@ -21,6 +25,8 @@ class MisfitSettings:
         Traces averaged on each side, in a cube without noise and in a cube of noise.
     vertical : float
         Width of the Gaussian that smooths the misfit along the trace.
+    lateral : float
+        Width of the Gaussian that smooths the evidence over neighbouring traces.
     energy : tuple of (float, float)
         Lateral and vertical width of the window whose energy normalises the misfit.
     step : int
@@ -35,6 +41,7 @@ class MisfitSettings:
 
     reach: tuple[int, int] = (2, 6)
     vertical: float = 1.5
+    lateral: float = 1.25
     energy: tuple[float, float] = (2.0, 4.0)
     step: int = 2
     softness: float = 0.02
@@ -57,7 +64,8 @@ class Evidence:
     noisiness : float
         0 for a cube without noise to 1 for one whose noise is as strong as its signal; it sets window sizes.
     mean, spread : float
-        Mean and standard deviation of the evidence where it is known.
+        Mean and standard deviation of the evidence where it is known, not below those of a cube with a few faults: where
+        there is next to no evidence, its own scatter must not be taken for faults.
     step : int
         Samples from one plane of the evidence to the next.
     """
@@ -111,8 +119,20 @@ def measure_misfit(
         log_ratio(ratio, softness)
     mean, spread = _moments(ratios, known)
     background = float(np.log1p(noise / softness))
-    filled = [_fill_unknown(ratio, weight, background) for ratio, weight in zip(ratios, known, strict=True)]
+    filled = [
+        _spread_laterally(_fill_unknown(ratio, weight, background), settings.lateral)
+        for ratio, weight in zip(ratios, known, strict=True)
+    ]
     return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
+
+
+def _spread_laterally(evidence: Float32Array, sigma: float) -> Float32Array:
+    """Smooth over neighbouring traces: a wavelet ties samples of a trace together, and nothing else ties traces."""
+    taps = gaussian_taps(sigma)
+    other = np.empty_like(evidence)
+    filter_crosslines(evidence, taps, other)
+    filter_inlines(other, taps, evidence)
+    return evidence
 
 
 def _moments(ratios: list[Float32Array], known: list[Float32Array]) -> tuple[float, float]:
@@ -122,7 +142,8 @@ def _moments(ratios: list[Float32Array], known: list[Float32Array]) -> tuple[flo
         values = ratio[weight > 0.5].astype(np.float64)
         count, total, square = count + values.size, total + values.sum(), square + (values**2).sum()
     mean = total / max(count, 1.0)
-    return mean, max(float(np.sqrt(max(square / max(count, 1.0) - mean**2, 0.0))), 1e-6)
+    spread = float(np.sqrt(max(square / max(count, 1.0) - mean**2, 0.0)))
+    return max(mean, _LEAST_MEAN), max(spread, _LEAST_SPREAD)
 
 
 def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> float:

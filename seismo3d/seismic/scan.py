@@ -32,8 +32,8 @@ class ScanSettings:
         Weight of the background in every mean, against a patch's full weight of 1.
     """
 
-    along_strike: tuple[float, float] = (4.0, 6.0)
-    along_dip: tuple[float, float] = (6.0, 9.0)
+    along_strike: tuple[float, float] = (6.0, 8.0)
+    along_dip: tuple[float, float] = (10.0, 12.0)
     lowest_dip_deg: float = 30.0
     n_strikes: int = 8
     n_dips: tuple[int, int] = (17, 21)

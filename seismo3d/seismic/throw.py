@@ -32,10 +32,10 @@ class ThrowSettings:
     near: int = 2
     far: int = 4
     longest: int = 48
-    along_strike: float = 3.0
-    down: float = 5.0
-    step: float = 0.04
-    jump: float = 0.6
+    along_strike: float = 6.0
+    down: float = 12.0
+    step: float = 0.1
+    jump: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,103 @@
+"""Spectral whitening: the wavelet shortened as far as the cube's own noise allows, so that breaks are seen where they are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d.seismic._kernels_filters import filter_samples
+
+_MOST_TRACES = 4096
+_FLOOR = 0.01
+_HALF_LENGTH = 16
+# cycles a sample between which the filter tapers off: beyond, samples cannot be interpolated
+_BAND = (0.3, 0.5)
+
+
+def whiten(volume: Float32Array, valid: BoolArray) -> Float32Array:
+    r"""Flatten the amplitude spectrum along the traces where neighbouring traces agree.
+
+    One zero-phase filter serves the whole cube: :math:`W(f) = \gamma(f) / (A(f) + 0.01 \max A)`, with :math:`A` the
+    root-mean-square amplitude spectrum and :math:`\gamma` the coherence of neighbouring traces: their mean cross-spectrum
+    over their mean power, 1 where all is signal and 0 where all is noise. A wavelet smears a fault's break along the
+    trace by its own length; a shorter one shows it where it is.
+
+    Parameters
+    ----------
+    volume : ndarray of shape (inline, crossline, sample), float32
+        Amplitudes, zero where not valid.
+    valid : ndarray of the same shape, bool
+        Where there are data.
+
+    Returns
+    -------
+    ndarray of the same shape, float32
+        Filtered amplitudes, scaled to a root-mean-square of about 1 and clipped at 8; zero where not valid.
+    """
+    taps = whitening_taps(volume, valid)
+    out = np.empty_like(volume)
+    filter_samples(volume, taps, out)
+    out[~valid] = 0.0
+    count = max(int(valid.sum()), 1)
+    power = float(np.einsum("ijk,ijk->", out, out, dtype=np.float64))
+    if power > 0.0:
+        out /= np.float32(np.sqrt(power / count))
+        np.clip(out, -8.0, 8.0, out=out)
+    return out
+
+
+def whitening_taps(volume: Float32Array, valid: BoolArray) -> Float32Array:
+    """Return the whitening filter's weights, an odd number of them, symmetric."""
+    half = min(_HALF_LENGTH, max(1, volume.shape[2] // 4))
+    identity = np.zeros(2 * half + 1, np.float32)
+    identity[half] = 1.0
+    first, second = _neighbours(volume, valid)
+    if len(first) == 0:
+        return identity
+    taper = np.hanning(volume.shape[2] + 2)[1:-1]
+    n_fft = 4 * (2 * half + 1)
+    spectra = [_short_spectra(traces * taper, n_fft) for traces in (first, second)]
+    power = 0.5 * sum((np.abs(s) ** 2).mean(axis=0) for s in spectra)
+    cross = (spectra[0] * spectra[1].conj()).real.mean(axis=0)
+    if not power.max() > 0.0:
+        return identity
+    smooth_power, smooth_cross = _smooth_spectrum(power), _smooth_spectrum(cross)
+    amplitude = np.sqrt(smooth_power)
+    coherence = np.clip(smooth_cross / np.maximum(smooth_power, 1e-6 * smooth_power.max()), 0.0, 1.0)
+    frequency = np.arange(len(power)) / n_fft
+    low, high = _BAND
+    band = 0.5 + 0.5 * np.cos(np.pi * np.clip((frequency - low) / (high - low), 0.0, 1.0))
+    response = band * coherence / (amplitude + _FLOOR * amplitude.max())
+    impulse = np.fft.fftshift(np.fft.irfft(response, n_fft))
+    centre = n_fft // 2
+    window = np.hanning(2 * half + 3)[1:-1]
+    taps = impulse[centre - half : centre + half + 1] * window
+    peak = np.abs(np.fft.rfft(taps, n_fft)).max()
+    return (taps / peak).astype(np.float32) if peak > 0.0 else identity
+
+
+def _neighbours(volume: Float32Array, valid: BoolArray) -> tuple[Float64Array, Float64Array]:
+    """Return evenly spread pairs of complete neighbouring traces."""
+    if volume.shape[1] < 2:
+        volume, valid = volume.transpose(1, 0, 2), valid.transpose(1, 0, 2)
+    complete = valid.mean(axis=2) > 0.9
+    pairs = np.argwhere(complete[:, :-1] & complete[:, 1:])
+    pairs = pairs[:: max(1, len(pairs) // _MOST_TRACES)]
+    i, j = pairs.T
+    return volume[i, j].astype(np.float64), volume[i, j + 1].astype(np.float64)
+
+
+def _short_spectra(traces: Float64Array, n_fft: int) -> np.ndarray:
+    """Spectra of traces cut or padded to n_fft samples; longer traces give several pieces each."""
+    n = traces.shape[1]
+    if n <= n_fft:
+        return np.fft.rfft(traces, n_fft, axis=1)
+    pieces = n // n_fft
+    return np.fft.rfft(traces[:, : pieces * n_fft].reshape(-1, n_fft), axis=1)
+
+
+def _smooth_spectrum(values: Float64Array) -> Float64Array:
+    weights = np.hanning(11)[1:-1]
+    weights /= weights.sum()
+    padded = np.pad(values, 4, mode="reflect")
+    return np.convolve(padded, weights, "valid")
