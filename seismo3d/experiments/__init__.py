@@ -1,0 +1,1 @@
+"""Measurements that anyone can repeat: how well the methods do on data whose answer is known."""

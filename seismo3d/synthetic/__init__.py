@@ -1,0 +1,31 @@
+"""Cubes and sections whose faults, throws, layer times and horizons are known exactly."""
+
+from __future__ import annotations
+
+from seismo3d.synthetic.bodies import Channel
+from seismo3d.synthetic.cubes import SyntheticCube, fault_cube, fault_section, make_cube
+from seismo3d.synthetic.faulting import FaultPopulation, SyntheticFault, sample_faults
+from seismo3d.synthetic.folding import Folding, sample_folding
+from seismo3d.synthetic.noise import apply_agc, coloured_noise, migration_smiles
+from seismo3d.synthetic.recipes import KINDS, CubeRecipe, recipe_of
+from seismo3d.synthetic.wavelets import ricker
+
+__all__ = [
+    "KINDS",
+    "Channel",
+    "CubeRecipe",
+    "FaultPopulation",
+    "Folding",
+    "SyntheticCube",
+    "SyntheticFault",
+    "apply_agc",
+    "coloured_noise",
+    "fault_cube",
+    "fault_section",
+    "make_cube",
+    "migration_smiles",
+    "recipe_of",
+    "ricker",
+    "sample_faults",
+    "sample_folding",
+]
