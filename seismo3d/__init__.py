@@ -19,17 +19,20 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from seismo3d import plot, synthetic
+    from seismo3d.features.matching import Matches, match
     from seismo3d.io.cubes import as_cube, open_cube
     from seismo3d.io.segy import write_segy
 
 _PUBLIC = {
+    "Matches": "seismo3d.features.matching",
+    "match": "seismo3d.features.matching",
     "as_cube": "seismo3d.io.cubes",
     "open_cube": "seismo3d.io.cubes",
     "write_segy": "seismo3d.io.segy",
 }
 _MODULES = ("plot", "synthetic")
 
-__all__ = ["__version__", "as_cube", "open_cube", "plot", "synthetic", "write_segy"]
+__all__ = ["Matches", "__version__", "as_cube", "match", "open_cube", "plot", "synthetic", "write_segy"]
 
 
 def __getattr__(name: str) -> Any:

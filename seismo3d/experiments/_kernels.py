@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float32Array, Float64Array
+from seismo3d._typing import Float32Array, Float64Array
 
 
 @numba.njit(cache=True, nogil=True)

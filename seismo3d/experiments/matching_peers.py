@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -36,22 +37,20 @@ def opencv_matcher(name: str, n_points: int) -> MatchFunction:
     """SIFT, ORB or AKAZE of OpenCV with at most ``n_points`` keypoints an image."""
     import cv2
 
-    contrib = getattr(cv2, "xfeatures2d", cv2)
-    make = {
-        "SIFT": lambda: cv2.SIFT_create(n_points),
-        "ORB": lambda: cv2.ORB_create(n_points),
-        "AKAZE": lambda: getattr(cv2, "AKAZE_create", getattr(contrib, "AKAZE_create", None))(),
+    make: Callable[[], Any] = {
+        "SIFT": lambda: cv2.SIFT_create(n_points),  # type: ignore[attr-defined]
+        "ORB": lambda: cv2.ORB_create(n_points),  # type: ignore[attr-defined]
+        "AKAZE": lambda: (getattr(cv2, "AKAZE_create", None) or cv2.xfeatures2d.AKAZE_create)(),
     }[name]
     norm = cv2.NORM_L2 if name == "SIFT" else cv2.NORM_HAMMING
 
     def match(target: AnyArray, source: AnyArray) -> tuple[Float64Array, Float64Array]:
         points, descriptors = [], []
         for image in (target, source):
-            feature = make()
-            keypoints = sorted(feature.detect(image, None), key=lambda k: -k.response)[:n_points]
-            keypoints, described = feature.compute(image, keypoints)
-            points.append(np.array([k.pt for k in keypoints]).reshape(-1, 2))
-            descriptors.append(described)
+            keypoints, described = make().detectAndCompute(image, None)
+            order = np.argsort([-k.response for k in keypoints], kind="stable")[:n_points]
+            points.append(np.array([keypoints[i].pt for i in order]).reshape(-1, 2))
+            descriptors.append(described[order] if len(order) else None)
         pairs = _mutual(descriptors[0], descriptors[1], norm)
         return points[0][pairs[:, 0]], points[1][pairs[:, 1]]
 
@@ -68,7 +67,8 @@ def surf_matcher(n_points: int) -> MatchFunction:
 
     def match(target: AnyArray, source: AnyArray) -> tuple[Float64Array, Float64Array]:
         found = [surf.surf(image, nr_octaves=4, nr_scales=6, max_points=n_points) for image in (target, source)]
-        pairs = _mutual(*(np.ascontiguousarray(f[:, 6:], dtype=np.float32) for f in found), cv2.NORM_L2)
+        described = [np.ascontiguousarray(f[:, 6:], dtype=np.float32) for f in found]
+        pairs = _mutual(described[0], described[1], cv2.NORM_L2)
         return found[0][pairs[:, 0], 1::-1], found[1][pairs[:, 1], 1::-1]
 
     return match

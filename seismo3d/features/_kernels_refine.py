@@ -155,7 +155,7 @@ def refine_affine(
                 moved[i] = moved[i] * inverse
                 dot += weight[i] * moved[i] * patch[i]
                 moved[i] -= patch[i]
-            value = dot
+            value = float(dot)
             if k == n_iterations:
                 break
             for a in range(6):

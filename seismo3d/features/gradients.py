@@ -40,4 +40,4 @@ def quantise_gradients(image: Float32Array, valid: BoolArray | None, *, n_bins: 
     gy = cv2.filter2D(smooth, cv2.CV_32F, kernel.T.copy(), borderType=cv2.BORDER_REPLICATE)
     magnitude, angle = cv2.cartToPolar(gx, gy)
     mask = np.ones((1, 1), dtype=np.bool_) if valid is None else np.ascontiguousarray(valid)
-    return _kernels.quantise(magnitude, angle, mask, n_bins, np.float32(n_bins / (2.0 * math.pi)))
+    return _kernels.quantise(magnitude, angle, mask, n_bins, n_bins / (2.0 * math.pi))

@@ -12,7 +12,6 @@ from seismo3d.features.pairs import Pairs
 from seismo3d.features.pyramid import ImagePyramid
 from seismo3d.features.refinement import refine_matches
 
-
 _MAX_CHANGE = 1.4
 
 
@@ -68,8 +67,7 @@ def grow_pairs(
         if rows.size == 0 or len(pairs) == 0:
             break
         points = keypoints.points[rows]
-        _, near = cKDTree(pairs.target).query(points, k=[min(rank + 1, len(pairs))])
-        near = near[:, 0]
+        near = np.asarray(cKDTree(pairs.target).query(points, k=[min(rank + 1, len(pairs))])[1])[:, 0]
         predicted = pairs.source[near] + np.einsum("nij,nj->ni", pairs.linear[near], points - pairs.target[near])
         guess = Pairs(rows, points, predicted, pairs.linear[near], np.zeros(len(rows)))
         found = refine_pairs(target, source, keypoints.level[rows], guess)

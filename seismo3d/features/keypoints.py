@@ -25,7 +25,7 @@ class Keypoints:
 
 
 def _peaks(
-    response: Float32Array, threshold: float, allowed: BoolArray | None, n_wanted: int
+    response: AnyArray, threshold: float, allowed: BoolArray | None, n_wanted: int
 ) -> tuple[Float64Array, Float64Array]:
     """Strongest maxima over 3 x 3 pixels, at the top of a parabola: places (n, 2) as (column, row), and their height."""
     import cv2
@@ -50,7 +50,7 @@ def _peaks(
     return places, height
 
 
-def _spread(x: AnyArray, y: AnyArray, height: Float32Array, shape: tuple[int, int], n_wanted: int) -> AnyArray:
+def _spread(x: AnyArray, y: AnyArray, height: AnyArray, shape: tuple[int, int], n_wanted: int) -> AnyArray:
     """Order of the points to keep, strongest first: no cell of the image takes more than half as much again as its share."""
     n_kept = min(n_wanted, x.size)
     many = min(x.size, 8 * n_kept)

@@ -17,11 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, ArrayLike, Float64Array
+from seismo3d._typing import AnyArray, ArrayLike, BoolArray, Float32Array, Float64Array
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.features.inputs import as_grey, as_grid
 from seismo3d.features.planar import PlanarSettings, match_images
+from seismo3d.features.solid import SolidSettings, match_volumes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +63,7 @@ def match(
     *,
     mask_target: ArrayLike | None = None,
     mask_source: ArrayLike | None = None,
-    n_points: int = 1000,
+    n_points: int | None = None,
     tilts: str = "auto",
 ) -> Matches:
     """Find places that two images or two volumes have in common.
@@ -74,8 +75,8 @@ def match(
         NaN counts as missing.
     mask_target, mask_source : array_like of bool, optional
         True where there is data: dead traces and missing depth are left out by False.
-    n_points : int
-        Points compared, at most, in each.
+    n_points : int, optional
+        Points compared, at most, in each: 1000 in images and 300 in volumes where not given.
     tilts : {"auto", "always", "never"}
         Whether images are also compared as if seen from the side: always, never, or only where few matches are found without. It
         takes matching from 45 to beyond 70 degrees of tilt, at about twenty times the cost. Volumes have no tilt.
@@ -84,6 +85,11 @@ def match(
     -------
     Matches
         Empty where nothing is alike, as in constant or unrelated images.
+
+    Notes
+    -----
+    Images may be of scenes in depth: matches are checked by their neighbours, not by one homography. Volumes are taken to
+    be carried into each other by one rigid motion of any size, of which ``align_pairs`` recovers the transform from the matches.
 
     Raises
     ------
@@ -105,16 +111,35 @@ def match(
     first, second = as_grid(target, "target"), as_grid(source, "source")
     if first.ndim != second.ndim:
         raise ShapeError(f"target has {first.ndim} axes and source {second.ndim}; expected two images or two volumes.")
-    as_number(n_points, "n_points", low=1, high=100_000)
+    if n_points is not None:
+        as_number(n_points, "n_points", low=1, high=100_000)
     if tilts not in ("auto", "always", "never"):
         raise ParameterError(f"tilts is {tilts!r}; expected 'auto', 'always' or 'never'.")
     grey_t, valid_t = as_grey(first, mask_target, "target")
     grey_s, valid_s = as_grey(second, mask_source, "source")
-    pairs, found = match_images(grey_t, valid_t, grey_s, valid_s, PlanarSettings(n_points=int(n_points), tilts=tilts))
-    A = np.linalg.inv(pairs.linear) if len(pairs) else np.empty((0, 2, 2))
+    if first.ndim == 3:
+        return _match_solid(grey_t, valid_t, grey_s, valid_s, n_points)
+    settings = PlanarSettings(tilts=tilts) if n_points is None else PlanarSettings(n_points=int(n_points), tilts=tilts)
+    pairs, found = match_images(grey_t, valid_t, grey_s, valid_s, settings)
+    A = np.linalg.inv(pairs.linear)
     angle = np.arctan2(A[:, 1, 0] - A[:, 0, 1], A[:, 0, 0] + A[:, 1, 1])
     scale = np.sqrt(np.abs(np.linalg.det(A)))
     return _frozen(pairs.target, pairs.source, pairs.correlation, angle, scale, A, found)
+
+
+def _match_solid(
+    target: Float32Array,
+    valid_t: BoolArray | None,
+    source: Float32Array,
+    valid_s: BoolArray | None,
+    n_points: int | None,
+) -> Matches:
+    settings = SolidSettings() if n_points is None else SolidSettings(n_points=int(n_points))
+    found, counts = match_volumes(target, valid_t, source, valid_s, settings)
+    n = len(found.target)
+    angle = np.full(n, np.arccos(np.clip(0.5 * (np.trace(found.R) - 1.0), -1.0, 1.0)))
+    A = np.repeat(found.R[None], n, axis=0)
+    return _frozen(found.target, found.source, found.correlation, angle, np.ones(n), A, counts)
 
 
 def _frozen(
@@ -124,10 +149,11 @@ def _frozen(
     angle: AnyArray,
     scale: AnyArray,
     A: AnyArray,
-    n: tuple[int, int],
+    n_points: tuple[int, int],
 ) -> Matches:
     order = np.argsort(-score, kind="stable")
-    arrays = (
-        freeze(np.ascontiguousarray(a[order], dtype=np.float64)) for a in (target, source, score, angle, scale, A)
-    )
-    return Matches(*arrays, n)
+
+    def sort(values: AnyArray) -> Float64Array:
+        return freeze(np.ascontiguousarray(values[order], dtype=np.float64))
+
+    return Matches(sort(target), sort(source), sort(score), sort(angle), sort(scale), sort(A), n_points)

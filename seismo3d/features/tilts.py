@@ -70,4 +70,4 @@ def _tilted(image: Float32Array, valid: BoolArray | None, compression: float, di
     view = cv2.resize(blurred, (narrow, tall), interpolation=cv2.INTER_LINEAR)
     seen = cv2.resize(inside, (narrow, tall), interpolation=cv2.INTER_AREA) > 250
     A = np.column_stack([squeeze @ turn, squeeze @ -low + shift])
-    return TiltedView(view, seen, A)
+    return TiltedView(np.asarray(view, dtype=np.float32), seen, A)

@@ -25,7 +25,7 @@ _N_PLANES = 7
 
 
 @functools.lru_cache(maxsize=64)
-def _polygon(radius: float) -> tuple[int, int, int, int, int]:
+def _polygon(radius: float) -> tuple[int, ...]:
     """Half-width at the centre and rows along each kind of side that come closest to the circle."""
     ends = [radius * end for end in _SIDE_END]
     nominal = (radius, ends[0], (ends[1] - ends[0]) / 2.0, ends[2] - ends[1], ends[3] - ends[2])
@@ -33,7 +33,8 @@ def _polygon(radius: float) -> tuple[int, int, int, int, int]:
     n_rows = math.floor(radius) + 3
     squared = radius**2 - np.arange(n_rows) ** 2.0
     disc = np.where(squared >= 0.0, np.floor(np.sqrt(np.maximum(squared, 0.0))), -1.0)
-    best, best_misfit = (0, 0, 0, 0, 0), math.inf
+    best: tuple[int, ...] = (0, 0, 0, 0, 0)
+    best_misfit = math.inf
     for sides in itertools.product(*choices):
         widths = np.array(_profile(sides), dtype=float)
         if widths.min() < 0.0 or widths.size > n_rows:
