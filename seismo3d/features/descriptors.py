@@ -86,6 +86,6 @@ def _normalised(sums: Int32Array, layout: WindowLayout) -> Float32Array:
     relative = rings[:, :, np.arange(t)[:, None], bins]
     width = t // layout.n_merged
     relative = np.roll(relative, width // 2, axis=3).reshape(n, n_rings, t, layout.n_merged, width).sum(axis=4)
-    vectors = np.concatenate([central, relative.transpose(0, 2, 1, 3).reshape(n, t, -1)], axis=2)
+    vectors = np.concatenate([central, relative.transpose(0, 2, 1, 3).reshape(n, t, n_rings * layout.n_merged)], axis=2)
     total = vectors.sum(axis=(1, 2), keepdims=True)
     return np.sqrt(np.divide(vectors, total, out=np.zeros_like(vectors), where=total > 0.0))

@@ -146,8 +146,8 @@ def _normalised(axis: AnyArray, rings: AnyArray, layout: SphereLayout) -> Float3
     # Bins are merged around the azimuth itself, halves shared at the seams, so that a mirror image stays one.
     doubled = 0.5 * (np.roll(relative, width // 2, axis=4) + np.roll(relative, width // 2 - 1, axis=4))
     merged = doubled.reshape(n, n_rings, n_bands, t, layout.n_merged, width).sum(axis=5)
-    ring_part = merged.transpose(0, 3, 1, 2, 4).reshape(n, t, -1)
-    axis_part = axis.transpose(0, 3, 1, 2).reshape(n, t, -1)
+    ring_part = merged.transpose(0, 3, 1, 2, 4).reshape(n, t, n_rings * n_bands * layout.n_merged)
+    axis_part = axis.transpose(0, 3, 1, 2).reshape(n, t, axis.shape[1] * n_bands)
     vectors = np.concatenate([axis_part, ring_part], axis=2).astype(np.float32)
     total = vectors.sum(axis=(1, 2), keepdims=True)
     return np.sqrt(np.divide(vectors, total, out=np.zeros_like(vectors), where=total > 0.0))
