@@ -173,3 +173,28 @@ def nearest_apart(similarity: Float32Array, points: AnyArray, apart: float) -> t
         else:
             ratio[i] = 0.0
     return best, ratio
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
+def corner_strength(gx: Float32Array, gy: Float32Array) -> Float32Array:
+    """Smaller eigenvalue of the mean outer product of the gradient over 5 x 5 pixels; zero within three of the border."""
+    rows, columns = gx.shape
+    out = np.zeros((rows, columns), np.float32)
+    a, b, c = np.empty(columns, np.float32), np.empty(columns, np.float32), np.empty(columns, np.float32)
+    share = np.float32(1.0 / 25.0)
+    for y in range(3, rows - 3):
+        a[:], b[:], c[:] = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+        for k in range(y - 2, y + 3):
+            u, v = gx[k], gy[k]
+            for x in range(columns):
+                a[x] += u[x] * u[x]
+                b[x] += u[x] * v[x]
+                c[x] += v[x] * v[x]
+        line = out[y]
+        for x in range(3, columns - 3):
+            p = (a[x - 2] + a[x - 1] + a[x] + a[x + 1] + a[x + 2]) * share
+            q = (b[x - 2] + b[x - 1] + b[x] + b[x + 1] + b[x + 2]) * share
+            r = (c[x - 2] + c[x - 1] + c[x] + c[x + 1] + c[x + 2]) * share
+            half = np.float32(0.5) * (p - r)
+            line[x] = np.float32(0.5) * (p + r) - np.sqrt(half * half + q * q)
+    return out

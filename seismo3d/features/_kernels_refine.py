@@ -206,7 +206,7 @@ def count_agreeing(
                 continue
             dx, dy = target[j, 0] - target[i, 0], target[j, 1] - target[i, 1]
             ex, ey = source[j, 0] - source[i, 0], source[j, 1] - source[i, 1]
-            if dx * dx + dy * dy < 4.0:
+            if dx * dx + dy * dy < 1.0:
                 continue  # the same place on another level is no second witness
             limit = (slack + growth * np.sqrt(dx * dx + dy * dy)) ** 2
             ax = linear[i, 0, 0] * dx + linear[i, 0, 1] * dy - ex

@@ -23,8 +23,8 @@ from seismo3d.features.windows import window_half_widths
 class WindowLayout:
     """Where the windows lie: ``rings`` of (ring radius, disc radius), in pixels, around a disc of ``central`` radius."""
 
-    rings: tuple[tuple[float, float], ...] = ((5.0, 3.0), (10.0, 4.5), (15.0, 6.0))
-    central: float = 4.5
+    rings: tuple[tuple[float, float], ...] = ((3.5, 2.0), (7.0, 3.0), (10.5, 4.0))
+    central: float = 3.0
     n_satellites: int = 16
     n_merged: int = 4
 

@@ -98,7 +98,7 @@ def polish_pairs(
     linear, points, correlation = pairs.linear.copy(), pairs.source.copy(), pairs.correlation.copy()
     for _ in range(2):
         finer = np.maximum(level - n_finer, 0)
-        rows = np.flatnonzero(finer < level)
+        rows = np.flatnonzero(finer < level - 1)
         if rows.size == 0:
             break
         again = Pairs(pairs.row[rows], pairs.target[rows], points[rows], linear[rows], correlation[rows])

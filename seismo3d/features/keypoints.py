@@ -9,6 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int32Array
+from seismo3d.features import _kernels
+from seismo3d.features.gradients import central_differences
 from seismo3d.features.pyramid import STEP, ImagePyramid
 
 _BORDER = 8
@@ -69,7 +71,7 @@ def _spread(x: AnyArray, y: AnyArray, height: AnyArray, shape: tuple[int, int], 
 
 
 def detect_keypoints(
-    pyramid: ImagePyramid, *, n_points: int, min_contrast: float = 1.0, blob_share: float = 0.6
+    pyramid: ImagePyramid, *, n_points: int, min_contrast: float = 0.3, blob_share: float = 0.6
 ) -> Keypoints:
     r"""Find corners (Shi and Tomasi) and blobs (difference of Gaussians) at every level.
 
@@ -122,7 +124,7 @@ def _strongest(
     """The strongest corners and blobs of a level, ``n`` together; blobs that sit on a corner are left out."""
     import cv2
 
-    points, strength = _peaks(cv2.cornerMinEigenVal(image, 5, ksize=3), min_contrast**2, allowed, n)
+    points, strength = _peaks(_kernels.corner_strength(*central_differences(image)), min_contrast**2, allowed, n)
     strength = np.sqrt(strength)
     n_blobs = round(n * blob_share)
     if n_blobs == 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -84,7 +85,7 @@ def match_images(
     n_points : tuple of int
         Keypoints of target and source.
     """
-    first, second = _view(target, valid_target, settings), _view(source, valid_source, settings)
+    first, second = _both_views(target, valid_target, source, valid_source, settings)
     seeds = no_pairs()
     if settings.tilts != "always":
         seeds = _agreeing(_refined(first, second, _first_matches(first, second, settings), settings), settings)
@@ -110,6 +111,24 @@ def _view(
     return _View(
         pyramid, keypoints, describe_points(pyramid, keypoints, settings.layout), np.eye(2, 3) if A is None else A
     )
+
+
+def _both_views(
+    target: Float32Array,
+    valid_target: BoolArray | None,
+    source: Float32Array,
+    valid_source: BoolArray | None,
+    settings: PlanarSettings,
+) -> tuple[_View, _View]:
+    """Prepare both images: at the same time where OpenCV may use more than one thread."""
+    import cv2
+
+    if cv2.getNumThreads() < 2:
+        return _view(target, valid_target, settings), _view(source, valid_source, settings)
+    with ThreadPoolExecutor(1) as pool:
+        later = pool.submit(_view, source, valid_source, settings)
+        first = _view(target, valid_target, settings)
+        return first, later.result()
 
 
 def _first_matches(first: _View, second: _View, settings: PlanarSettings) -> Pairs:
