@@ -76,7 +76,7 @@ def match(
     mask_target, mask_source : array_like of bool, optional
         True where there is data: dead traces and missing depth are left out by False.
     n_points : int, optional
-        Points compared, at most, in each: 1000 in images and 300 in volumes where not given.
+        Points compared, at most, in each: 500 in images and 300 in volumes where not given.
     tilts : {"auto", "always", "never"}
         Whether images are also compared as if seen from the side: always, never, or only where few matches are found without. It
         takes matching from 45 to beyond 70 degrees of tilt, at about twenty times the cost. Volumes have no tilt.

@@ -38,7 +38,7 @@ class PlanarSettings:
         With fewer matches than this, tilts are tried in "auto".
     """
 
-    n_points: int = 1000
+    n_points: int = 500
     n_levels: int = 10
     tilts: str = "auto"
     max_ratio: float = 0.9
