@@ -22,17 +22,32 @@ if TYPE_CHECKING:
     from seismo3d.features.matching import Matches, match
     from seismo3d.io.cubes import as_cube, open_cube
     from seismo3d.io.segy import write_segy
+    from seismo3d.seismic.faults import trace_faults
+    from seismo3d.seismic.faultset import FaultSet
 
 _PUBLIC = {
+    "FaultSet": "seismo3d.seismic.faultset",
     "Matches": "seismo3d.features.matching",
-    "match": "seismo3d.features.matching",
     "as_cube": "seismo3d.io.cubes",
+    "match": "seismo3d.features.matching",
     "open_cube": "seismo3d.io.cubes",
+    "trace_faults": "seismo3d.seismic.faults",
     "write_segy": "seismo3d.io.segy",
 }
 _MODULES = ("plot", "synthetic")
 
-__all__ = ["Matches", "__version__", "as_cube", "match", "open_cube", "plot", "synthetic", "write_segy"]
+__all__ = [
+    "FaultSet",
+    "Matches",
+    "__version__",
+    "as_cube",
+    "match",
+    "open_cube",
+    "plot",
+    "synthetic",
+    "trace_faults",
+    "write_segy",
+]
 
 
 def __getattr__(name: str) -> Any:

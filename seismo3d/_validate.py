@@ -20,7 +20,9 @@ def as_number(value: Any, name: str, *, low: float = -math.inf, high: float = ma
     inside = low < number < high if strict else low <= number <= high
     if not math.isfinite(number) or not inside:
         brackets = "()" if strict else "[]"
-        raise ParameterError(f"{name} is {number:g}; expected a finite number in {brackets[0]}{low:g}, {high:g}{brackets[1]}.")
+        raise ParameterError(
+            f"{name} is {number:g}; expected a finite number in {brackets[0]}{low:g}, {high:g}{brackets[1]}."
+        )
     return number
 
 
@@ -38,13 +40,17 @@ def as_real_array(values: ArrayLike, name: str, *, ndim: int | tuple[int, ...]) 
     return array
 
 
-def as_points(values: ArrayLike, name: str, *, dim: int | tuple[int, ...] = (2, 3), finite: bool = True) -> Float64Array:
+def as_points(
+    values: ArrayLike, name: str, *, dim: int | tuple[int, ...] = (2, 3), finite: bool = True
+) -> Float64Array:
     """Return points as a C-ordered float64 array of shape (n, d), one point a row."""
     dims = (dim,) if isinstance(dim, int) else dim
     points = np.asarray(values)
     wanted = " or ".join(f"(n, {d})" for d in dims)
     if points.dtype.kind not in "fiu":
-        raise ShapeError(f"{name} has elements of type {points.dtype}; expected real numbers in an array of shape {wanted}.")
+        raise ShapeError(
+            f"{name} has elements of type {points.dtype}; expected real numbers in an array of shape {wanted}."
+        )
     if points.ndim != 2 or points.shape[1] not in dims:
         turned = points.ndim == 2 and points.shape[0] in dims
         remedy = " Give one point a row: transpose a (d, n) array." if turned else " Give one point a row."
@@ -52,7 +58,9 @@ def as_points(values: ArrayLike, name: str, *, dim: int | tuple[int, ...] = (2, 
     points = np.ascontiguousarray(points, dtype=np.float64)
     if finite and not np.isfinite(points).all():
         n_bad = int((~np.isfinite(points).all(axis=1)).sum())
-        raise ShapeError(f"{name} has {n_bad} rows with NaN or infinite values; expected finite points. Drop those rows first.")
+        raise ShapeError(
+            f"{name} has {n_bad} rows with NaN or infinite values; expected finite points. Drop those rows first."
+        )
     return points
 
 

@@ -2,8 +2,8 @@
 
 Frame and sign conventions, here once for the whole seismic side:
 
-- Coordinates are fractional indices, ``(inline, crossline, sample)`` in a cube and ``(trace, sample)`` in a section; the
-  sample axis points down.
+- Coordinates are fractional indices, ``(inline, crossline, sample)`` in a cube and ``(trace, sample)`` in a section;
+  the sample axis points down.
 - A surface's normals point into its hanging wall, so that their sample component is not positive (up) on a dipping
   surface; where a surface is vertical the sign is that of its neighbours.
 - Throw is vertical: positive where the hanging wall went down (normal fault), negative where it went up (reverse).
@@ -13,11 +13,19 @@ Frame and sign conventions, here once for the whole seismic side:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from seismo3d._typing import AnyArray, Float32Array, Int32Array
+import numpy as np
+
+from seismo3d._typing import Float32Array, Int32Array
+from seismo3d._validate import freeze
+from seismo3d.errors import FileAccessError, FormatError, GeometryError
+
+_FILE = "faultset.npz"
+_VERSION = 1
+_VOLUMES = ("likelihood", "labels", "throw")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +45,8 @@ class FaultSurface:
     throw : ndarray of shape (n,), float32
         Vertical displacement in samples, positive where the hanging wall is down; NaN where it is not known.
     strike_deg, dip_deg : ndarray of shape (n,), float32
-        Orientation at each vertex in degrees; strike 0 to 360 by the right-hand rule, dip 0 to 90. In a section strike is NaN.
+        Orientation at each vertex in degrees; strike 0 to 360 by the right-hand rule, dip 0 to 90. In a section strike
+        is NaN.
     sample_interval : float
         Size of a sample in ms or m, or 1 where the input was a bare array.
     sample_unit : str
@@ -59,6 +68,24 @@ class FaultSurface:
     sample_unit: str = "samples"
     confidence: float = 0.0
     area: float = 0.0
+
+    @property
+    def throw_ms(self) -> Float32Array:
+        """Throw in ms at each vertex, where the cube is in time."""
+        return self._throw_in("ms")
+
+    @property
+    def throw_m(self) -> Float32Array:
+        """Throw in m at each vertex, where the cube is in depth."""
+        return self._throw_in("m")
+
+    def _throw_in(self, unit: str) -> Float32Array:
+        if self.sample_unit != unit:
+            raise GeometryError(
+                f"throw_{unit} is asked of a surface whose samples are in {self.sample_unit}. "
+                "Use throw, in samples, or trace the faults in a cube that says its sample interval."
+            )
+        return self.throw * np.float32(self.sample_interval)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,3 +111,106 @@ class FaultSet:
     labels: Any
     throw: Any
     settings: dict[str, Any] = field(default_factory=dict)
+
+    def save(self, directory: str | Path) -> Path:
+        """Write everything to ``faultset.npz`` in a folder, to be read back with :meth:`load`.
+
+        The file is written aside and renamed, so that an interrupted save leaves the old one as it was. It holds no
+        pickle: arrays as in any ``.npz`` file, the rest as JSON.
+
+        Parameters
+        ----------
+        directory : str or Path
+            The folder; made where it is absent.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        FileAccessError
+            If the folder cannot be made or written to.
+        ParameterError
+            If the settings hold something other than numbers, text, arrays, dicts, lists and tuples.
+        """
+        from seismo3d.io.archive import write_archive
+        from seismo3d.io.labelled import pack_labelled
+
+        directory = Path(directory)
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FileAccessError(f"{directory} cannot be made: {error.strerror}. Choose another folder.") from error
+        arrays, scalars = _pack_surfaces(self.surfaces)
+        meta: dict[str, Any] = {"format": "seismo3d faults", "version": _VERSION, "surfaces": scalars, "volumes": {}}
+        for name in _VOLUMES:
+            volume, meta["volumes"][name] = pack_labelled(getattr(self, name), name)
+            arrays |= volume
+        write_archive(directory / _FILE, arrays, meta=meta | {"settings": self.settings})
+        return directory / _FILE
+
+    @classmethod
+    def load(cls, directory: str | Path) -> FaultSet:
+        """Read what :meth:`save` wrote; every array, setting and coordinate comes back as it was.
+
+        Parameters
+        ----------
+        directory : str or Path
+            The folder, such as that of a ``seismo3d faults`` run.
+
+        Returns
+        -------
+        FaultSet
+            The faults; volumes are DataArrays where they were.
+
+        Raises
+        ------
+        FileAccessError
+            If there is no such file in the folder.
+        FormatError
+            If the file is damaged, or from a newer version.
+        """
+        from seismo3d.io.archive import read_archive
+        from seismo3d.io.labelled import unpack_labelled
+
+        path = Path(directory) / _FILE
+        if not path.is_file():
+            raise FileAccessError(
+                f"{directory} holds no {_FILE}. Give the folder of a faults run, or of FaultSet.save."
+            )
+        arrays, meta = read_archive(path)
+        if meta.get("format") != "seismo3d faults" or meta.get("version") != _VERSION:
+            found = f"{meta.get('format')!r}, version {meta.get('version')!r}"
+            raise FormatError(
+                f"{path} holds {found}; expected 'seismo3d faults', version {_VERSION}. Trace the faults again."
+            )
+        try:
+            surfaces = _unpack_surfaces(arrays, meta["surfaces"])
+            volumes = {name: unpack_labelled(arrays, name, description=meta["volumes"][name]) for name in _VOLUMES}
+        except KeyError as error:
+            raise FormatError(f"{path} lacks {error}: it is damaged. Trace the faults again.") from error
+        return cls(surfaces=surfaces, settings=meta["settings"], **volumes)
+
+
+_SCALARS = ("sample_interval", "sample_unit", "confidence", "area")
+_ARRAYS = tuple(entry.name for entry in fields(FaultSurface) if entry.name not in _SCALARS)
+
+
+def _pack_surfaces(surfaces: tuple[FaultSurface, ...]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Join the surfaces' arrays end to end, one array an attribute, with where each surface ends."""
+    arrays: dict[str, Any] = {}
+    for name in _ARRAYS if surfaces else ():
+        parts = [np.asarray(getattr(surface, name)) for surface in surfaces]
+        arrays[f"surfaces.{name}"] = np.concatenate(parts)
+        arrays[f"ends.{name}"] = np.cumsum([len(part) for part in parts])
+    return arrays, [{name: getattr(surface, name) for name in _SCALARS} for surface in surfaces]
+
+
+def _unpack_surfaces(arrays: dict[str, Any], scalars: list[dict[str, Any]]) -> tuple[FaultSurface, ...]:
+    parts = {}
+    for name in _ARRAYS if scalars else ():
+        parts[name] = [part.copy() for part in np.split(arrays[f"surfaces.{name}"], arrays[f"ends.{name}"][:-1])]
+    rows: list[dict[str, Any]] = [{name: freeze(parts[name][i]) for name in _ARRAYS} for i in range(len(scalars))]
+    return tuple(FaultSurface(**row, **numbers) for row, numbers in zip(rows, scalars, strict=True))

@@ -1,0 +1,1 @@
+"""Axes and survey geometry: index space, line numbers, and metres on the map."""

@@ -1,0 +1,146 @@
+"""One file that holds named arrays and a description, without pickle: a ``.npz`` with a ``meta.json`` inside.
+
+The file is written beside its place and renamed into it, so that a reader finds the old file, the new one, or none,
+and never a half. ``numpy.load`` opens the arrays as well; ``unzip -p FILE meta.json`` shows the description.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray
+from seismo3d.errors import FileAccessError, FormatError, ParameterError
+from seismo3d.io._files import written_aside
+
+_META = "meta.json"
+
+
+def write_archive(path: str | Path, arrays: Mapping[str, AnyArray], *, meta: Mapping[str, Any]) -> None:
+    """Write arrays and a description to one file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; one that is there already is replaced in one step.
+    arrays : mapping of str to ndarray
+        Any numeric, boolean, date or text arrays.
+    meta : mapping
+        Nested dicts, lists, tuples, text, numbers, None, bytes and (small) arrays, all kept with their types.
+
+    Raises
+    ------
+    ParameterError
+        If a value has a type that cannot be kept.
+    FileAccessError
+        If the folder cannot be written to.
+    """
+    text = json.dumps(_encode(dict(meta), "meta"), indent=1)
+    for name, array in arrays.items():
+        if np.asarray(array).dtype.hasobject:
+            raise ParameterError(
+                f"array {name!r} holds Python objects; expected numbers, booleans or text. Convert it first."
+            )
+    with written_aside(path) as aside, zipfile.ZipFile(aside, "w", zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
+        archive.writestr(_META, text)
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+
+
+def read_archive(path: str | Path) -> tuple[dict[str, AnyArray], dict[str, Any]]:
+    """Read what :func:`write_archive` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    arrays : dict of str to ndarray
+        The arrays by name.
+    meta : dict
+        The description.
+
+    Raises
+    ------
+    FileAccessError
+        If the file is not there or cannot be read.
+    FormatError
+        If it is not such an archive, or is damaged.
+    """
+    path = Path(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            meta = _decode(json.loads(archive.read(_META)))
+            names = [name for name in archive.namelist() if name.endswith(".npy")]
+            return {name.removesuffix(".npy"): _read_member(archive, name) for name in names}, meta
+    except OSError as error:
+        raise FileAccessError(
+            f"{path} cannot be read: {error.strerror or error}. Check the name and the permissions."
+        ) from error
+    except (zipfile.BadZipFile, KeyError, ValueError, EOFError, zlib.error, StopIteration, TypeError) as error:
+        raise FormatError(f"{path} is not a seismo3d archive, or is damaged ({error}). Write it again.") from error
+
+
+def _read_member(archive: zipfile.ZipFile, name: str) -> AnyArray:
+    with archive.open(name) as member:
+        array: AnyArray = np.lib.format.read_array(member, allow_pickle=False)
+        return array
+
+
+def _encode(value: Any, place: str) -> Any:
+    if value is None or (isinstance(value, bool | int | float | str) and not isinstance(value, np.generic)):
+        return value
+    if isinstance(value, Mapping):
+        return {"dict": [[_encode(k, place), _encode(v, f"{place}[{k!r}]")] for k, v in value.items()]}
+    if isinstance(value, list):
+        return [_encode(item, place) for item in value]
+    if isinstance(value, tuple):
+        return {"tuple": [_encode(item, place) for item in value]}
+    if isinstance(value, bytes):
+        return {"bytes": base64.b64encode(value).decode()}
+    if isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
+        kind = "array" if isinstance(value, np.ndarray) else "scalar"
+        array = np.ascontiguousarray(value)
+        return {
+            kind: base64.b64encode(array.tobytes()).decode(),
+            "dtype": array.dtype.str,
+            "shape": list(np.shape(value)),
+        }
+    if isinstance(value, Path):
+        return {"path": str(value)}
+    raise ParameterError(
+        f"{place} is a {type(value).__name__}; expected numbers, text, arrays, and dicts, lists and tuples of them."
+    )
+
+
+def _decode_array(value: dict[str, Any], kind: str) -> AnyArray:
+    flat = np.frombuffer(base64.b64decode(value[kind]), dtype=np.dtype(value["dtype"]))
+    return flat.reshape(value["shape"]).copy()
+
+
+_DECODERS: dict[str, Callable[[dict[str, Any]], Any]] = {
+    "dict": lambda v: {_decode(k): _decode(item) for k, item in v["dict"]},
+    "tuple": lambda v: tuple(_decode(item) for item in v["tuple"]),
+    "bytes": lambda v: base64.b64decode(v["bytes"]),
+    "array": lambda v: _decode_array(v, "array"),
+    "scalar": lambda v: _decode_array(v, "scalar")[()],
+    "path": lambda v: Path(v["path"]),
+}
+
+
+def _decode(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_decode(item) for item in value]
+    if isinstance(value, dict):
+        return next(decoder for kind, decoder in _DECODERS.items() if kind in value)(value)
+    return value

@@ -1,0 +1,96 @@
+"""Which way faults strike, and how much they throw."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seismo3d.geometry.triangles import weigh_vertices
+from seismo3d.plot.drawing import new_axes
+from seismo3d.plot.traces_of_faults import display_throw
+
+_BLUE = "#2b6ca3"
+
+
+def strike_rose(faults: Any, *, from_north: bool, bin_deg: float = 10.0, ax: Any = None) -> Any:
+    """Draw a rose diagram of strike, weighted by fault area and drawn both ways.
+
+    Parameters
+    ----------
+    faults : FaultSet
+        Faults of a cube.
+    from_north : bool
+        Whether strikes are measured from north (the cube lies on a map) or from the inline axis.
+    bin_deg : float
+        Width of a petal.
+    ax : matplotlib PolarAxes, optional
+        Where to draw; a new pyplot figure by default.
+
+    Returns
+    -------
+    matplotlib PolarAxes
+        The rose; a petal's *area* is its share of the fault area.
+    """
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        ax = plt.subplots(figsize=(4.5, 4.5), layout="constrained", subplot_kw={"projection": "polar"})[1]
+    strikes = [np.asarray(s.strike_deg, dtype=np.float64) for s in faults.surfaces]
+    weights = [weigh_vertices(s.vertices, s.cells) for s in faults.surfaces]
+    strike, weight = (np.concatenate(x) if x else np.zeros(0) for x in (strikes, weights))
+    known = np.isfinite(strike)
+    n = max(round(180.0 / bin_deg), 1)
+    counts, edges = np.histogram(strike[known] % 180.0, bins=n, range=(0.0, 180.0), weights=weight[known])
+    length = np.sqrt(counts / counts.sum()) if counts.sum() > 0 else counts
+    centres = np.radians(np.concatenate([edges[:-1], edges[:-1] + 180.0]) + 90.0 / n)
+    ax.set_theta_zero_location("N")
+    ax.set_theta_direction(-1)
+    ax.bar(centres, np.tile(length, 2), width=np.pi / n, color=_BLUE, edgecolor="white", linewidth=0.6)
+    names = ["N", "E", "S", "W"] if from_north else ("inline axis", "crossline\naxis", "", "")
+    ax.set_xticks(np.radians([0, 90, 180, 270]), names)
+    ax.set_yticks([])
+    ax.set_title("Strike", fontsize="medium")
+    return ax
+
+
+def throw_histogram(faults: Any, *, ax: Any = None) -> Any:
+    """Draw how the fault area is spread over throws.
+
+    Parameters
+    ----------
+    faults : FaultSet
+        Faults of a cube or section.
+    ax : matplotlib Axes, optional
+        Where to draw; a new pyplot figure by default.
+
+    Returns
+    -------
+    matplotlib Axes
+        Shares of the area of known throw; the share of unknown throw is written on it.
+    """
+    ax = new_axes(5.5, 4.0) if ax is None else ax
+    throws = [display_throw(surface) for surface in faults.surfaces]
+    weights = [weigh_vertices(surface.vertices, surface.cells) for surface in faults.surfaces]
+    unit = throws[0][1] if throws else "samples"
+    throw = np.concatenate([t for t, _ in throws]) if throws else np.zeros(0)
+    weight = np.concatenate(weights) if weights else np.zeros(0)
+    known = np.isfinite(throw)
+    if known.any():
+        low, high = np.percentile(throw[known], [0.5, 99.5])
+        edges = np.linspace(low, high if high > low else low + 1.0, 31)
+        shares = 100.0 * weight[known] / weight[known].sum()
+        ax.hist(
+            np.clip(throw[known], edges[0], edges[-1]),
+            bins=edges,
+            weights=shares,
+            color=_BLUE,
+            edgecolor="white",
+            linewidth=0.5,
+        )
+    unknown = 100.0 * weight[~known].sum() / weight.sum() if weight.sum() > 0 else 0.0
+    ax.axvline(0.0, color="0.3", linewidth=0.8)
+    ax.set(xlabel=f"Throw ({unit}), positive: hanging wall down", ylabel="Share of fault area (%)")
+    ax.set_title(f"Throw ({unknown:.0f} % of the area unknown)", fontsize="medium")
+    ax.spines[["top", "right"]].set_visible(False)
+    return ax

@@ -1,0 +1,130 @@
+"""Amplitudes and fault lines drawn on matplotlib axes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray
+from seismo3d._validate import as_number
+from seismo3d.plot.pictures import Picture
+from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, FaultLines, value_colours
+
+_NO_DATA = "#e9edf2"
+
+
+def new_axes(width: float, height: float) -> Any:
+    """Axes of a new pyplot figure, size in inches."""
+    import matplotlib.pyplot as plt
+
+    return plt.subplots(figsize=(width, height), layout="constrained")[1]
+
+
+def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float, aspect: Any = "auto") -> Any:
+    """Draw a picture with symmetric colours; places without data get their own flat colour.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+        Where to draw.
+    picture : Picture
+        What to draw.
+    cmap : str
+        A matplotlib colour map.
+    clip : float
+        Percentile of the absolute amplitude that gets the strongest colour.
+    aspect : str or float
+        As in ``Axes.imshow``.
+
+    Returns
+    -------
+    AxesImage
+        The drawn picture.
+    """
+    limit = amplitude_limit(picture.values[picture.live], clip)
+    masked = np.ma.masked_array(picture.values, mask=~picture.live)
+    ax.set_facecolor(_NO_DATA)
+    drawn = ax.imshow(
+        masked,
+        cmap=cmap,
+        vmin=-limit,
+        vmax=limit,
+        extent=picture.extent,
+        aspect=aspect,
+        interpolation="antialiased",
+        interpolation_stage="rgba",
+    )
+    ax.set_xlabel(picture.column_name)
+    ax.set_ylabel(picture.row_name)
+    ax.set_title(picture.title, loc="left", fontsize="medium")
+    if not picture.live.all():
+        _note_missing(ax, picture)
+    return drawn
+
+
+def amplitude_limit(values: AnyArray, clip: float) -> float:
+    """Amplitude that gets the strongest colour: a percentile of the absolute values, 1 where there are none."""
+    percent = as_number(clip, "clip", low=0, high=100)
+    finite = values[np.isfinite(values)]
+    limit = float(np.percentile(np.abs(finite.astype(np.float64)), percent)) if finite.size else 0.0
+    return limit or float(np.abs(finite).max(initial=0)) or 1.0
+
+
+def draw_faults(ax: Any, lines: FaultLines, *, colour: str, width: float = 2.0, label: bool = True) -> Any:
+    """Draw fault lines over a picture.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+        Where to draw.
+    lines : FaultLines
+        What to draw.
+    colour : {"surface", "throw", "likelihood"}
+        What the colour says; segments of unknown throw are white.
+    width : float
+        Line width in points.
+    label : bool
+        Add a colour bar where colours are numbers.
+
+    Returns
+    -------
+    LineCollection or None
+        None where no fault crosses the picture.
+    """
+    from matplotlib.collections import LineCollection
+
+    if not len(lines.segments):
+        return None
+    limits = ax.get_xlim(), ax.get_ylim()
+    ax.add_collection(LineCollection(list(lines.segments), colors="black", linewidths=width + 1.4, capstyle="round"))
+    top = LineCollection(list(lines.segments), linewidths=width, capstyle="round")
+    values = lines.values(colour)
+    if values is None:
+        top.set_color([SURFACE_COLOURS[(number - 1) % len(SURFACE_COLOURS)] for number in lines.surface])
+    else:
+        top.set_array(np.ma.masked_invalid(values))
+        name, low, high = lines.throw_colours if colour == "throw" else value_colours(values, colour)
+        top.set_cmap(_with_unknown(name))
+        top.set_clim(low, high)
+    ax.add_collection(top)
+    ax.set_xlim(*limits[0])
+    ax.set_ylim(*limits[1])
+    if values is not None and label:
+        name = f"Throw ({lines.throw_unit})" if colour == "throw" else "Fault likelihood"
+        ax.figure.colorbar(top, ax=ax, label=name, pad=0.02, shrink=0.8)
+    return top
+
+
+def _with_unknown(name: str) -> Any:
+    from matplotlib import colormaps
+
+    return colormaps[name].with_extremes(bad="white")
+
+
+def _note_missing(ax: Any, picture: Picture) -> None:
+    from matplotlib.patches import Patch
+
+    share = 100.0 * (1.0 - picture.live.mean())
+    patch = Patch(facecolor=_NO_DATA, edgecolor="0.4", label=f"no data ({share:.2g} %)")
+    ax.legend(handles=[patch], loc="lower right", fontsize="x-small", framealpha=0.9, handlelength=1.2)

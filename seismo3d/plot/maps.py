@@ -1,0 +1,148 @@
+"""Views from above: time slices, and where the throw is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seismo3d.errors import GeometryError, ShapeError
+from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.plot.drawing import draw_amplitudes, draw_faults, new_axes
+from seismo3d.plot.pictures import Picture, axis_coordinates, axis_label, live_traces, name_axes, take_picture
+from seismo3d.plot.traces_of_faults import check_colour, check_faults, cut_faults, display_throw, value_colours
+
+
+def time_slice(
+    cube: Any,
+    *,
+    time: float | None = None,
+    depth: float | None = None,
+    sample: float | None = None,
+    inline: float | None = None,
+    crossline: float | None = None,
+    faults: Any = None,
+    colour: str = "surface",
+    cmap: str = "gray",
+    clip: float = 99.0,
+    ax: Any = None,
+) -> Any:
+    """Draw a time or depth slice, with the faults that cross it.
+
+    Parameters
+    ----------
+    cube : DataArray or ndarray
+        A cube of 3 axes. Of a lazy cube only the slice is read.
+    time, depth : float, optional
+        Time in ms or depth in m; the middle sample by default.
+    sample : float, optional
+        The same by sample index.
+    inline, crossline : float, optional
+        Refused: a time slice has no such position.
+    faults, colour, cmap, clip, ax
+        As in :func:`seismo3d.plot.section`.
+
+    Returns
+    -------
+    matplotlib Axes
+        Crosslines to the right, inlines downwards; bins drawn in their true proportions.
+
+    Raises
+    ------
+    ParameterError
+        If more than one position is given, or it is not on the cube.
+    ShapeError
+        If the cube is a section, or the faults are of another cube.
+    """
+    check_colour(colour)
+    check_faults(faults, cube)
+    if len(name_axes(cube)) == 2:
+        raise ShapeError(f"cube has shape {np.shape(cube)}: a section has no time slice. Use plot.section.")
+    where = {"time": time, "depth": depth, "sample": sample, "inline": inline, "crossline": crossline}
+    if all(value is None for value in where.values()):
+        where["sample"] = cube.shape[2] // 2
+    picture = take_picture(cube, **where)
+    ax = new_axes(7.5, 7.0) if ax is None else ax
+    draw_amplitudes(
+        ax, picture, cmap=cmap, clip=clip, aspect=_bin_aspect(cube, picture) if picture.axis == 2 else "auto"
+    )
+    if faults is not None:
+        draw_faults(ax, cut_faults(faults, picture), colour=colour)
+    return ax
+
+
+def throw_map(faults: Any, cube: Any, *, ax: Any = None) -> Any:
+    """Draw every fault from above, coloured by throw.
+
+    Parameters
+    ----------
+    faults : FaultSet
+        Faults of ``cube``; deeper parts lie below shallower ones.
+    cube : DataArray or ndarray
+        A cube of 3 axes, for the coordinates.
+    ax : matplotlib Axes, optional
+        Where to draw; a new pyplot figure by default.
+
+    Returns
+    -------
+    matplotlib Axes
+        Crosslines to the right, inlines downwards. Unknown throw is white; the area without data is hatched.
+
+    Raises
+    ------
+    ShapeError
+        If the cube is a section, or the faults are of another cube.
+    """
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import Normalize
+
+    check_faults(faults, cube)
+    if len(name_axes(cube)) == 2:
+        raise ShapeError(f"cube has shape {np.shape(cube)}: a section has no map. Use plot.section.")
+    picture = _blank_picture(cube)
+    ax = new_axes(7.5, 7.0) if ax is None else ax
+    left, right, bottom, top = picture.extent
+    ax.contourf(picture.columns, picture.rows, ~picture.live, levels=[0.5, 1.5], hatches=["///"], colors="#e9edf2")
+    everything = [display_throw(surface)[0] for surface in faults.surfaces]
+    name, low, high = value_colours(np.concatenate(everything) if everything else np.zeros(0), "throw")
+    colours = ScalarMappable(Normalize(low, high), colormaps[name].with_extremes(bad="white"))
+    triangles, values, depths = [], [], []
+    for surface, throw in zip(faults.surfaces, everything, strict=True):
+        corners = np.stack(picture.place(surface.vertices[:, 1], surface.vertices[:, 0]), axis=1)[surface.cells]
+        triangles.append(corners)
+        values.append(throw[surface.cells].mean(axis=1))
+        depths.append(surface.vertices[surface.cells, 2].mean(axis=1))
+    if triangles:
+        order = np.argsort(-np.concatenate(depths), kind="stable")
+        shades = colours.to_rgba(np.ma.masked_invalid(np.concatenate(values)[order]))
+        ax.add_collection(
+            PolyCollection(list(np.concatenate(triangles)[order]), facecolors=shades, edgecolors=shades, linewidths=0.3)
+        )
+    unit = display_throw(faults.surfaces[0])[1] if faults.surfaces else "samples"
+    ax.figure.colorbar(colours, ax=ax, label=f"Throw ({unit})", pad=0.02, shrink=0.8)
+    ax.set(xlim=(left, right), ylim=(bottom, top), xlabel=picture.column_name, ylabel=picture.row_name)
+    ax.set_aspect(_bin_aspect(cube, picture))
+    ax.set_title("Throw, seen from above", loc="left", fontsize="medium")
+    return ax
+
+
+def _blank_picture(cube: Any) -> Picture:
+    names = name_axes(cube)
+    live = live_traces(cube)
+    rows, columns = axis_coordinates(cube, 0), axis_coordinates(cube, 1)
+    return Picture(np.zeros(live.shape), live, rows, columns, axis_label(names[0]), axis_label(names[1]), "", 2, 0.0)
+
+
+def _bin_aspect(cube: Any, picture: Picture) -> float:
+    """Height over width of a unit on the picture, so that bins have their true proportions (square without a map)."""
+    left, right, bottom, top = picture.extent
+    rows, columns = picture.values.shape
+    square = abs((right - left) / columns) / abs((top - bottom) / rows)
+    try:
+        inline_bin, crossline_bin = SurveyGeometry.from_cube(cube).bin_size
+    except GeometryError:
+        return square
+    ratio = inline_bin / crossline_bin
+    return square * ratio if np.isfinite(ratio) and 0.1 <= ratio <= 10 else square

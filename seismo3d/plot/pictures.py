@@ -1,0 +1,207 @@
+"""Slices of a cube as flat pictures with numbered axes: what sections and time slices are drawn from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, BoolArray, Float64Array
+from seismo3d.errors import ParameterError, ShapeError
+
+_LABELS = {
+    "inline": "Inline",
+    "crossline": "Crossline",
+    "trace": "Trace",
+    "time": "Time (ms)",
+    "depth": "Depth (m)",
+    "sample": "Sample",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """One slice of a cube, or a whole section.
+
+    Attributes
+    ----------
+    values : ndarray of shape (n_rows, n_columns)
+        Amplitudes; rows go down, columns to the right.
+    live : ndarray of shape (n_rows, n_columns), bool
+        Where there is data.
+    rows, columns : ndarray, float64
+        Coordinates of the rows and columns.
+    row_name, column_name, title : str
+        What they are, to be written beside the axes.
+    axis : int
+        The cube's axis that was held; -1 for a section that was drawn whole.
+    index : float
+        Where it was held.
+    """
+
+    values: AnyArray
+    live: BoolArray
+    rows: Float64Array
+    columns: Float64Array
+    row_name: str
+    column_name: str
+    title: str
+    axis: int
+    index: float
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom, top edges of the picture in coordinates, half a cell beyond the centres."""
+        dx, dy = _step(self.columns) / 2, _step(self.rows) / 2
+        return self.columns[0] - dx, self.columns[-1] + dx, self.rows[-1] + dy, self.rows[0] - dy
+
+    def place(self, column_index: AnyArray, row_index: AnyArray) -> tuple[Float64Array, Float64Array]:
+        """Turn fractional indices into coordinates on the picture."""
+        return _interpolate(self.columns, column_index), _interpolate(self.rows, row_index)
+
+
+def take_picture(cube: Any, **chosen: float | None) -> Picture:
+    """Cut one picture out of a cube; of a lazy cube only that slice is read.
+
+    Parameters
+    ----------
+    cube : DataArray or ndarray of 2 or 3 axes
+        A section is taken whole.
+    **chosen : float
+        One of ``inline``, ``crossline``, ``time``, ``depth`` (in the cube's coordinates) or ``sample`` (an index);
+        None counts as not given, none of them as the middle inline.
+
+    Returns
+    -------
+    Picture
+        Sections have traces as columns, time slices crosslines.
+
+    Raises
+    ------
+    ParameterError
+        If more than one is given, the cube has no such axis, or the value is not on it.
+    ShapeError
+        If the cube has neither 2 nor 3 axes.
+    """
+    given = {name: value for name, value in chosen.items() if value is not None}
+    names = name_axes(cube)
+    if len(names) == 2:
+        if given:
+            raise ParameterError(f"{next(iter(given))} is given for a section; it is drawn whole. Leave it out.")
+        return _picture(cube, names, axis=-1, index=0)
+    if len(given) > 1:
+        raise ParameterError(f"{' and '.join(given)} are given; expected one of them. A picture holds one axis.")
+    name, value = next(iter(given.items()), ("inline", None))
+    axis = _find_axis(name, names)
+    index = cube.shape[axis] // 2 if value is None else find_index(cube, axis, float(value), as_index=name == "sample")
+    return _picture(cube, names, axis=axis, index=index)
+
+
+def name_axes(cube: Any) -> tuple[str, ...]:
+    """Names of a cube's axes; a bare array's are inline, crossline (or trace) and sample."""
+    if hasattr(cube, "dims"):
+        names = tuple(str(name) for name in cube.dims)
+    else:
+        names = {2: ("trace", "sample"), 3: ("inline", "crossline", "sample")}.get(np.ndim(cube), ())
+    if len(names) not in (2, 3):
+        raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample) or (trace, sample).")
+    return names
+
+
+def axis_coordinates(cube: Any, axis: int) -> Float64Array:
+    """Coordinates along an axis; indices where the cube has none."""
+    if hasattr(cube, "dims") and cube.dims[axis] in cube.coords:
+        return np.asarray(cube[cube.dims[axis]].values, dtype=np.float64)
+    return np.arange(cube.shape[axis], dtype=np.float64)
+
+
+def axis_label(name: str) -> str:
+    """Return what is written beside an axis."""
+    return _LABELS.get(name, name)
+
+
+def find_index(cube: Any, axis: int, value: float, *, as_index: bool = False) -> int:
+    """Find the line nearest to a coordinate that lies within the cube."""
+    coordinates = np.arange(cube.shape[axis], dtype=np.float64) if as_index else axis_coordinates(cube, axis)
+    distance = np.abs(coordinates - value)
+    index = int(distance.argmin())
+    low, high = coordinates.min(), coordinates.max()
+    slack = 1e-3 * _step(coordinates)
+    if not low - slack <= value <= high + slack:
+        name = "sample" if as_index else name_axes(cube)[axis]
+        raise ParameterError(f"{name} is {value:g}; expected {low:g} to {high:g}. Choose a line of the cube.")
+    return index
+
+
+def live_traces(cube: Any) -> BoolArray:
+    """Traces with data, from the cube's ``live`` coordinate; without one all are.
+
+    Of a cube whose live traces are not counted yet (a lazy one) all are taken for live: to count them is to read it.
+    """
+    if hasattr(cube, "coords") and "live" in cube.coords and isinstance(cube["live"].data, np.ndarray):
+        return np.asarray(cube["live"].data, dtype=bool)
+    return np.ones(cube.shape[:-1], dtype=bool)
+
+
+def live_on_slice(cube: Any, axis: int, index: int) -> BoolArray:
+    """Live traces of one slice, read from that slice where they are not known; all of them for axis 2 or -1."""
+    if not (hasattr(cube, "coords") and "live" in cube.coords):
+        return np.ones([n for k, n in enumerate(cube.shape[:-1]) if k != axis], dtype=bool)
+    live = cube["live"]
+    cut = live[(slice(None),) * axis + (index,)] if axis in (0, 1) else live
+    return np.asarray(cut.data, dtype=bool)
+
+
+def _find_axis(name: str, names: tuple[str, ...]) -> int:
+    if name == "sample":
+        return 2
+    if name not in names:
+        known = ", ".join((*names, "sample") if "sample" not in names else names)
+        raise ParameterError(f"{name} is asked of a cube with axes {', '.join(names)}; expected one of {known}.")
+    return names.index(name)
+
+
+def _picture(cube: Any, names: tuple[str, ...], *, axis: int, index: int) -> Picture:
+    cut = cube if axis < 0 else cube[(slice(None),) * axis + (index,)]
+    values = np.asarray(cut.data if hasattr(cut, "dims") else cut)
+    live = live_on_slice(cube, axis, index)
+    kept = [k for k in range(len(names)) if k != axis]
+    if axis == 2:
+        mask, title = (
+            live,
+            f"{axis_label(names[2]).split(' (')[0]} {axis_coordinates(cube, 2)[index]:g}{_unit(names[2])}",
+        )
+        column, row = 1, 0
+    else:
+        column, row = kept
+        mask = np.broadcast_to(live[None, :], values.T.shape)
+        values = values.T
+        title = "" if axis < 0 else f"{axis_label(names[axis])} {axis_coordinates(cube, axis)[index]:g}"
+    return Picture(
+        values=values,
+        live=mask & np.isfinite(values),
+        rows=axis_coordinates(cube, row),
+        columns=axis_coordinates(cube, column),
+        row_name=axis_label(names[row]),
+        column_name=axis_label(names[column]),
+        title=title,
+        axis=axis,
+        index=float(index),
+    )
+
+
+def _unit(name: str) -> str:
+    return {"time": " ms", "depth": " m"}.get(name, "")
+
+
+def _step(coordinates: Float64Array) -> float:
+    return float(np.abs(np.diff(coordinates)).mean()) if len(coordinates) > 1 else 1.0
+
+
+def _interpolate(coordinates: Float64Array, index: AnyArray) -> Float64Array:
+    """Coordinates at fractional indices, carried on beyond both ends."""
+    step = (coordinates[-1] - coordinates[0]) / max(len(coordinates) - 1, 1) if len(coordinates) > 1 else 1.0
+    index = np.asarray(index, dtype=np.float64)
+    inside = np.clip(index, 0, len(coordinates) - 1)
+    return np.interp(inside, np.arange(len(coordinates)), coordinates) + (index - inside) * step

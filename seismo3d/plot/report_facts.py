@@ -1,0 +1,135 @@
+"""The numbers of a report, worded for people."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from seismo3d.errors import GeometryError
+from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.plot.pictures import axis_coordinates, axis_label, live_traces, name_axes
+from seismo3d.seismic.fault_table import mean_strike_deg
+
+_HEADINGS = {
+    "fault": "Fault",
+    "confidence": "Confidence",
+    "likelihood_mean": "Likelihood",
+    "area_index": "Area (bins x samples)",
+    "length_index": "Length (bins, samples)",
+    "area_m2": "Area (km²)",
+    "length_m": "Length (m)",
+    "strike_deg": "Strike (°)",
+    "dip_deg": "Dip (°)",
+    "throw_mean_samples": "Mean throw (samples)",
+    "throw_max_samples": "Largest throw (samples)",
+    "throw_mean_ms": "Mean throw (ms)",
+    "throw_max_ms": "Largest throw (ms)",
+    "throw_mean_m": "Mean throw (m)",
+    "throw_max_m": "Largest throw (m)",
+    "throw_known": "Throw known",
+    "kind": "Kind",
+}
+
+
+def survey_facts(cube: Any) -> list[tuple[str, str]]:
+    """Name and value of what the survey is."""
+    names = name_axes(cube)
+    facts = []
+    for axis, name in enumerate(names):
+        coordinates = axis_coordinates(cube, axis)
+        step = f", step {np.diff(coordinates).mean():g}" if len(coordinates) > 1 else ""
+        label = axis_label(name)
+        facts.append((label, f"{coordinates[0]:g} to {coordinates[-1]:g}{step} ({len(coordinates):,})"))
+    live = live_traces(cube)
+    facts.append(("Live traces", f"{int(live.sum()):,} of {live.size:,} ({_percent(live.mean())})"))
+    if len(names) == 3:
+        facts += _map_facts(cube)
+    return facts
+
+
+def key_numbers(faults: Any, cube: Any, rows: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    """Value and meaning of the numbers at the top of the report."""
+    numbers = [(f"{len(rows):,}", "fault found" if len(rows) == 1 else "faults found")]
+    if not rows:
+        return numbers
+    throws = [row[key] for row in rows for key in row if key.startswith("throw_max_") and not key.endswith("samples")]
+    unit = next((key.rsplit("_", 1)[1] for key in rows[0] if key in ("throw_max_ms", "throw_max_m")), "samples")
+    throws = throws or [row["throw_max_samples"] for row in rows]
+    finite = [value for value in throws if math.isfinite(value)]
+    if finite:
+        numbers.append((f"{max(finite, key=abs):.3g} {unit}", "largest throw"))
+    if rows[0].get("length_m"):
+        numbers.append((f"{max(row['length_m'] for row in rows) / 1000:.2f} km", "longest fault, along strike"))
+    weights = np.array([row.get("area_index", row.get("length_index")) for row in rows])
+    numbers.append((f"{np.average([row['dip_deg'] for row in rows], weights=weights):.0f}°", _dip_meaning(cube)))
+    if "strike_deg" in rows[0]:
+        doubled = mean_strike_deg(2 * np.array([row["strike_deg"] for row in rows]), weights) / 2
+        if math.isfinite(doubled):
+            numbers.append((f"{doubled:.0f}° / {doubled + 180:.0f}°", "mean strike"))
+    share = float((np.asarray(faults.labels) > 0).mean())
+    numbers.append((_percent(share), "of all voxels lie on a fault"))
+    return numbers
+
+
+def table_columns(rows: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    """Key and heading of the table's columns; samples are left out where ms or m are known."""
+    if not rows:
+        return []
+    keys = [key for key in rows[0] if key in _HEADINGS and key != "likelihood_mean"]
+    if "throw_mean_ms" in keys or "throw_mean_m" in keys:
+        keys = [key for key in keys if not key.endswith("_samples")]
+    return [(key, _HEADINGS[key]) for key in keys]
+
+
+def table_cell(key: str, value: Any) -> tuple[str, str]:
+    """Text of a table's cell, and what it is sorted by."""
+    if isinstance(value, str):
+        return value, value
+    number = float(value)
+    if not math.isfinite(number):
+        return "–", "-1e99"
+    if key == "area_m2":
+        return f"{number / 1e6:.3g}", repr(number)
+    if key == "throw_known":
+        return _percent(number), repr(number)
+    digits = {
+        "fault": 0,
+        "confidence": 2,
+        "strike_deg": 0,
+        "dip_deg": 0,
+        "area_index": 0,
+        "length_index": 0,
+        "length_m": 0,
+    }
+    return f"{number:,.{digits.get(key, 1)}f}", repr(number)
+
+
+def _dip_meaning(cube: Any) -> str:
+    in_depth = hasattr(cube, "dims") and "depth" in cube.dims
+    return "mean dip" if in_depth else "mean dip, in bins and samples"
+
+
+def _map_facts(cube: Any) -> list[tuple[str, str]]:
+    try:
+        survey = SurveyGeometry.from_cube(cube)
+    except GeometryError as error:
+        return [("Map", f"none: {error}")]
+    if not survey.has_map:
+        return [("Map", "no coordinates in the file: distances are in bins, strikes from the inline axis")]
+    bins = survey.bin_size
+    far = np.array(cube.shape, dtype=np.float64) - 1
+    corners = survey.index_to_map([[0, 0, 0], [far[0], 0, 0], [0, far[1], 0], [far[0], far[1], 0]])
+    area = bins[0] * far[0] * bins[1] * far[1] / 1e6
+    (left, south), (right, north) = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
+    return [
+        ("Bin size", f"{bins[0]:.4g} m (next inline) x {bins[1]:.4g} m (next crossline)"),
+        ("Inline axis", f"azimuth {survey.inline_axis_azimuth_deg:.1f}° from north"),
+        ("Extent", f"x {left:,.0f} to {right:,.0f}, y {south:,.0f} to {north:,.0f}"),
+        ("Box area", f"{area:,.4g} km²"),
+    ]
+
+
+def _percent(share: float) -> str:
+    return f"{100 * float(share):.3g} %"

@@ -1,0 +1,132 @@
+"""The report of a faults run: one HTML file that holds everything it shows."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from seismo3d.io._files import written_aside
+from seismo3d.plot.picture_set import PictureFile, save_pictures
+from seismo3d.plot.pictures import name_axes
+from seismo3d.plot.report_facts import key_numbers, survey_facts, table_cell, table_columns
+from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, check_faults
+from seismo3d.seismic.fault_table import tabulate_faults
+
+_MOST_ROWS = 300
+
+
+def write_report(
+    path: str | Path,
+    cube: Any,
+    *,
+    faults: Any,
+    title: str = "Faults",
+    pictures: Sequence[PictureFile] | None = None,
+    run: Mapping[str, Any] | None = None,
+) -> Path:
+    """Write a report on faults as one self-contained HTML file.
+
+    It has no links to other files or hosts: pictures are inside it. It prints on A4 and letter paper.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; replaced in one step where it is there already.
+    cube : DataArray or ndarray
+        The cube or section.
+    faults : FaultSet
+        Its faults.
+    title : str
+        Heading of the page.
+    pictures : sequence of PictureFile, optional
+        What :func:`seismo3d.plot.picture_set.save_pictures` gave; drawn anew by default.
+    run : mapping, optional
+        What else to record: ``input``, ``timings_s`` (seconds by stage), ``versions`` and so on, as in ``run.json``.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ShapeError
+        If the faults are of another cube.
+    FileAccessError
+        If the folder cannot be written to.
+    """
+    check_faults(faults, cube)
+    if pictures is None:
+        import tempfile
+
+        with tempfile.TemporaryDirectory() as folder:
+            shown = _embed(save_pictures(folder, cube, faults=faults))
+    else:
+        shown = _embed(pictures)
+    text = _page(cube, faults, title, shown, dict(run or {}))
+    with written_aside(path) as aside, aside.open("wb") as file:
+        file.write(text.encode())
+    return Path(path)
+
+
+def _page(cube: Any, faults: Any, title: str, pictures: list[dict[str, str]], run: dict[str, Any]) -> str:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    rows = tabulate_faults(faults, cube)
+    columns = table_columns(rows)
+    table = [
+        {
+            "colour": SURFACE_COLOURS[(row["fault"] - 1) % len(SURFACE_COLOURS)],
+            "cells": [table_cell(key, row[key]) for key, _ in columns],
+        }
+        for row in rows[:_MOST_ROWS]
+    ]
+    environment = Environment(
+        loader=PackageLoader("seismo3d.plot"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    timings = run.pop("timings_s", {})
+    return environment.get_template("report.html.jinja").render(
+        title=title,
+        section=len(name_axes(cube)) == 2,
+        survey=survey_facts(cube),
+        numbers=key_numbers(faults, cube, rows),
+        headings=[heading for _, heading in columns],
+        table=table,
+        n_faults=len(rows),
+        pictures=pictures,
+        timings=[(name, f"{seconds:.1f} s") for name, seconds in timings.items()],
+        settings=_lines(faults.settings),
+        run=[(name, _lines(value)) for name, value in run.items()],
+    )
+
+
+def _embed(pictures: Sequence[PictureFile]) -> list[dict[str, str]]:
+    return [
+        {
+            "data": base64.b64encode(picture.path.read_bytes()).decode(),
+            "caption": picture.caption,
+            "note": picture.note,
+            "kind": picture.kind,
+        }
+        for picture in pictures
+    ]
+
+
+def _lines(value: Any) -> list[tuple[str, str]]:
+    """Turn a mapping into names and values in words; anything else as one value."""
+    if isinstance(value, Mapping):
+        return [(str(name), _words(item)) for name, item in value.items()]
+    return [("", _words(value))]
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return json.dumps(value, default=str, ensure_ascii=False)

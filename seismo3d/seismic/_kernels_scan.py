@@ -1,0 +1,168 @@
+"""The planar scan: evidence summed over small planes of every orientation, as lines along strike and then along dip."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+
+@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+def sum_strike_lines(first, second, w_first, w_second, across, shear, taps, out):  # type: ignore[no-untyped-def]
+    """Write the weighted mean of w_first * first + w_second * second along a line in the time slice.
+
+    The line runs along the crossline axis (across = 0) or the inline axis (across = 1), and moves by `shear` traces along
+    the other axis a step. What lies outside the cube is left out of the mean.
+    """
+    n0, n1, n2 = first.shape
+    half = len(taps) // 2
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1):
+            for k in range(n2):
+                out[i, j, k] = 0.0
+            total = np.float32(0.0)
+            for t in range(-half, half + 1):
+                moved = shear * t
+                base = int(math.floor(moved))
+                fraction = np.float32(moved - base)
+                for side in range(2):
+                    weight = taps[t + half] * (fraction if side == 1 else np.float32(1.0) - fraction)
+                    if across == 0:
+                        ii, jj = i + base + side, j + t
+                    else:
+                        ii, jj = i + t, j + base + side
+                    if weight > np.float32(1e-5) and 0 <= ii < n0 and 0 <= jj < n1:
+                        total += weight
+                        a = weight * w_first
+                        b = weight * w_second
+                        for k in range(n2):
+                            out[i, j, k] += a * first[ii, jj, k] + b * second[ii, jj, k]
+            scale = np.float32(1.0) / max(total, np.float32(0.2))
+            for k in range(n2):
+                out[i, j, k] *= scale
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _half_weights(taps, n, prior_weight):  # type: ignore[no-untyped-def]
+    """Sums of the taps that lie inside a trace of n samples: of the upper half, the lower half, both with the prior."""
+    half = len(taps) // 2
+    weights = np.full((2, n), prior_weight, np.float32)
+    for t in range(-half, half + 1):
+        for k in range(max(0, -t), min(n, n - t)):
+            if t <= 0:
+                weights[0, k] += taps[t + half]
+            if t >= 0:
+                weights[1, k] += taps[t + half]
+    return weights
+
+
+@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+def keep_best_dip(lines, across, shears, taps, prior, prior_weight, evenness, code, best, arg):  # type: ignore[no-untyped-def]
+    """Sum the lines down every dip; keep the largest mean and the number of its orientation.
+
+    A plane's mean is drawn towards that of its poorer half, above or below, by `evenness`: a bright patch beside an
+    empty one is no plane. What lies outside the cube counts as the prior, with a small weight.
+    """
+    n0, n1, n2 = lines.shape
+    half = len(taps) // 2
+    whole = np.float32(1.0) - evenness
+    n_across = n0 if across == 0 else n1
+    inside = _half_weights(taps, n2, prior_weight)
+    for line in prange(n0):
+        i = np.int64(line)
+        sums = np.empty((2, n2), np.float32)
+        partial = np.empty((2, n2), np.float32)
+        for j in range(n1):
+            centre = i if across == 0 else j
+            for c in range(len(shears)):
+                reach = abs(shears[c]) * half + 1.0
+                whole_patch = centre - reach >= 0.0 and centre + reach <= n_across - 1.0
+                sums[:] = prior_weight * prior
+                if not whole_patch:
+                    partial[:] = prior_weight
+                for t in range(-half, half + 1):
+                    moved = shears[c] * t
+                    base = int(math.floor(moved))
+                    w1 = taps[t + half] * np.float32(moved - base)
+                    w0 = taps[t + half] - w1
+                    a = centre + base
+                    b = a + 1
+                    if a < 0 or a >= n_across:
+                        a = 0
+                        w0 = np.float32(0.0)
+                    if b < 0 or b >= n_across:
+                        b = 0
+                        w1 = np.float32(0.0)
+                    weight = w0 + w1
+                    if weight <= np.float32(0.0):
+                        continue
+                    row0 = lines[a, j] if across == 0 else lines[i, a]
+                    row1 = lines[b, j] if across == 0 else lines[i, b]
+                    k0 = max(0, -t)
+                    k1 = min(n2, n2 - t)
+                    for part in range(0 if t <= 0 else 1, 2 if t >= 0 else 1):
+                        into = sums[part]
+                        for k in range(k0, k1):
+                            into[k] += w0 * row0[k + t] + w1 * row1[k + t]
+                        if not whole_patch:
+                            counted = partial[part]
+                            for k in range(k0, k1):
+                                counted[k] += weight
+                number = np.int16(code + c)
+                above, below = sums[0], sums[1]
+                w_above = inside[0] if whole_patch else partial[0]
+                w_below = inside[1] if whole_patch else partial[1]
+                top, top_arg = best[i, j], arg[i, j]
+                for k in range(n2):
+                    mean = (above[k] + below[k]) / (w_above[k] + w_below[k])
+                    poorer = min(above[k] / w_above[k], below[k] / w_below[k])
+                    value = whole * mean + evenness * poorer
+                    better = value > top[k]
+                    top[k] = value if better else top[k]
+                    top_arg[k] = number if better else top_arg[k]
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def find_ridges(best, arg, normals, least, offset):  # type: ignore[no-untyped-def]
+    """Mark voxels that are largest across their plane, horizontally; write how far off the voxel the crest lies.
+
+    Returns a boolean volume; `offset` gets the signed distance, in traces, along the plane's horizontal normal.
+    """
+    n0, n1, n2 = best.shape
+    keep = np.zeros(best.shape, np.bool_)
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1):
+            for k in range(n2):
+                value = best[i, j, k]
+                if value < least:
+                    continue
+                nx = normals[arg[i, j, k], 0]
+                ny = normals[arg[i, j, k], 1]
+                before = _at(best, i - nx, j - ny, k)
+                after = _at(best, i + nx, j + ny, k)
+                # a crest needs both its flanks: at the cube's edge it could not be told from a rise towards it
+                if before >= 0.0 and after >= 0.0 and value >= before and value > after:
+                    keep[i, j, k] = True
+                    bend = before - 2.0 * value + after
+                    offset[i, j, k] = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+    return keep
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _at(volume, x, y, k):  # type: ignore[no-untyped-def]
+    """Bilinear value in a time slice, -1 outside."""
+    n0, n1 = volume.shape[0], volume.shape[1]
+    if x < 0.0 or y < 0.0 or x > n0 - 1 or y > n1 - 1:
+        return np.float32(-1.0)
+    i = min(int(x), max(n0 - 2, 0))
+    j = min(int(y), max(n1 - 2, 0))
+    fx = np.float32(x - i)
+    fy = np.float32(y - j)
+    ii = min(i + 1, n0 - 1)
+    jj = min(j + 1, n1 - 1)
+    low = volume[i, j, k] * (1 - fx) + volume[ii, j, k] * fx
+    high = volume[i, jj, k] * (1 - fx) + volume[ii, jj, k] * fx
+    return low * (1 - fy) + high * fy

@@ -1,0 +1,125 @@
+"""Reflector slopes from the structure tensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import BoolArray, Float32Array
+from seismo3d.seismic._kernels_filters import (
+    derivative_taps,
+    filter_crosslines,
+    filter_inlines,
+    filter_samples,
+    gaussian_taps,
+    multiply_weighted,
+    smooth,
+    tensor_slopes,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class DipSettings:
+    """How slopes are estimated; lengths in samples and traces.
+
+    Attributes
+    ----------
+    derivative : float
+        Width of the Gaussian derivative.
+    lateral, vertical : float
+        Widths of the Gaussian over which the structure tensor is averaged.
+    steepest : float
+        Largest slope, in samples a trace.
+    slab : int
+        Inlines that are worked on at a time; bounds the memory.
+    """
+
+    derivative: float = 1.5
+    lateral: float = 5.0
+    vertical: float = 8.0
+    steepest: float = 4.0
+    slab: int = 48
+
+
+def estimate_slopes(
+    volume: Float32Array, valid: BoolArray, *, settings: DipSettings | None = None
+) -> tuple[Float32Array, Float32Array]:
+    r"""Estimate how reflectors slope along inlines and crosslines.
+
+    The structure tensor :math:`\langle w \nabla u \nabla u' \rangle` [1]_ has the reflector's normal :math:`n` as its
+    leading eigenvector; the slopes are :math:`p = -n_0 / n_2` and :math:`q = -n_1 / n_2`. The leading eigenvector, unlike
+    a least-squares slope, is not drawn to zero by noise.
+
+    Parameters
+    ----------
+    volume : ndarray of shape (inline, crossline, sample), float32
+        Amplitudes, finite everywhere.
+    valid : ndarray of the same shape, bool
+        False where there are no data; gradients there and beside there are left out.
+    settings : DipSettings, optional
+        Widths and limits.
+
+    Returns
+    -------
+    p, q : ndarray of the same shape, float32
+        Change of a reflector's sample from an inline to the next, and from a crossline to the next.
+
+    References
+    ----------
+    .. [1] L. J. van Vliet, P. W. Verbeek, ASCI, 442-450, 1995.
+    """
+    settings = settings or DipSettings()
+    p, q = np.empty_like(volume), np.empty_like(volume)
+    reach = int(np.ceil(3.0 * settings.derivative)) + int(np.ceil(2.5 * settings.lateral)) + 1
+    for start in range(0, len(volume), settings.slab):
+        stop = min(start + settings.slab, len(volume))
+        low, high = max(0, start - reach), min(len(volume), stop + reach)
+        slab_p, slab_q = _slab_slopes(volume[low:high], valid[low:high], settings)
+        p[start:stop] = slab_p[start - low : stop - low]
+        q[start:stop] = slab_q[start - low : stop - low]
+    return p, q
+
+
+def _slab_slopes(volume: Float32Array, valid: BoolArray, settings: DipSettings) -> tuple[Float32Array, Float32Array]:
+    gradient = _gradient(volume, settings.derivative)
+    weight = _trusted(valid, int(np.ceil(1.5 * settings.derivative)))
+    sigma = (settings.lateral, settings.lateral, settings.vertical)
+    product = np.empty_like(volume)
+    tensor = []
+    for a, b in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        multiply_weighted(gradient[a], gradient[b], weight, product)
+        tensor.append(smooth(product, sigma))
+    p, q = np.empty_like(volume), np.empty_like(volume)
+    tensor_slopes(*tensor, np.float32(settings.steepest), p, q)
+    return p, q
+
+
+def _gradient(volume: Float32Array, sigma: float) -> tuple[Float32Array, Float32Array, Float32Array]:
+    even, odd = gaussian_taps(sigma), derivative_taps(sigma)
+    samples, lines = np.empty_like(volume), np.empty_like(volume)
+    parts = (np.empty_like(volume), np.empty_like(volume), np.empty_like(volume))
+    filter_samples(volume, even, samples)
+    filter_crosslines(samples, even, lines)
+    filter_inlines(lines, odd, parts[0])
+    filter_crosslines(samples, odd, lines)
+    filter_inlines(lines, even, parts[1])
+    filter_samples(volume, odd, samples)
+    filter_crosslines(samples, even, lines)
+    filter_inlines(lines, even, parts[2])
+    return parts
+
+
+def _trusted(valid: BoolArray, reach: int) -> Float32Array:
+    """1 where the gradient's own window holds data only, else 0."""
+    weight = np.ones(valid.shape, np.float32)
+    if valid.all():
+        return weight
+    bad = (~valid).astype(np.float32)
+    box = np.ones(2 * reach + 1, np.float32)
+    first, second = np.empty_like(bad), np.empty_like(bad)
+    filter_samples(bad, box, first)
+    filter_crosslines(first, box, second)
+    filter_inlines(second, box, first)
+    weight[first > 0.5] = 0.0
+    return weight

@@ -1,0 +1,113 @@
+"""Faults to files: VTK and GOCAD surfaces, fault sticks, and the table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seismo3d.errors import ShapeError
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
+from seismo3d.io.fault_sticks import write_charisma_sticks, write_opendtect_sticks
+from seismo3d.io.gocad import write_gocad
+from seismo3d.io.surface_mesh import SurfaceMesh
+from seismo3d.io.tables import write_csv
+from seismo3d.io.vtk_surfaces import write_vtp
+from seismo3d.seismic.fault_table import tabulate_faults
+from seismo3d.seismic.faultset import FaultSet, FaultSurface
+from seismo3d.seismic.sticks import cut_sticks
+
+_UNITS = {"throw": "samples", "throw_ms": "ms", "throw_m": "m", "strike": "deg", "dip": "deg"}
+_COLUMNS_3D = ("fault", "confidence", "likelihood_mean", "area_index", "strike_deg", "dip_deg", "throw_mean_samples")
+_COLUMNS_2D = ("fault", "confidence", "likelihood_mean", "length_index", "dip_deg", "throw_mean_samples")
+
+
+def write_faults(faults: FaultSet, cube: Any, *, directory: str | Path) -> list[Path]:
+    """Write faults in every exchange format.
+
+    ``surfaces.vtp`` (VTK), ``surfaces.ts`` (GOCAD TSurf; ``surfaces.pl``, polylines, for a section),
+    ``sticks_opendtect.txt``, ``sticks_petrel.txt`` (Charisma) and ``faults.csv``. Coordinates are metres on the map
+    where the cube knows them, else line numbers; z is time or depth, positive downwards.
+
+    Parameters
+    ----------
+    faults : FaultSet
+        The faults of ``cube``.
+    cube : DataArray or ndarray
+        Gives the coordinates.
+    directory : str or Path
+        A folder that is there; files in it are replaced one by one.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    ShapeError
+        If the faults are not of this cube.
+    FileAccessError
+        If the folder cannot be written to.
+    """
+    if np.shape(faults.labels) != np.shape(cube):
+        raise ShapeError(
+            f"faults are of a cube of shape {np.shape(faults.labels)}; cube has shape {np.shape(cube)}. "
+            "Give the cube that they were traced in."
+        )
+    directory = Path(directory)
+    meshes = mesh_faults(faults, cube)
+    unit, place = _describe(cube)
+    gocad = directory / ("surfaces.ts" if np.ndim(faults.labels) == 3 else "surfaces.pl")
+    write_vtp(directory / "surfaces.vtp", meshes, notes=place)
+    write_gocad(gocad, meshes, horizontal_unit="m" if "metres" in place["xy"] else "none", z_unit=unit, units=_UNITS)
+    sticks = cut_sticks(faults, cube)
+    write_opendtect_sticks(directory / "sticks_opendtect.txt", sticks)
+    write_charisma_sticks(directory / "sticks_petrel.txt", sticks)
+    rows = tabulate_faults(faults, cube)
+    columns = tuple(rows[0]) if rows else (_COLUMNS_3D if np.ndim(faults.labels) == 3 else _COLUMNS_2D)
+    write_csv(directory / "faults.csv", rows, columns=columns)
+    names = ("surfaces.vtp", gocad.name, "sticks_opendtect.txt", "sticks_petrel.txt", "faults.csv")
+    return [directory / name for name in names]
+
+
+def mesh_faults(faults: FaultSet, cube: Any) -> list[SurfaceMesh]:
+    """Turn faults into meshes in map coordinates, with their attributes at the points.
+
+    Parameters
+    ----------
+    faults : FaultSet
+        The faults of ``cube``.
+    cube : DataArray or ndarray
+        Gives the coordinates.
+
+    Returns
+    -------
+    list of SurfaceMesh
+        One a surface, named ``fault_001`` and so on by label; properties ``throw`` (samples), ``throw_ms`` or
+        ``throw_m`` where the sample interval is known, ``likelihood``, ``strike`` and ``dip`` (degrees).
+    """
+    section = np.ndim(faults.labels) == 2
+    geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
+    return [
+        SurfaceMesh(f"fault_{i:03d}", geometry.index_to_map(surface.vertices), surface.cells, _properties(surface))
+        for i, surface in enumerate(faults.surfaces, start=1)
+    ]
+
+
+def _properties(surface: FaultSurface) -> dict[str, Any]:
+    properties = {"throw": surface.throw}
+    if surface.sample_unit != "samples":
+        properties[f"throw_{surface.sample_unit}"] = surface.throw * np.float32(surface.sample_interval)
+    return properties | {"likelihood": surface.likelihood, "strike": surface.strike_deg, "dip": surface.dip_deg}
+
+
+def _describe(cube: Any) -> tuple[str, dict[str, str]]:
+    """Return the unit of z, and the notes that go into a VTK file."""
+    geometry = SurveyGeometry.from_cube(cube) if np.ndim(cube) == 3 else SectionGeometry.from_cube(cube)
+    unit = geometry.unit if geometry.unit != "samples" else "none"
+    place = "metres on the map" if geometry.has_map else "line numbers" if np.ndim(cube) == 3 else "trace index, 0"
+    z = {"ms": "two-way time in ms", "m": "depth in m"}.get(unit, "sample number")
+    properties = "throw: samples, positive where the hanging wall is down; strike and dip: degrees"
+    return unit, {"xy": f"x, y: {place}", "z": f"z: {z}, positive down", "properties": properties}

@@ -1,0 +1,131 @@
+"""The table of faults: one row a surface, with the numbers that an interpreter asks for first."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, Float64Array
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
+from seismo3d.geometry.triangles import measure_cells, weigh_vertices
+from seismo3d.seismic.faultset import FaultSet, FaultSurface
+
+
+def tabulate_faults(faults: FaultSet, cube: Any) -> list[dict[str, Any]]:
+    """Sum up each fault in one row.
+
+    Means are weighted by area. Where throw is known at no vertex its cells are NaN; cells that make no sense for the
+    kind of data (crosslines of a section, square metres of a time cube) are absent.
+
+    Parameters
+    ----------
+    faults : FaultSet
+        The faults of ``cube``.
+    cube : DataArray or ndarray
+        Gives the coordinates; bare arrays give indices.
+
+    Returns
+    -------
+    list of dict
+        Rows in the order of the surfaces, with the same keys each: ``fault`` (from 1, the label), ``confidence``,
+        ``likelihood_mean``, ``area_index`` (or ``length_index`` in a section: units of bins and samples), ``area_m2``
+        (depth cubes on a map), ``length_m`` (along strike, on a map), ``strike_deg``, ``dip_deg``,
+        ``throw_mean_samples``, ``throw_max_samples`` (largest by size, with its sign), the same in ``_ms`` or ``_m``,
+        ``throw_known`` (share of the area), ``kind`` (normal, reverse, mixed or unknown), and the extents in line
+        numbers and time or depth.
+    """
+    section = np.ndim(faults.labels) == 2
+    geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
+    return [_row(number, surface, geometry, cube) for number, surface in enumerate(faults.surfaces, start=1)]
+
+
+def mean_strike_deg(strike_deg: AnyArray, weights: AnyArray) -> float:
+    """Weighted mean of directions in degrees, 0 to 360; NaN where there is none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> round(mean_strike_deg(np.array([350.0, 20.0]), np.ones(2)), 6)
+    5.0
+    """
+    strike, weights = np.asarray(strike_deg, dtype=np.float64), np.asarray(weights, dtype=np.float64)
+    known = np.isfinite(strike) & (weights > 0)
+    if not known.any():
+        return float("nan")
+    turned = (weights[known] * np.exp(1j * np.radians(strike[known]))).sum()
+    return float(np.degrees(np.angle(turned)) % 360.0)
+
+
+def _row(number: int, surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry, cube: Any) -> dict[str, Any]:
+    weights = weigh_vertices(surface.vertices, surface.cells)
+    row: dict[str, Any] = {
+        "fault": number,
+        "confidence": float(surface.confidence),
+        "likelihood_mean": _mean(surface.likelihood, weights),
+    }
+    row |= _size(surface, geometry)
+    if isinstance(geometry, SurveyGeometry):
+        row["strike_deg"] = mean_strike_deg(surface.strike_deg, weights)
+    row["dip_deg"] = _mean(surface.dip_deg, weights)
+    return row | _throws(surface, weights) | _extents(surface, geometry, cube)
+
+
+def _mean(values: AnyArray, weights: Float64Array) -> float:
+    values = np.asarray(values, dtype=np.float64)
+    known = np.isfinite(values)
+    total = weights[known].sum()
+    return float((values[known] * weights[known]).sum() / total) if total > 0 else float("nan")
+
+
+def _size(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry) -> dict[str, Any]:
+    if isinstance(geometry, SectionGeometry):
+        return {"length_index": float(surface.area)}
+    sizes: dict[str, Any] = {"area_index": float(surface.area)}
+    if not geometry.has_map:
+        return sizes
+    points = geometry.index_to_map(surface.vertices)
+    if geometry.unit == "m":
+        sizes["area_m2"] = float(measure_cells(points, surface.cells).sum())
+    spread = points[:, :2] - points[:, :2].mean(axis=0)
+    along = np.linalg.svd(spread, full_matrices=False)[2][0]
+    return sizes | {"length_m": float(np.ptp(spread @ along))}
+
+
+def _throws(surface: FaultSurface, weights: Float64Array) -> dict[str, Any]:
+    throw = np.asarray(surface.throw, dtype=np.float64)
+    known = np.isfinite(throw)
+    mean = _mean(throw, weights)
+    largest = float(throw[known][np.abs(throw[known]).argmax()]) if known.any() else float("nan")
+    row = {"throw_mean_samples": mean, "throw_max_samples": largest}
+    if surface.sample_unit != "samples":
+        row |= {
+            f"throw_mean_{surface.sample_unit}": mean * surface.sample_interval,
+            f"throw_max_{surface.sample_unit}": largest * surface.sample_interval,
+        }
+    share = float(weights[known].sum() / weights.sum()) if weights.sum() > 0 else 0.0
+    return row | {"throw_known": share, "kind": _kind(throw, weights)}
+
+
+def _kind(throw: Float64Array, weights: Float64Array) -> str:
+    known = np.isfinite(throw)
+    down, up = weights[known & (throw > 0)].sum(), weights[known & (throw < 0)].sum()
+    if down + up == 0:
+        return "unknown"
+    share = down / (down + up)
+    return "normal" if share >= 0.8 else "reverse" if share <= 0.2 else "mixed"
+
+
+def _extents(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry, cube: Any) -> dict[str, Any]:
+    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
+    row: dict[str, Any] = {}
+    if isinstance(geometry, SurveyGeometry):
+        ends = geometry.index_to_lines(np.stack([low, high]))
+        for axis, name in enumerate(("inline", "crossline")):
+            row |= {f"{name}_min": float(ends[:, axis].min()), f"{name}_max": float(ends[:, axis].max())}
+        top, foot = ends[0, 2], ends[1, 2]
+    else:
+        row |= {"trace_min": float(low[0]), "trace_max": float(high[0])}
+        top, foot = geometry.sample.coordinate(low[-1]), geometry.sample.coordinate(high[-1])
+    name = str(cube.dims[-1]) if hasattr(cube, "dims") else "sample"
+    return row | {f"{name}_min": float(top), f"{name}_max": float(foot)}

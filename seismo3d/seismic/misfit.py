@@ -1,0 +1,188 @@
+"""Fault evidence: what is left unexplained after both sides of a voxel are aligned along their own dip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import BoolArray, Float32Array
+from seismo3d.seismic._kernels_filters import gaussian_taps, filter_crosslines, filter_inlines, filter_samples, smooth
+from seismo3d.seismic._kernels_misfit import clear_unknown, divide_thinned, log_ratio, side_misfit
+
+
+@dataclass(frozen=True, slots=True)
+class MisfitSettings:
+    """How the misfit is measured; lengths in samples and traces.
+
+    Attributes
+    ----------
+    reach : tuple of (int, int)
+        Traces averaged on each side, in a cube without noise and in a cube of noise.
+    vertical : float
+        Width of the Gaussian that smooths the misfit along the trace.
+    energy : tuple of (float, float)
+        Lateral and vertical width of the window whose energy normalises the misfit.
+    step : int
+        Every how many samples the evidence is kept.
+    most : float
+        Largest misfit ratio; two unrelated sides give 1 on average.
+    slab : int
+        Inlines that are worked on at a time; bounds the memory.
+    """
+
+    reach: tuple[int, int] = (2, 6)
+    vertical: float = 1.5
+    energy: tuple[float, float] = (2.0, 4.0)
+    step: int = 2
+    most: float = 1.5
+    slab: int = 48
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Misfit across every voxel, along inlines and along crosslines, thinned along the sample axis.
+
+    Attributes
+    ----------
+    along_inlines, along_crosslines : ndarray of shape (inline, crossline, ceil(sample / step)), float32
+        log(1 + misfit ratio / softness); the background's median where nothing is known.
+    known : ndarray of the same shape, float32
+        0 where the misfit could not be measured, up to 1.
+    noise : float
+        The cube's own median misfit ratio: 0 without noise, about 0.7 in noise alone.
+    step : int
+        Samples from one plane of the evidence to the next.
+    """
+
+    along_inlines: Float32Array
+    along_crosslines: Float32Array
+    known: Float32Array
+    noise: float
+    step: int
+
+
+def measure_misfit(
+    volume: Float32Array, valid: BoolArray, p: Float32Array, q: Float32Array, *, settings: MisfitSettings | None = None
+) -> Evidence:
+    r"""Measure how badly the two sides of every voxel fit after each is carried along its own reflectors.
+
+    With L and R the means of a few traces on either side, the ratio :math:`\langle (L - R)^2 \rangle / \langle L^2 + R^2
+    \rangle` is near 0 on an unbroken reflector and 1 on average where the sides are unrelated: a semblance of two. Its
+    logarithm, softened by the cube's own noise, is the evidence: the mean logarithm over a patch cannot be raised by a
+    few bright voxels. How many traces are averaged follows from the cube's noise, which is measured first.
+
+    Parameters
+    ----------
+    volume : ndarray of shape (inline, crossline, sample), float32
+        Amplitudes, finite everywhere.
+    valid : ndarray of the same shape, bool
+        False where there are no data.
+    p, q : ndarray of the same shape, float32
+        Slopes from :func:`~seismo3d.seismic.dip.estimate_slopes`.
+    settings : MisfitSettings, optional
+        Windows.
+
+    Returns
+    -------
+    Evidence
+    """
+    settings = settings or MisfitSettings()
+    least, most = settings.reach
+    ratios, known = _ratios(volume, valid, p, q, least, settings)
+    noise = _median_ratio(ratios, known)
+    noisiness = noise_share(noise)
+    reach = int(round(least + noisiness * (most - least)))
+    if reach != least:
+        ratios, known = _ratios(volume, valid, p, q, reach, settings)
+        noise = _median_ratio(ratios, known)
+    softness = np.float32(max(0.02, 0.8 * noise))
+    for ratio in ratios:
+        log_ratio(ratio, softness)
+    background = float(np.log1p(noise / softness))
+    filled = [_fill_unknown(ratio, weight, background) for ratio, weight in zip(ratios, known, strict=True)]
+    return Evidence(filled[0], filled[1], np.maximum(known[0], known[1]), noise, settings.step)
+
+
+def noise_share(noise: float) -> float:
+    """Return 0 for a clean cube to 1 for one whose noise is about as strong as its signal."""
+    return float(np.clip((noise - 0.05) / 0.4, 0.0, 1.0))
+
+
+def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> float:
+    parts = [ratio[weight > 0.5] for ratio, weight in zip(ratios, known, strict=True)]
+    values = np.concatenate(parts)
+    return float(np.median(values)) if values.size else 0.0
+
+
+def _ratios(
+    volume: Float32Array, valid: BoolArray, p: Float32Array, q: Float32Array, reach: int, settings: MisfitSettings
+) -> tuple[list[Float32Array], list[Float32Array]]:
+    shape = (*volume.shape[:2], -(-volume.shape[2] // settings.step))
+    ratios = [np.zeros(shape, np.float32) for _ in range(2)]
+    known = [np.zeros(shape, np.float32) for _ in range(2)]
+    floor = np.float32(0.01 * _mean_energy(volume, valid))
+    halo = reach + len(gaussian_taps(settings.energy[0])) // 2 + 1
+    for start in range(0, len(volume), settings.slab):
+        stop = min(start + settings.slab, len(volume))
+        low, high = max(0, start - halo), min(len(volume), stop + halo)
+        cut = slice(low, high)
+        inner = slice(start - low, stop - low)
+        _slab_ratios(
+            volume[cut], valid[cut], (p[cut], q[cut]), reach, floor, settings, inner,
+            [r[start:stop] for r in ratios], [w[start:stop] for w in known],
+        )  # fmt: skip
+    return ratios, known
+
+
+def _slab_ratios(
+    volume: Float32Array,
+    valid: BoolArray,
+    slopes: tuple[Float32Array, Float32Array],
+    reach: int,
+    floor: np.float32,
+    settings: MisfitSettings,
+    inner: slice,
+    ratios: list[Float32Array],
+    known: list[Float32Array],
+) -> None:
+    taps = gaussian_taps(settings.vertical)
+    total = np.zeros_like(volume)
+    weights = np.zeros_like(volume)
+    parts = []
+    for axis in range(2):
+        difference, energy = np.empty_like(volume), np.empty_like(volume)
+        side_misfit(volume, valid, slopes[axis], axis, reach, difference, energy)
+        weight = np.empty_like(volume)
+        clear_unknown(difference, energy, weight)
+        total += energy
+        weights += weight
+        smoothed = np.empty_like(volume)
+        filter_samples(difference, taps, smoothed)
+        filter_samples(weight, taps, difference)
+        parts.append((smoothed, difference))
+    lateral, vertical = settings.energy
+    total = smooth(total, (lateral, lateral, vertical))
+    total /= np.maximum(smooth(weights, (lateral, lateral, vertical)), np.float32(1e-3))
+    for axis, (smoothed, weight) in enumerate(parts):
+        divide_thinned(
+            smoothed[inner], total[inner], weight[inner], settings.step, floor, np.float32(settings.most), ratios[axis], known[axis]
+        )
+
+
+def _mean_energy(volume: Float32Array, valid: BoolArray) -> float:
+    n_valid = int(valid.sum())
+    return 2.0 * float(np.square(volume, dtype=np.float64, where=valid, out=np.zeros_like(volume, np.float64)).sum()) / max(n_valid, 1)
+
+
+def _fill_unknown(evidence: Float32Array, weight: Float32Array, background: float) -> Float32Array:
+    """Bridge what is not known by its neighbours' evidence, or by the background where they are far."""
+    unknown = weight < 0.5
+    if not unknown.any():
+        return evidence
+    near = np.where(unknown, np.float32(0.0), np.float32(1.0))
+    sigma = (2.0, 2.0, 2.0)
+    share = smooth(near, sigma)
+    mean = smooth(evidence * near, sigma)
+    filled = np.where(share > 0.1, mean / np.maximum(share, np.float32(0.1)), np.float32(background))
+    return np.where(unknown, filled, evidence).astype(np.float32)

@@ -1,0 +1,175 @@
+"""Planar support: how well the evidence around each voxel lies on a plane, of the best strike and dip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import Float32Array, Progress
+from seismo3d.seismic._kernels_filters import gaussian_taps
+from seismo3d.seismic._kernels_scan import find_ridges, keep_best_dip, sum_strike_lines
+from seismo3d.seismic.misfit import Evidence, noise_share
+
+
+@dataclass(frozen=True, slots=True)
+class ScanSettings:
+    """Sizes of the planes and their orientations; the first of a pair holds without noise, the second in noise.
+
+    Attributes
+    ----------
+    along_strike, along_dip : tuple of (float, float)
+        Widths of the Gaussian patch: in traces along strike, in samples down the dip.
+    lowest_dip_deg : float
+        Dip below which no fault is looked for, in index coordinates.
+    n_strikes : int
+        Strikes tried in each half of the compass.
+    n_dips : tuple of (int, int)
+        Dips tried at each strike.
+    evenness : float
+        0 takes a plane's mean; 1 that of its poorer half, above or below.
+    prior_weight : float
+        Weight of the background in every mean, against a patch's full weight of 1.
+    """
+
+    along_strike: tuple[float, float] = (4.0, 6.0)
+    along_dip: tuple[float, float] = (6.0, 9.0)
+    lowest_dip_deg: float = 30.0
+    n_strikes: int = 8
+    n_dips: tuple[int, int] = (17, 21)
+    evenness: float = 0.5
+    prior_weight: float = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanarSupport:
+    """The best plane through every voxel.
+
+    Attributes
+    ----------
+    score : ndarray of the evidence's shape, float32
+        How far the best plane's evidence stands above that of the cube at large, in spreads of the latter.
+    orientation : ndarray of the same shape, int16
+        Row of `planes`.
+    planes : ndarray of shape (m, 3), float32
+        Unit horizontal normal (inline, crossline) and its move per sample down the plane: the cotangent of the dip.
+    """
+
+    score: Float32Array
+    orientation: np.ndarray
+    planes: Float32Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RidgePoints:
+    """Points of the thinned support, with sub-voxel positions.
+
+    Attributes
+    ----------
+    voxels : ndarray of shape (n, 3), int32
+        Where they lie in the evidence's grid.
+    positions : ndarray of shape (n, 3), float32
+        Fractional (inline, crossline, sample).
+    planes : ndarray of shape (n, 3), float32
+        Horizontal normal and cotangent of the dip of each.
+    score : ndarray of shape (n,), float32
+        Support, in spreads of the background.
+    """
+
+    voxels: np.ndarray
+    positions: Float32Array
+    planes: Float32Array
+    score: Float32Array
+
+
+def scan_planes(
+    evidence: Evidence, *, settings: ScanSettings | None = None, progress: Progress | None = None
+) -> PlanarSupport:
+    """Sum the evidence over small planes of all orientations through every voxel, and keep the best.
+
+    A plane near-parallel to the crossline axis is a shear of the inline coordinate: x = a y + b z. So its sum is a sum
+    over lines in the time slice (one for each strike a) and then over lines down the dip (one for each b): two short
+    sums in place of a disc, each along contiguous samples. Planes near-parallel to the inline axis are done alike.
+
+    The score compares with the cube's own distribution of best sums: its median, and the spread below it, to which
+    faults do not contribute.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        From :func:`~seismo3d.seismic.misfit.measure_misfit`.
+    settings : ScanSettings, optional
+        Sizes and orientations.
+    progress : callable, optional
+        Called with the stage and the share done.
+
+    Returns
+    -------
+    PlanarSupport
+    """
+    settings = settings or ScanSettings()
+    noisiness = noise_share(evidence.noise)
+    strike_taps = gaussian_taps(_between(settings.along_strike, noisiness))
+    dip_taps = gaussian_taps(_between(settings.along_dip, noisiness) / evidence.step)
+    n_dips = int(round(_between((float(settings.n_dips[0]), float(settings.n_dips[1])), noisiness)))
+    cotangents = np.linspace(-1.0, 1.0, n_dips) / np.tan(np.radians(settings.lowest_dip_deg))
+    first, second = evidence.along_inlines, evidence.along_crosslines
+    prior = np.float32(0.5 * (np.median(first) + np.median(second)))
+    best = np.full(first.shape, -1.0, np.float32)
+    arg = np.zeros(first.shape, np.int16)
+    lines = np.empty_like(first)
+    planes: list[tuple[float, float, float]] = []
+    strikes = _strikes(first.shape, settings.n_strikes)
+    for number, (across, shear) in enumerate(strikes):
+        length = np.hypot(1.0, shear)
+        normal = (1.0 / length, -shear / length) if across == 0 else (-shear / length, 1.0 / length)
+        weights = (np.float32(normal[0] ** 2), np.float32(normal[1] ** 2))
+        sum_strike_lines(first, second, *weights, across, shear, strike_taps, lines)
+        keep_best_dip(
+            lines, across, cotangents * length * evidence.step, dip_taps, prior, np.float32(settings.prior_weight),
+            np.float32(settings.evenness), len(planes), best, arg,
+        )  # fmt: skip
+        planes += [(*normal, float(cot)) for cot in cotangents]
+        if progress is not None:
+            progress("scan", (number + 1) / len(strikes))
+    return PlanarSupport(_standardise(best, evidence.known), arg, np.asarray(planes, np.float32))
+
+
+def thin(support: PlanarSupport, evidence: Evidence, *, least: float) -> RidgePoints:
+    """Keep the crests of the support, across each voxel's own best plane, where the score is at least `least`."""
+    offset = np.zeros_like(support.score)
+    keep = find_ridges(support.score, support.orientation, support.planes, np.float32(least), offset)
+    keep &= evidence.known > 0.0
+    voxels = np.argwhere(keep).astype(np.int32)
+    at = tuple(voxels.T)
+    planes = support.planes[support.orientation[at]]
+    positions = voxels.astype(np.float32)
+    positions[:, :2] += offset[at][:, None] * planes[:, :2]
+    positions[:, 2] *= evidence.step
+    return RidgePoints(voxels, positions, planes, support.score[at])
+
+
+def _between(pair: tuple[float, float], share: float) -> float:
+    return pair[0] + share * (pair[1] - pair[0])
+
+
+def _strikes(shape: tuple[int, ...], n_strikes: int) -> list[tuple[int, float]]:
+    """Return (axis across the plane, shear) of every strike; a section, one trace thick, has just one."""
+    if shape[0] == 1:
+        return [(1, 0.0)]
+    if shape[1] == 1:
+        return [(0, 0.0)]
+    shears = np.linspace(-1.0, 1.0, n_strikes + 1)
+    return [(0, float(a)) for a in shears] + [(1, float(a)) for a in shears[1:-1]]
+
+
+def _standardise(best: Float32Array, known: Float32Array) -> Float32Array:
+    """Express sums in spreads above the median, both measured where the evidence is known."""
+    values = best[known > 0.5]
+    if values.size == 0:
+        return np.zeros_like(best)
+    low, middle = np.percentile(values, (16.0, 50.0))
+    spread = max(float(middle - low), 1e-3)
+    best -= np.float32(middle)
+    best /= np.float32(spread)
+    return best

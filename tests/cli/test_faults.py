@@ -1,0 +1,256 @@
+from __future__ import annotations
+
+import json
+import sys
+import types
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import segyio
+from fake_faults import fake_trace_faults, make_cube, make_faults, make_section
+
+from seismo3d.cli import _run
+from seismo3d.io.cubes import open_cube
+from seismo3d.io.segy import write_segy
+from seismo3d.seismic.faultset import FaultSet
+
+FILES = {
+    "faults.csv",
+    "faultset.npz",
+    "labels.sgy",
+    "likelihood.sgy",
+    "report.html",
+    "run.json",
+    "scene.png",
+    "sticks_opendtect.txt",
+    "sticks_petrel.txt",
+    "strike.png",
+    "surfaces.ts",
+    "surfaces.vtp",
+    "throw.png",
+    "throw_map.png",
+    "time_slice.png",
+}
+
+
+def use_tracer(monkeypatch: pytest.MonkeyPatch, tracer: Callable[..., Any]) -> None:
+    module = types.ModuleType("seismo3d.seismic.faults")
+    module.trace_faults = tracer  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "seismo3d.seismic.faults", module)
+
+
+@pytest.fixture
+def demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A SEG-Y cube with two missing and two dead traces; the working folder is its own."""
+    use_tracer(monkeypatch, fake_trace_faults)
+    work = tmp_path / "work"
+    work.mkdir()
+    monkeypatch.chdir(work)
+    write_segy(work / "demo.sgy", make_cube(), like=None)
+    return work / "demo.sgy"
+
+
+def run(*words: str) -> int:
+    return _run(list(words), debug=False)
+
+
+def test_run_writes_everything(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("faults", "demo.sgy", "-o", "out") == 0
+    out = demo.parent / "out"
+    names = {entry.name for entry in out.iterdir()}
+    assert names - FILES == {name for name in names if name.startswith("section_")}
+    assert names >= FILES
+    assert len(names - FILES) == 2
+    assert {entry.name for entry in demo.parent.iterdir()} == {"demo.sgy", "out"}
+    said = capsys.readouterr()
+    assert said.out.splitlines()[0] == "2 faults"
+    assert said.out.splitlines()[-1] == "out/report.html"
+    assert "throw    16.0 mean    24.0 largest (ms)" in said.out
+
+
+def test_volumes_are_on_the_input_s_own_geometry_and_headers(demo: Path) -> None:
+    run("faults", "demo.sgy", "-o", "out")
+    expected = make_faults(make_cube())
+    with segyio.open(demo, ignore_geometry=True) as source:
+        headers = [dict(header) for header in source.header]
+    for name in ("labels", "likelihood"):
+        found = open_cube(demo.parent / "out" / f"{name}.sgy")
+        live = open_cube(demo)["live"].values
+        missing = np.isnan(open_cube(demo).values).all(axis=2)
+        values = np.where(missing[:, :, None], np.nan, getattr(expected, name).values.astype(np.float32))
+        np.testing.assert_allclose(found.values, values)
+        assert live.sum() == 30 * 40 - 4
+        with segyio.open(demo.parent / "out" / f"{name}.sgy", ignore_geometry=True) as written:
+            assert [dict(header) for header in written.header] == headers
+
+
+def test_record_lets_a_result_be_traced(demo: Path) -> None:
+    run("faults", "demo.sgy", "-o", "out", "--inline-byte", "189")
+    record = json.loads((demo.parent / "out" / "run.json").read_text())
+    assert record["input"]["file"] == "demo.sgy"
+    assert record["input"]["size_bytes"] == demo.stat().st_size
+    assert len(record["input"]["sha256"]) == 64
+    assert record["options"] == {"inline_byte": 189, "attributes": False}
+    assert record["settings"]["threshold"] == 0.2
+    assert record["n_faults"] == 2
+    assert record["geometry"]["axes"]["inline"] == {"first": 100, "last": 158, "step": 2, "n": 30}
+    assert {"seismo3d", "python", "numpy", "vtk"} <= set(record["versions"])
+    assert list(record["timings_s"]) == ["dips", "scan", "export", "pictures", "report"]
+    assert all(seconds >= 0 for seconds in record["timings_s"].values())
+
+
+def test_fault_set_is_loaded_from_the_folder(demo: Path) -> None:
+    run("faults", "demo.sgy", "-o", "out")
+    found = FaultSet.load(demo.parent / "out")
+    assert len(found.surfaces) == 2
+    np.testing.assert_array_equal(found.surfaces[0].throw, make_faults(make_cube()).surfaces[0].throw)
+    assert found.labels.dims == ("inline", "crossline", "time")
+
+
+def test_attributes_are_written_on_request(demo: Path) -> None:
+    assert run("faults", "demo.sgy", "-o", "out", "--attributes", "--smooth-tv", "0.05") == 0
+    names = {entry.name for entry in (demo.parent / "out").glob("attribute_*.sgy")}
+    kinds = ("azimuth", "curvature_most_negative", "curvature_most_positive", "dip", "semblance")
+    assert names == {f"attribute_{kind}.sgy" for kind in kinds}
+    semblance = open_cube(demo.parent / "out" / "attribute_semblance.sgy").values
+    assert 0.9 < np.nanmedian(semblance) <= 1.0
+
+
+def test_section_runs_through_the_same_command(demo: Path) -> None:
+    write_segy(demo.with_name("line.sgy"), make_section()[0], like=None)
+    assert run("faults", "line.sgy", "-o", "line") == 0
+    names = {entry.name for entry in (demo.parent / "line").iterdir()}
+    assert {"surfaces.pl", "section_faults.png", "labels.sgy", "report.html", "run.json"} <= names
+    np.testing.assert_array_equal(open_cube("line/labels.sgy").values, make_section()[1].labels.values)
+
+
+def test_lazy_cube_gives_the_same(demo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run("faults", "demo.sgy", "-o", "whole") == 0
+    monkeypatch.setattr("seismo3d.io.cubes.LAZY_ABOVE", 1000)
+    assert open_cube(demo).chunks is not None
+    assert run("faults", "demo.sgy", "-o", "lazy") == 0
+    for name in ("labels.sgy", "surfaces.vtp", "faults.csv", "sticks_petrel.txt"):
+        assert Path("lazy", name).read_bytes() == Path("whole", name).read_bytes()
+    record = json.loads(Path("lazy", "run.json").read_text())
+    assert next(iter(record["timings_s"])) == "live traces"
+
+
+def test_bare_array_is_a_cube_too(demo: Path) -> None:
+    np.save(demo.with_name("cube.npy"), make_cube().values)
+    assert run("faults", "cube.npy", "-o", "out") == 0
+    found = open_cube("out/labels.sgy")
+    np.testing.assert_array_equal(np.nan_to_num(found.values), make_faults(make_cube()).labels.values)
+    assert "distances are in bins" in Path("out/report.html").read_text()
+
+
+def test_existing_folder_is_kept_or_replaced_on_request(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("faults", "demo.sgy", "-o", "out") == 0
+    (demo.parent / "out" / "old.txt").write_text("of the earlier run")
+    assert run("faults", "demo.sgy", "-o", "out") == 2
+    assert "out exists already. Choose another folder, or replace it with --overwrite." in capsys.readouterr().err
+    assert (demo.parent / "out" / "old.txt").exists()
+    assert run("faults", "demo.sgy", "-o", "out", "--overwrite") == 0
+    assert not (demo.parent / "out" / "old.txt").exists()
+    assert {entry.name for entry in demo.parent.iterdir()} == {"demo.sgy", "out"}
+
+
+def test_only_runs_are_ever_replaced(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    precious = demo.parent / "precious"
+    precious.mkdir()
+    (precious / "thesis.txt").write_text("text")
+    assert run("faults", "demo.sgy", "-o", "precious", "--overwrite") == 2
+    assert "holds no run.json" in capsys.readouterr().err
+    assert run("faults", "demo.sgy", "-o", ".", "--overwrite") == 2
+    assert "holds the input or is the current folder" in capsys.readouterr().err
+    assert run("faults", "demo.sgy", "-o", "demo.sgy", "--overwrite") == 2
+    assert "is a file" in capsys.readouterr().err
+    assert run("faults", "demo.sgy", "-o", "no/such/out") == 2
+    assert "is not a folder" in capsys.readouterr().err
+    assert (precious / "thesis.txt").read_text() == "text"
+    assert {entry.name for entry in demo.parent.iterdir()} == {"demo.sgy", "precious"}
+
+
+@pytest.mark.parametrize("stage", ["trace", "pictures"])
+def test_interrupted_run_leaves_nothing(
+    demo: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stage: str
+) -> None:
+    def interrupt(*_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+    if stage == "trace":
+        use_tracer(monkeypatch, interrupt)
+    else:
+        monkeypatch.setattr("seismo3d.plot.picture_set.save_pictures", interrupt)
+    assert run("faults", "demo.sgy", "-o", "out") == 130
+    assert "nothing half-written" in capsys.readouterr().err
+    assert {entry.name for entry in demo.parent.iterdir()} == {"demo.sgy"}
+
+
+def test_interrupted_overwrite_keeps_the_old_run(demo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run("faults", "demo.sgy", "-o", "out")
+    before = (demo.parent / "out" / "run.json").read_bytes()
+
+    def interrupt(*_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+    use_tracer(monkeypatch, interrupt)
+    assert run("faults", "demo.sgy", "-o", "out", "--overwrite") == 130
+    assert (demo.parent / "out" / "run.json").read_bytes() == before
+    assert {entry.name for entry in demo.parent.iterdir()} == {"demo.sgy", "out"}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"), [(b"", "bytes"), (b"this is a text file\n" * 300, "sgy"), (None, "does not exist")]
+)
+def test_bad_input_is_one_line_and_nothing_is_written(
+    demo: Path, capsys: pytest.CaptureFixture[str], content: bytes | None, message: str
+) -> None:
+    if content is not None:
+        Path("bad.sgy").write_bytes(content)
+    assert run("faults", "bad.sgy", "-o", "out") == 2
+    said = capsys.readouterr()
+    assert len(said.err.strip().splitlines()) == 1
+    assert message in said.err
+    assert said.out == ""
+    assert not (demo.parent / "out").exists()
+
+
+def test_smoothing_without_attributes_is_refused(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert demo.exists()
+    assert run("faults", "demo.sgy", "-o", "out", "--smooth-tv", "0.1") == 2
+    assert "Add --attributes" in capsys.readouterr().err
+
+
+def test_stages_are_timed_in_order() -> None:
+    from seismo3d.cli._stages import StageClock
+
+    seen: list[tuple[str, float]] = []
+    clock = StageClock(lambda stage, share: seen.append((stage, share)))
+    for stage in ("a", "b", "a"):
+        clock(stage, 0.5)
+    assert list(clock.stop()) == ["a", "b"]
+    assert seen == [("a", 0.5), ("b", 0.5), ("a", 0.5)]
+
+
+def test_demo_writes_a_cube_that_opens(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from seismo3d import synthetic
+
+    make = synthetic.fault_cube
+    monkeypatch.setattr(synthetic, "fault_cube", lambda kind, **more: make(kind, shape=(20, 24, 40), **more))
+    path = tmp_path / "demo.sgy"
+    assert run("demo", "-o", str(path), "--kind", "clean", "--seed", "3") == 0
+    assert "20 x 24 x 40 samples" in capsys.readouterr().out
+    cube = open_cube(path)
+    assert cube.shape == (20, 24, 40)
+    assert cube.dims == ("inline", "crossline", "time")
+    np.testing.assert_allclose(cube.values, make("clean", seed=3, shape=(20, 24, 40)).seismic)
+    assert run("demo", "-o", str(path)) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert run("demo", "-o", str(tmp_path / "x.sgy"), "--kind", "nothing") == 2
+    assert "expected one of clean" in capsys.readouterr().err
+    assert [entry.name for entry in tmp_path.iterdir()] == ["demo.sgy"]

@@ -1,0 +1,195 @@
+"""Pictures are judged by their pixels: what is drawn, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from fake_faults import make_cube, make_faults, make_section
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from seismo3d import plot
+from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.plot.sections import most_faulted_lines
+from seismo3d.seismic.faultset import FaultSet
+
+
+@pytest.fixture
+def ax() -> Any:
+    figure = Figure(figsize=(6, 5), dpi=80)
+    FigureCanvasAgg(figure)
+    return figure.subplots()
+
+
+@pytest.fixture(autouse=True)
+def _settings_stay() -> Iterator[None]:
+    before = dict(mpl.rcParams)
+    yield
+    assert dict(mpl.rcParams) == before
+
+
+def pixels(ax: Any) -> np.ndarray:
+    ax.figure.canvas.draw()
+    return np.asarray(ax.figure.canvas.buffer_rgba())[..., :3].astype(int)
+
+
+def pixel_at(ax: Any, x: float, y: float) -> np.ndarray:
+    image = pixels(ax)
+    column, row = ax.transData.transform((x, y))
+    return image[image.shape[0] - 1 - round(row), round(column)]
+
+
+def saturation(colour: np.ndarray) -> int:
+    return int(np.max(colour) - np.min(colour))
+
+
+def test_section_is_grey_and_faults_are_coloured_where_they_are(ax: Any) -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    plot.section(cube, inline=120, ax=ax, faults=faults)
+    time = 1100.0
+    on_fault = 520 + ((time - 1000) / 4 - 24.5) * 0.5
+    assert saturation(pixel_at(ax, on_fault, time)) > 80
+    assert saturation(pixel_at(ax, on_fault - 6, time)) < 10
+    assert ax.get_xlabel() == "Crossline"
+    assert ax.get_ylabel() == "Time (ms)"
+    low, high = ax.get_ylim()
+    assert low > high  # time grows downwards
+    assert (ax.get_xlim(), (low, high)) == ((499.5, 539.5), (1198.0, 998.0))
+
+
+def test_amplitudes_have_the_right_sign_and_place(ax: Any) -> None:
+    cube = make_cube().copy(deep=True)
+    cube.values[:] = 0.0
+    cube.values[10, 7, 30] = 5.0
+    cube.values[10, 30, 10] = -5.0
+    plot.section(cube, inline=120, ax=ax, clip=100)
+    assert pixel_at(ax, 507, 1120).min() > 240
+    assert pixel_at(ax, 530, 1040).max() < 15
+    assert 110 < pixel_at(ax, 520, 1100).mean() < 145
+
+
+def test_traces_without_data_are_marked(ax: Any) -> None:
+    plot.section(make_cube(), inline=106, ax=ax)  # missing traces at crosslines 503 and 504
+    marked = pixel_at(ax, 503.5, 1100)
+    np.testing.assert_allclose(marked, [0xE9, 0xED, 0xF2], atol=2)
+    assert "no data (5 %)" in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_throw_colours_tell_signs_apart(ax: Any) -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    plot.section(cube, sample=20, ax=ax, faults=faults, colour="throw")
+    normal = pixel_at(ax, 520 + (20 - 24.5) * 0.5, 145)  # inline 145: large positive throw
+    reverse = pixel_at(ax, 535, 100 + 2 * (15 + (20 - 24.5) / np.tan(np.radians(75))))
+    assert normal[0] > normal[2] + 50  # red
+    assert reverse[2] > reverse[0]  # blue
+    assert [a.get_ylabel() for a in ax.figure.axes[1:]] == ["Throw (ms)"]
+
+
+def test_time_slice_and_throw_map_show_bins_true(ax: Any) -> None:
+    cube = make_cube()
+    plot.time_slice(cube, time=1100, ax=ax)
+    box = ax.get_window_extent()
+    # 30 inlines of 25 m and 40 crosslines of 12.5 m: 750 by 500 m
+    ax.figure.canvas.draw()
+    assert ax.get_window_extent().height / ax.get_window_extent().width == pytest.approx(1.5, rel=0.02)
+    assert box.width > 0
+
+
+def test_throw_map_has_faults_only_where_they_are(ax: Any) -> None:
+    cube = make_cube()
+    plot.throw_map(make_faults(cube), cube, ax=ax)
+    assert saturation(pixel_at(ax, 520, 150)) > 60
+    assert pixel_at(ax, 502, 150).min() > 250
+
+
+def test_likelihood_is_transparent_off_the_faults(ax: Any) -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    plot.likelihood(cube, faults=faults, inline=120, ax=ax)
+    j, k = np.argwhere(faults.likelihood.values[10] > 0)[50]
+    assert saturation(pixel_at(ax, 500 + j, 1000 + 4 * k)) > 60
+    assert saturation(pixel_at(ax, 538, 1010)) < 10
+
+
+def test_section_of_a_line(ax: Any) -> None:
+    section, faults = make_section()
+    plot.section(section, faults=faults, ax=ax, colour="likelihood")
+    assert saturation(pixel_at(ax, 1 + 30, 50.0)) > 60
+    assert ax.get_xlabel() == "Trace"
+
+
+def test_without_axes_a_pyplot_figure_is_made() -> None:
+    plt = pytest.importorskip("matplotlib.pyplot")
+    plt.switch_backend("agg")
+    ax = plot.section(make_cube().values, crossline=3)
+    assert ax.figure.number in plt.get_fignums()
+    plt.close(ax.figure)
+
+
+def test_cube_of_nothing_draws(ax: Any) -> None:
+    plot.section(np.full((5, 6, 7), np.nan, np.float32), inline=2, ax=ax)
+    plot.section(np.zeros((5, 6, 7), np.float32), inline=2, ax=ax)
+    assert len(np.unique(pixels(ax).reshape(-1, 3), axis=0)) > 2
+
+
+def test_rose_points_along_the_strikes() -> None:
+    figure = Figure(figsize=(4, 4))
+    ax = figure.add_subplot(projection="polar")
+    plot.strike_rose(make_faults(make_cube()), from_north=True, ax=ax)
+    angles = np.degrees([p.get_x() + p.get_width() / 2 for p in ax.patches])
+    heights = np.array([p.get_height() for p in ax.patches])
+    assert sorted(angles[heights > 0].round()) == [
+        5,
+        95,
+        185,
+        275,
+    ]  # strikes 0 and 270, both ways
+    assert (heights[heights > 0] ** 2).sum() == pytest.approx(2.0)
+
+
+def test_throw_histogram_is_weighted_by_area(ax: Any) -> None:
+    plot.throw_histogram(make_faults(make_cube()), ax=ax)
+    heights = np.array([p.get_height() for p in ax.patches])
+    centres = np.array([p.get_x() + p.get_width() / 2 for p in ax.patches])
+    assert heights.sum() == pytest.approx(100.0)
+    assert heights[centres < 0].sum() == pytest.approx(100 * 1413 / (1413 + 1090), abs=1.0)
+
+
+def test_empty_fault_set_draws_everywhere(ax: Any) -> None:
+    cube = make_cube()
+    empty = FaultSet((), cube.copy(data=np.zeros(cube.shape)), cube.copy(data=np.zeros(cube.shape, int)), cube)
+    plot.section(cube, faults=empty, ax=ax)
+    figure = Figure()
+    plot.throw_map(empty, cube, ax=figure.subplots())
+    plot.throw_histogram(empty, ax=Figure().subplots())
+    plot.strike_rose(empty, from_north=False, ax=Figure().add_subplot(projection="polar"))
+
+
+def test_most_faulted_lines_are_found() -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    lines = most_faulted_lines(faults, cube)
+    counts = (faults.labels.values > 0).sum(axis=(1, 2))
+    assert counts[(int(lines["inline"]) - 100) // 2] == counts.max()
+    assert 1020 <= lines["time"] <= 1176
+
+
+def test_refusals(ax: Any) -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    with pytest.raises(ParameterError, match="colour is 'dip'; expected"):
+        plot.section(cube, faults=faults, colour="dip", ax=ax)
+    with pytest.raises(ShapeError, match="Give the cube that they were traced in"):
+        plot.section(cube[:5], faults=faults, ax=ax)
+    with pytest.raises(ShapeError, match="a section has no time slice"):
+        plot.time_slice(make_section()[0], ax=ax)
+    with pytest.raises(ParameterError, match="clip is 150"):
+        plot.section(cube, clip=150, ax=ax)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = plot.nothing

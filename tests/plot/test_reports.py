@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+import base64
+import io
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fake_faults import make_cube, make_faults, make_section
+from PIL import Image
+
+from seismo3d import plot
+from seismo3d.errors import ShapeError
+from seismo3d.plot import rendering
+from seismo3d.plot.picture_set import save_pictures
+from seismo3d.seismic.faultset import FaultSet
+
+
+class Page(HTMLParser):
+    """Collects tags, texts and addresses; complains about tags that are not closed in order."""
+
+    VOID = frozenset(("meta", "img", "br", "link", "input", "hr"))
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.counts: dict[str, int] = {}
+        self.addresses: list[str] = []
+        self.texts: list[str] = []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.counts[tag] = self.counts.get(tag, 0) + 1
+        self.addresses += [value or "" for name, value in attrs if name in ("src", "href", "action", "srcset")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data.strip())
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list]:  # type: ignore[type-arg]
+    folder = tmp_path_factory.mktemp("pictures")
+    cube = make_cube()
+    return folder, save_pictures(folder, cube, faults=make_faults(cube))
+
+
+def test_pictures_of_a_cube(drawn: tuple[Path, list]) -> None:  # type: ignore[type-arg]
+    folder, pictures = drawn
+    names = [picture.path.name for picture in pictures]
+    assert names[0] == "scene.png"
+    assert re.fullmatch(r"section_inline_\d+\.png", names[1])
+    assert re.fullmatch(r"section_crossline_\d+\.png", names[2])
+    assert names[3:] == ["time_slice.png", "throw_map.png", "strike.png", "throw.png"]
+    assert sorted(entry.name for entry in folder.iterdir()) == sorted(names)
+    for picture in pictures:
+        with Image.open(picture.path) as image:
+            pixels = np.asarray(image.convert("RGB")).astype(int)
+        assert min(pixels.shape[:2]) >= 400
+        assert (np.ptp(pixels, axis=2) > 60).mean() > 0.002  # faults are in colour
+        assert picture.caption
+    with Image.open(pictures[1].path) as image:
+        halves = np.ptp(np.asarray(image.convert("RGB")).astype(int), axis=2) > 60
+    middle = halves.shape[1] // 2
+    assert halves[:, :middle].sum() == 0  # as recorded
+    assert halves[:, middle:].sum() > 500
+
+
+def test_report_is_self_contained_and_whole(drawn: tuple[Path, list], tmp_path: Path) -> None:  # type: ignore[type-arg]
+    cube = make_cube()
+    faults = make_faults(cube)
+    run = {"input": {"file": "a<b>.sgy"}, "timings_s": {"scan": 12.345}, "versions": {"seismo3d": "0.1.0"}}
+    path = plot.write_report(
+        tmp_path / "report.html", cube, faults=faults, title="Faults in a<b>.sgy", pictures=drawn[1], run=run
+    )
+    text = path.read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.counts["img"] == len(drawn[1])
+    assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
+    assert not re.search(r"(https?:)?//[a-z]", re.sub(r"base64,[A-Za-z0-9+/=]+", "", text))
+    for address in page.addresses:
+        with Image.open(io.BytesIO(base64.b64decode(address.split(",", 1)[1]))) as image:
+            image.verify()
+    assert "<b>" not in text.split("<body>")[1].split('<div class="numbers">')[0]  # the name is escaped
+    for words in (
+        "Faults in a<b>.sgy",
+        "2",
+        "faults found",
+        "24 ms",
+        "12.3 s",
+        "normal",
+        "reverse",
+        "threshold",
+        "0.62 km",
+    ):
+        assert words in page.texts, words
+    table = text[text.index('id="faults"') : text.index("</table>", text.index('id="faults"'))]
+    assert table.count("<tr>") == 3
+    assert 'data-key="16.037' in table  # sorted by the whole number, shown as 16.0
+
+
+def test_scene_falls_back_to_a_sketch_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rendering, "find_windowless", lambda: ("", "no OpenGL here"))
+    cube = make_cube()
+    faults = make_faults(cube)
+    pictures = save_pictures(tmp_path, cube, faults=faults)
+    assert "without OpenGL" in pictures[0].note
+    with Image.open(pictures[0].path) as image:
+        assert (np.ptp(np.asarray(image.convert("RGB")).astype(int), axis=2) > 60).mean() > 0.01
+    text = plot.write_report(tmp_path / "r.html", cube, faults=faults, pictures=pictures).read_text(encoding="utf-8")
+    assert "no OpenGL here" in text
+    assert 'class="note"' in text
+
+
+def test_report_of_a_section_and_of_no_faults(tmp_path: Path) -> None:
+    section, faults = make_section()
+    text = plot.write_report(tmp_path / "a.html", section, faults=faults).read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.counts["img"] == 2
+    assert "fault found" in page.texts
+    empty = FaultSet((), *(section.copy(data=np.zeros(section.shape, t)) for t in ("f4", "i4", "f4")))
+    text = plot.write_report(tmp_path / "b.html", section, faults=empty).read_text(encoding="utf-8")
+    assert "No fault was found" in text
+    assert '<table class="faults"' not in text
+
+
+def test_bare_array_in_depthless_samples(tmp_path: Path) -> None:
+    values = make_cube().values
+    faults = make_faults(values)
+    pictures = save_pictures(tmp_path, values, faults=faults)
+    assert "from the inline axis" in pictures[5].caption
+
+
+def test_report_refuses_faults_of_another_cube(tmp_path: Path) -> None:
+    cube = make_cube()
+    with pytest.raises(ShapeError, match="Give the cube"):
+        plot.write_report(tmp_path / "r.html", cube[:4], faults=make_faults(cube))

@@ -1,0 +1,170 @@
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_faults import make_cube, make_faults, make_section
+
+from seismo3d.errors import ShapeError
+from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.seismic.exports import write_faults
+from seismo3d.seismic.fault_table import mean_strike_deg, tabulate_faults
+from seismo3d.seismic.faultset import FaultSet
+
+
+def read_gocad(path: Path) -> list[dict[str, Any]]:
+    """An independent reader of the format's grammar."""
+    objects: list[dict[str, Any]] = []
+    for line in path.read_text(encoding="ascii").splitlines():
+        words = line.split()
+        if words[0] == "GOCAD":
+            objects.append({"kind": words[1], "points": [], "cells": [], "values": []})
+        current = objects[-1]
+        if line.startswith("name:"):
+            current["name"] = line[5:]
+        elif words[0] in ("PROPERTIES", "UNITS", "NO_DATA_VALUES", "ESIZES", "ZPOSITIVE", "AXIS_UNIT"):
+            current[words[0]] = words[1:]
+        elif words[0] == "PVRTX":
+            assert int(words[1]) == len(current["points"]) + 1
+            current["points"].append([float(w) for w in words[2:5]])
+            current["values"].append([float(w) for w in words[5:]])
+        elif words[0] in ("TRGL", "SEG"):
+            current["cells"].append([int(w) for w in words[1:]])
+    return objects
+
+
+def test_gocad_surfaces(tmp_path: Path) -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    write_faults(faults, cube, directory=tmp_path)
+    objects = read_gocad(tmp_path / "surfaces.ts")
+    assert [(o["kind"], o["name"]) for o in objects] == [("TSurf", "fault_001"), ("TSurf", "fault_002")]
+    survey = SurveyGeometry.from_cube(cube)
+    for written, surface in zip(objects, faults.surfaces, strict=True):
+        assert written["ZPOSITIVE"] == ["Depth"]
+        assert written["AXIS_UNIT"] == ['"m"', '"m"', '"ms"']
+        assert written["PROPERTIES"] == ["throw", "throw_ms", "likelihood", "strike", "dip"]
+        assert written["UNITS"] == ["samples", "ms", "none", "deg", "deg"]
+        np.testing.assert_allclose(written["points"], survey.index_to_map(surface.vertices), atol=1e-3)
+        np.testing.assert_array_equal(np.array(written["cells"]) - 1, surface.cells)
+        throw = np.array(written["values"])[:, 0]
+        assert (throw[:3] == -99999).all()
+        np.testing.assert_allclose(throw[3:], surface.throw[3:], rtol=1e-5)
+        np.testing.assert_allclose(np.array(written["values"])[:, 2], surface.likelihood, rtol=1e-5)
+
+
+def test_vtk_surfaces_are_read_by_vtk(tmp_path: Path) -> None:
+    import pyvista as pv
+
+    cube = make_cube()
+    faults = make_faults(cube)
+    write_faults(faults, cube, directory=tmp_path)
+    mesh = pv.read(tmp_path / "surfaces.vtp")
+    points = np.concatenate([SurveyGeometry.from_cube(cube).index_to_map(s.vertices) for s in faults.surfaces])
+    np.testing.assert_allclose(mesh.points, points)
+    n = len(faults.surfaces[0].vertices)
+    cells = np.concatenate([faults.surfaces[0].cells, faults.surfaces[1].cells + n])
+    np.testing.assert_array_equal(mesh.regular_faces, cells)
+    np.testing.assert_array_equal(mesh["surface"], np.repeat([1, 2], [n, n]))
+    for name, attribute in {
+        "throw": "throw",
+        "likelihood": "likelihood",
+        "strike": "strike_deg",
+        "dip": "dip_deg",
+    }.items():
+        np.testing.assert_array_equal(mesh[name], np.concatenate([getattr(s, attribute) for s in faults.surfaces]))
+    assert mesh.field_data["z"][0] == "z: two-way time in ms, positive down"
+    assert mesh.field_data["xy"][0] == "x, y: metres on the map"
+
+
+def test_stick_files_have_the_columns_of_their_formats(tmp_path: Path) -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    write_faults(faults, cube, directory=tmp_path)
+    survey = SurveyGeometry.from_cube(cube)
+    rows = [line.split() for line in (tmp_path / "sticks_opendtect.txt").read_text().splitlines()]
+    assert all(len(row) == 6 for row in rows)
+    assert {row[0] for row in rows} == {"fault_001", "fault_002"}
+    nodes = [(row[0], int(row[4]), int(row[5])) for row in rows]
+    assert len(set(nodes)) == len(nodes)
+    charisma = [line.split() for line in (tmp_path / "sticks_petrel.txt").read_text().splitlines()]
+    assert len(charisma) == len(rows)
+    for row, other in zip(charisma, rows, strict=True):
+        assert row[0] == "INLINE-"
+        assert len(row) == 8
+        assert row[3:6] == other[1:4]
+        assert row[6] == other[0]
+        assert row[7] == other[4]
+        lines = survey.index_to_lines(survey.map_to_index([[float(w) for w in row[3:6]]]))[0]
+        # whole line numbers; the step of the inlines is 2, x and y have two decimals
+        assert abs(lines[0] - int(row[1])) < 0.51
+        assert abs(lines[1] - int(row[2])) < 0.51
+
+
+def test_table_has_the_known_numbers(tmp_path: Path) -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    write_faults(faults, cube, directory=tmp_path)
+    with (tmp_path / "faults.csv").open(newline="") as file:
+        first, second = csv.DictReader(file)
+    assert float(first["dip_deg"]) == pytest.approx(63.4349, abs=1e-3)
+    assert (float(first["strike_deg"]), float(second["strike_deg"])) == (0.0, 270.0)
+    assert float(first["throw_mean_samples"]) == pytest.approx(4.0, rel=0.01)
+    assert float(first["throw_mean_ms"]) == pytest.approx(16.0, rel=0.01)
+    assert float(second["throw_max_samples"]) == pytest.approx(-3.0)
+    assert (first["kind"], second["kind"]) == ("normal", "reverse")
+    assert float(first["length_m"]) == pytest.approx(25 * 25.0, rel=1e-3)
+    assert [float(first[k]) for k in ("inline_min", "inline_max", "time_min", "time_max")] == [104, 154, 1020, 1176]
+    assert float(first["area_index"]) == pytest.approx(25 * 39 * np.hypot(1, 0.5), rel=1e-3)
+    assert float(first["confidence"]) == 0.8
+
+
+def test_depth_cube_has_square_metres() -> None:
+    cube = make_cube().rename(time="depth").assign_attrs(sample_unit="m").assign_coords(depth=5.0 * np.arange(50))
+    row = tabulate_faults(make_faults(cube), cube)[0]
+    # 25 inlines of 25 m along strike; down the plane 39 samples of 5 m and 19.5 crosslines of 12.5 m
+    assert row["area_m2"] == pytest.approx(625 * np.hypot(39 * 5, 19.5 * 12.5), rel=1e-3)
+    assert "depth_min" in row
+
+
+def test_section_exports_polylines(tmp_path: Path) -> None:
+    section, faults = make_section()
+    files = write_faults(faults, section, directory=tmp_path)
+    assert [file.name for file in files if file.suffix in (".ts", ".pl")] == ["surfaces.pl"]
+    (line,) = read_gocad(tmp_path / "surfaces.pl")
+    assert line["kind"] == "PLine"
+    assert len(line["cells"]) == len(line["points"]) - 1
+    import pyvista as pv
+
+    assert pv.read(tmp_path / "surfaces.vtp").n_lines == len(line["cells"])
+    with (tmp_path / "faults.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["throw_mean_ms"]) == 6.0
+    assert "strike_deg" not in row
+
+
+def test_no_faults_give_whole_files(tmp_path: Path) -> None:
+    cube = make_cube()
+    empty = FaultSet((), cube.copy(data=np.zeros(cube.shape)), cube.copy(data=np.zeros(cube.shape, int)), cube)
+    write_faults(empty, cube, directory=tmp_path)
+    import pyvista as pv
+
+    assert pv.read(tmp_path / "surfaces.vtp").n_points == 0
+    assert (tmp_path / "faults.csv").read_text().startswith("fault,confidence")
+    assert (tmp_path / "sticks_petrel.txt").read_text() == ""
+
+
+def test_faults_of_another_cube_are_refused(tmp_path: Path) -> None:
+    cube = make_cube()
+    with pytest.raises(ShapeError, match="Give the cube that they were traced in"):
+        write_faults(make_faults(cube), cube[:-1], directory=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_mean_strike_wraps() -> None:
+    assert mean_strike_deg(np.array([359.0, 1.0]), np.ones(2)) % 360 == pytest.approx(0.0, abs=1e-9)
+    assert mean_strike_deg(np.array([10.0, 90.0, np.nan]), np.array([1.0, 0.0, 5.0])) == pytest.approx(10.0)
+    assert np.isnan(mean_strike_deg(np.array([np.nan]), np.ones(1)))
