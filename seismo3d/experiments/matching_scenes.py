@@ -125,3 +125,18 @@ def project(H: Float64Array, points: Float64Array) -> Float64Array:
     """Carry points (n, 2) by a homography."""
     carried = np.column_stack([points, np.ones(len(points))]) @ H.T
     return np.asarray(carried[:, :2] / carried[:, 2:])
+
+
+def as_grey_levels(amplitudes: AnyArray) -> AnyArray:
+    """Show amplitudes as grey levels, uint8, between their 1st and 99th percentile."""
+    low, high = np.percentile(amplitudes, [1.0, 99.0])
+    return np.clip((amplitudes - low) * (255.0 / max(high - low, 1e-30)), 0.0, 255.0).astype(np.uint8)
+
+
+def load_sections(*, seed: int = 40) -> dict[str, AnyArray]:
+    """Return synthetic seismic sections of all kinds as pictures (sample, trace), uint8."""
+    from seismo3d.synthetic import KINDS, fault_section
+
+    kinds = [kind for kind in KINDS if kind != "demo"]
+    sections = (fault_section(kind, seed=seed, shape=(64, 320, 256)) for kind in kinds)
+    return {kind: as_grey_levels(np.nan_to_num(made.seismic.T)) for kind, made in zip(kinds, sections)}

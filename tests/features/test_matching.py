@@ -116,7 +116,9 @@ def test_results_are_read_only_and_best_first(photo):
 def test_colour_counts_as_grey():
     colour = data.astronaut()[:256, 100:356]
     grey = colour.astype(np.float32) @ np.array([0.299, 0.587, 0.114], np.float32)
-    np.testing.assert_allclose(match(colour, colour, n_points=50).points_target, match(grey, grey, n_points=50).points_target)
+    np.testing.assert_allclose(
+        match(colour, colour, n_points=50).points_target, match(grey, grey, n_points=50).points_target
+    )
 
 
 def test_missing_data_is_left_out(photo):
@@ -167,7 +169,9 @@ def test_noise_is_not_matched(rng):
     assert len(found) <= 0.01 * found.n_points[0]
 
 
-@pytest.mark.parametrize(("one", "other"), [("camera", "coins"), ("brick", "grass"), ("page", "text"), ("moon", "gravel")])
+@pytest.mark.parametrize(
+    ("one", "other"), [("camera", "coins"), ("brick", "grass"), ("page", "text"), ("moon", "gravel")]
+)
 def test_unrelated_images_are_not_matched(one, other):
     found = match(getattr(data, one)(), getattr(data, other)())
     assert len(found) <= 0.01 * min(found.n_points)

@@ -84,7 +84,9 @@ def test_turning_a_frame_shifts_the_descriptor(rng):
     point = np.full((1, 3), 20.0)
     layout = spheres.SphereLayout()
     step = Rotation.from_euler("z", 4 * 22.5, degrees=True).as_matrix()
-    straight, _ = spheres.describe_corners(volume, None, spheres.VolumePoints(point, np.eye(3)[None], np.ones(1)), layout)
+    straight, _ = spheres.describe_corners(
+        volume, None, spheres.VolumePoints(point, np.eye(3)[None], np.ones(1)), layout
+    )
     turned, _ = spheres.describe_corners(volume, None, spheres.VolumePoints(point, step[None], np.ones(1)), layout)
     np.testing.assert_allclose(turned, np.roll(straight, -4, axis=1), atol=1e-3)
 
