@@ -42,12 +42,13 @@ def load_photos(*, longest: int = 640) -> dict[str, AnyArray]:
 
 
 def _read_grey(path: Path) -> AnyArray:
-    import cv2
+    from PIL import Image
 
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-    if image is None:
-        raise FileAccessError(f"{path} cannot be read as an image; expected one that the installed packages ship.")
-    return np.asarray(image)
+    try:
+        with Image.open(path) as image:
+            return np.asarray(image.convert("L"))
+    except OSError as error:
+        raise FileAccessError(f"{path} cannot be read as an image; expected one that the installed packages ship.") from error
 
 
 def _hillshade(elevation: Float32Array) -> AnyArray:
