@@ -1,6 +1,7 @@
 """Measure the matcher, line by line: ``python -m seismo3d.experiments.matching``.
 
-With ``--oxford FOLDER`` (sequences with given homographies) and ``--cubes FILE ...`` (real cubes) it measures those too.
+With ``--oxford FOLDER`` (sequences with given homographies) and ``--cubes FILE ...`` (real cubes) it measures those
+too.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def _read_cube(path: Path) -> AnyArray:
 
 
 def report_oxford(folder: Path) -> str:
-    """Pairs with given homographies: share within 3 pixels, correct matches, area under the curve at 1, 3 and 5 pixels."""
+    """Pairs with given homographies: share within 3 pixels, correct matches, area under the curve of corner errors."""
     pairs = matching_pairs.load_oxford(folder)
     lines = [f"{len(pairs)} pairs with given homographies: % within 3 px, correct a pair, AUC at 1, 3, 5 px"]
     for name, matcher in matching_tables.all_matchers().items():

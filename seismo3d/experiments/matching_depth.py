@@ -24,7 +24,7 @@ class DepthScene:
 
 
 def load_depth_scenes() -> list[DepthScene]:
-    """Return scenes from what scikit-image and matplotlib ship: a measured one, two terrains, and photographs on relief."""
+    """Return scenes from what scikit-image and matplotlib ship: one measured, a terrain, and photographs on relief."""
     import matplotlib as mpl
     import skimage
 
@@ -52,7 +52,7 @@ def _motorcycle(data: Path) -> DepthScene:
 
 
 def _terrain(name: str, elevation: Float32Array, spacing: float) -> DepthScene:
-    """A terrain from above, its relief three times exaggerated, from a height as large as the map is wide."""
+    """Show a terrain from above, its relief exaggerated three times, from as high as the map is wide."""
     shade = _hillshade(elevation)
     high = 3.0 * (elevation.astype(np.float64) - float(elevation.mean())) / spacing
     width = float(elevation.shape[1])
@@ -60,7 +60,7 @@ def _terrain(name: str, elevation: Float32Array, spacing: float) -> DepthScene:
 
 
 def _relief(name: str, image: AnyArray, seed: int) -> DepthScene:
-    """A photograph laid over smooth hills with a step: a block that stands out of the plane."""
+    """Lay a photograph over smooth hills with a step: a block that stands out of the plane."""
     from scipy.ndimage import gaussian_filter
 
     rng = np.random.default_rng(seed)
@@ -78,7 +78,7 @@ def _camera(shape: tuple[int, ...]) -> tuple[float, float, float, float]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SideView:
-    """A scene turned about the vertical through its middle: image, where it is seen, and where each pixel went (rows, columns, 2)."""
+    """A turned scene: image, where anything is seen, and where each pixel went, (rows, columns, 2)."""
 
     image: Float32Array
     seen: BoolArray
@@ -86,7 +86,7 @@ class SideView:
 
 
 def turn(scene: DepthScene, angle_deg: float) -> SideView:
-    """Render a scene as if it had turned, with hidden parts hidden; what is uncovered shows the nearest pixel that is seen."""
+    """Render a scene as if it had turned, hidden parts hidden; what is uncovered shows the nearest pixel seen."""
     from scipy.ndimage import distance_transform_edt
 
     fx, fy, cx, cy = scene.camera
@@ -108,7 +108,8 @@ def turn(scene: DepthScene, angle_deg: float) -> SideView:
 def distance_to_truth(view: SideView, points: Float64Array, found: Float64Array) -> Float64Array:
     """Distance of matches (n, 2) from where the points of the scene's image went, in pixels.
 
-    A point on the rim of an object belongs to it and to what is behind it: of the 3 x 3 pixels around, the one that moved likest counts.
+    A point on the rim of an object belongs to it and to what is behind it: of the 3 x 3 pixels around, the one that
+    moved likest counts.
     """
     rows, columns = view.place.shape[:2]
     best = np.full(len(points), np.inf)

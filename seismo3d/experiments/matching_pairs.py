@@ -14,6 +14,7 @@ from seismo3d.errors import FileAccessError
 from seismo3d.experiments.matching_peers import MatchFunction
 from seismo3d.experiments.matching_scenes import Warp, add_noise, as_grey_levels, project, warp_image
 from seismo3d.experiments.matching_tables import CORRECT, NOISE, Cell
+from seismo3d.io.grids import read_grid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,12 +28,12 @@ class HomographyPair:
 
 
 def load_oxford(folder: str | Path, *, longest: int = 640) -> list[HomographyPair]:
-    """Read sequences kept as ``NAME/img1.png`` to ``img6.png`` with ``NAME/H1to2p`` and so on, scaled to a longest side."""
+    """Read sequences ``NAME/img1.png`` to ``img6.png`` with ``NAME/H1to2p`` and so on, scaled to a longest side."""
     import cv2
 
     pairs = []
     for first in sorted(Path(folder).glob("*/img1.png")):
-        images = [cv2.imread(str(first.with_name(f"img{k}.png")), cv2.IMREAD_GRAYSCALE) for k in range(1, 7)]
+        images = [read_grid(first.with_name(f"img{k}.png")) for k in range(1, 7)]
         ratio = longest / max(images[0].shape)
         to_small = np.array([[ratio, 0.0, 0.5 * ratio - 0.5], [0.0, ratio, 0.5 * ratio - 0.5], [0.0, 0.0, 1.0]])
         small = [cv2.resize(i, None, fx=ratio, fy=ratio, interpolation=cv2.INTER_AREA) for i in images]
@@ -73,7 +74,9 @@ def _corner_error(pair: HomographyPair, p: Float64Array, q: Float64Array) -> flo
         return float("inf")
     rows, columns = pair.target.shape
     corners = np.array([[0, 0], [columns, 0], [0, rows], [columns, rows]], dtype=float)
-    return float(np.linalg.norm(project(H, corners) - project(pair.H, corners), axis=1).mean())
+    return float(
+        np.linalg.norm(project(np.asarray(H, dtype=np.float64), corners) - project(pair.H, corners), axis=1).mean()
+    )
 
 
 def _area(errors: Iterable[float], limit: float) -> float:
@@ -108,7 +111,7 @@ def match_sections(
 
 
 def largest_share_of_unrelated(images: Mapping[str, AnyArray], *, step: int = 1) -> float:
-    """Largest share of keypoints matched between images that have nothing in common; every ``step``-th pair is tried."""
+    """Largest share of keypoints matched between images of different things, every ``step``-th pair."""
     from seismo3d.features.matching import match
 
     shares = [0.0]

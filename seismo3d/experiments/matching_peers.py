@@ -16,7 +16,7 @@ MatchFunction = Callable[[AnyArray, AnyArray], tuple[Float64Array, Float64Array]
 _RATIO = 0.8
 
 
-def _mutual(first: AnyArray, second: AnyArray, norm: int) -> AnyArray:
+def _mutual(first: AnyArray | None, second: AnyArray | None, norm: int) -> AnyArray:
     """Pairs (n, 2) of rows that are each other's nearest neighbour and pass the ratio test."""
     import cv2
 
@@ -40,7 +40,7 @@ def opencv_matcher(name: str, n_points: int) -> MatchFunction:
     make: Callable[[], Any] = {
         "SIFT": lambda: cv2.SIFT_create(n_points),  # type: ignore[attr-defined]
         "ORB": lambda: cv2.ORB_create(n_points),  # type: ignore[attr-defined]
-        "AKAZE": lambda: (getattr(cv2, "AKAZE_create", None) or cv2.xfeatures2d.AKAZE_create)(),
+        "AKAZE": getattr(getattr(cv2, "xfeatures2d", cv2), "AKAZE_create", None) or cv2.AKAZE_create,  # type: ignore[attr-defined]
     }[name]
     norm = cv2.NORM_L2 if name == "SIFT" else cv2.NORM_HAMMING
 

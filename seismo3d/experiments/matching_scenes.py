@@ -12,9 +12,9 @@ from seismo3d._typing import AnyArray, Float32Array, Float64Array
 from seismo3d.errors import FileAccessError
 
 PHOTOS = (
-    "astronaut.png", "brick.png", "camera.png", "cell.png", "chelsea.png", "clock_motion.png", "coffee.png", "coins.png",
-    "grass.png", "gravel.png", "hubble_deep_field.jpg", "ihc.png", "microaneurysms.png", "moon.png", "motorcycle_left.png",
-    "page.png", "retina.jpg", "rocket.jpg", "text.png",
+    "astronaut.png", "brick.png", "camera.png", "cell.png", "chelsea.png", "clock_motion.png", "coffee.png",
+    "coins.png", "grass.png", "gravel.png", "hubble_deep_field.jpg", "ihc.png", "microaneurysms.png", "moon.png",
+    "motorcycle_left.png", "page.png", "retina.jpg", "rocket.jpg", "text.png",
 )  # fmt: skip
 """Photographs and micrographs that come with scikit-image."""
 
@@ -48,7 +48,9 @@ def _read_grey(path: Path) -> AnyArray:
         with Image.open(path) as image:
             return np.asarray(image.convert("L"))
     except OSError as error:
-        raise FileAccessError(f"{path} cannot be read as an image; expected one that the installed packages ship.") from error
+        raise FileAccessError(
+            f"{path} cannot be read as an image; expected one that the installed packages ship."
+        ) from error
 
 
 def _hillshade(elevation: Float32Array) -> AnyArray:
@@ -77,7 +79,7 @@ def scaling(factor: float) -> Warp:
 
 
 def tilt(angle_deg: float) -> Warp:
-    """Off-plane rotation about the vertical through the centre, seen by a camera whose focal length is the image's width."""
+    """Off-plane rotation about the vertical through the centre; the camera's focal length is the image's width."""
 
     def warp(shape: tuple[int, int]) -> Float64Array:
         a, f = math.radians(angle_deg), float(shape[1])
@@ -98,7 +100,7 @@ def warp_image(image: AnyArray, H: Float64Array) -> AnyArray:
     centre = np.array([(columns - 1) / 2.0, (rows - 1) / 2.0, 1.0])
     w = float(H[2] @ centre)
     jacobian = (H[:2, :2] - np.outer(H[:2] @ centre / w, H[2, :2])) / w
-    u, stretch, vt = np.linalg.svd(jacobian)
+    _, stretch, vt = np.linalg.svd(jacobian)
     blur = np.sqrt(np.maximum(1.0 / stretch**2 - 1.0, 0.0)) * 0.5
     if blur.max() > 0.05:
         grey = _blur_along(grey, np.asarray(vt.T @ np.diag(blur**2) @ vt))

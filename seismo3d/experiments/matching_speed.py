@@ -15,7 +15,7 @@ RADII = (3.0, 6.0, 12.0, 24.0, 48.0)
 
 
 def standard_pair() -> tuple[AnyArray, AnyArray]:
-    """A photograph at 640 x 480 and the same turned by 30 degrees, both with noise."""
+    """Return a photograph at 640 x 480 and the same turned by 30 degrees, both with noise."""
     import cv2
 
     image = cv2.resize(load_photos()["coffee"], (640, 480), interpolation=cv2.INTER_CUBIC)

@@ -1,11 +1,13 @@
-"""Tables 2, 3 and 4 of the paper: accuracy of matching under rotation, tilt and scale, with the number of correct matches.
+"""Tables 2, 3 and 4 of the paper: accuracy of matching under rotation, tilt and scale, and numbers of matches.
 
-Noise of two grey levels is added to both images; a match within three pixels of the truth is correct. The paper states no more than
-accuracies; a method that keeps three matches may well have a hundred percent, so that the correct ones are counted beside them.
+Noise of two grey levels is added to both images; a match within three pixels of the truth is correct. The paper states
+no more than accuracies; a method that keeps three matches may well have a hundred percent, so that the correct ones
+are counted beside them.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -91,10 +93,8 @@ def all_matchers(n_points: int = N_POINTS) -> dict[str, MatchFunction]:
 
     matchers: dict[str, MatchFunction] = {"seismo3d": ours}
     matchers.update({name: opencv_matcher(name, n_points) for name in ("SIFT", "ORB", "AKAZE")})
-    try:
+    with contextlib.suppress(MissingDependencyError):  # the table says so
         matchers["SURF"] = surf_matcher(n_points)
-    except MissingDependencyError:
-        pass
     return matchers
 
 

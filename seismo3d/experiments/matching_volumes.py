@@ -21,7 +21,7 @@ _MARGIN = 24
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One pair: matches kept, those within three voxels of the truth, and the errors of the pose fitted to all of them."""
+    """One pair: matches kept, those within three voxels of the truth, errors of the pose fitted to all."""
 
     name: str
     kept: int
@@ -106,7 +106,7 @@ def share_within(trials: list[Trial], *, angle_deg: float, shift: float) -> floa
 
 
 def describing_cost(*, size: int = 128, n_points: int = 300, n_repeats: int = 5) -> tuple[float, int]:
-    """CPU time of detecting and describing points of a cube over that of ``gaussian_filter(cube, 4)``; and their number."""
+    """CPU time of describing points of a cube over that of ``gaussian_filter(cube, 4)``; and their number."""
     from seismo3d.synthetic import fault_cube
 
     cube = np.asarray(fault_cube("crossing", seed=3, shape=(size,) * 3).seismic)

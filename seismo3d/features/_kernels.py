@@ -150,7 +150,7 @@ def describe(
 
 @numba.njit(cache=True, nogil=True)
 def nearest_apart(similarity: Float32Array, points: AnyArray, apart: float) -> tuple:
-    """Best column of each row, and its distance over that of the best column whose point is further away than ``apart``."""
+    """Best column of each row, and its distance over that of the best one more than ``apart`` away."""
     n, m = similarity.shape
     best = np.zeros(n, np.int64)
     ratio = np.ones(n, np.float64)
@@ -177,7 +177,7 @@ def nearest_apart(similarity: Float32Array, points: AnyArray, apart: float) -> t
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def corner_strength(gx: Float32Array, gy: Float32Array) -> Float32Array:
-    """Smaller eigenvalue of the mean outer product of the gradient over 5 x 5 pixels; zero within three of the border."""
+    """Smaller eigenvalue of the gradient's mean outer product over 5 x 5 pixels; zero near the border."""
     rows, columns = gx.shape
     out = np.zeros((rows, columns), np.float32)
     a, b, c = np.empty(columns, np.float32), np.empty(columns, np.float32), np.empty(columns, np.float32)

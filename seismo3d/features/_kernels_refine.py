@@ -38,7 +38,7 @@ def _template(
     patch: Float32Array,
     slopes: Float32Array,
 ) -> float:
-    """Sample a patch to zero mean and unit deviation, its slopes for the six affine parameters; its deviation before."""
+    """Sample a patch to zero mean and unit deviation, and its slopes by the affine parameters; its deviation."""
     n = grid.shape[0]
     total, square = 0.0, 0.0
     for i in range(n):
@@ -197,7 +197,7 @@ def count_agreeing(
     slack: float,
     growth: float,
 ) -> Int64Array:
-    """Number of neighbours of each match that lie where its affine map says, and it where theirs says."""
+    """Count neighbours of each match that lie where its affine map says, and it where theirs says."""
     n = target.shape[0]
     count = np.zeros(n, np.int64)
     for i in range(n):

@@ -81,20 +81,14 @@ def describe_spheres(
     for p in range(points.shape[0]):
         f = frames[p]
         for w in range(centres.shape[0]):
-            ci = int(
-                math.floor(
-                    points[p, 0] + f[0, 0] * centres[w, 0] + f[0, 1] * centres[w, 1] + f[0, 2] * centres[w, 2] + 0.5
-                )
+            ci = math.floor(
+                points[p, 0] + f[0, 0] * centres[w, 0] + f[0, 1] * centres[w, 1] + f[0, 2] * centres[w, 2] + 0.5
             )
-            cj = int(
-                math.floor(
-                    points[p, 1] + f[1, 0] * centres[w, 0] + f[1, 1] * centres[w, 1] + f[1, 2] * centres[w, 2] + 0.5
-                )
+            cj = math.floor(
+                points[p, 1] + f[1, 0] * centres[w, 0] + f[1, 1] * centres[w, 1] + f[1, 2] * centres[w, 2] + 0.5
             )
-            ck = int(
-                math.floor(
-                    points[p, 2] + f[2, 0] * centres[w, 0] + f[2, 1] * centres[w, 1] + f[2, 2] * centres[w, 2] + 0.5
-                )
+            ck = math.floor(
+                points[p, 2] + f[2, 0] * centres[w, 0] + f[2, 1] * centres[w, 1] + f[2, 2] * centres[w, 2] + 0.5
             )
             for s in range(sphere.shape[0]):
                 i, j, k = ci + sphere[s, 0], cj + sphere[s, 1], ck + sphere[s, 2]
@@ -134,7 +128,7 @@ def describe_spheres(
 def count_inliers(
     R: Float64Array, t: Float64Array, target: Float64Array, source: Float64Array, limit: float
 ) -> Int64Array:
-    """Number of matches that each pose (source to target) brings within the limit."""
+    """Count the matches that each pose (source to target) brings within the limit."""
     n = R.shape[0]
     count = np.zeros(n, np.int64)
     for p in range(n):
@@ -177,8 +171,8 @@ def align_patches(
 ) -> None:
     """One Gauss-Newton step of each patch: normal matrix (n, 3, 3), right side (n, 3) and correlation (n,), -1 outside.
 
-    ``R`` turns target offsets into source offsets; ``moved`` are the points in the source. The unknown is a shift of the patch in
-    target axes, in voxels.
+    ``R`` turns target offsets into source offsets; ``moved`` are the points in the source. The unknown is a shift
+    of the patch in target axes, in voxels.
     """
     n, m = points.shape[0], patch.shape[0]
     first, second = np.empty(m), np.empty(m)

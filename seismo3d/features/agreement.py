@@ -1,4 +1,4 @@
-"""Geometric check of matches by their neighbours: it asks for no plane and no single motion, only for local smoothness."""
+"""Geometric check of matches by their neighbours: no plane and no single motion, only local smoothness."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 r"""Histograms of oriented gradients over a central disc and rings of satellite discs.
 
-With ``T`` satellites to a ring and ``T`` bins, a rotation of the image by one satellite carries satellite ``t`` to ``t + 1`` and,
-as directions are taken relative to the satellite's azimuth, leaves its histogram alone: an in-plane rotation is one cyclic shift.
+With ``T`` satellites to a ring and ``T`` bins, a rotation of the image by one satellite carries satellite ``t`` to ``t
++ 1`` and, as directions are taken relative to the satellite's azimuth, leaves its histogram alone: an in-plane
+rotation is one cyclic shift.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from seismo3d.features.windows import window_half_widths
 
 @dataclass(frozen=True, slots=True)
 class WindowLayout:
-    """Where the windows lie: ``rings`` of (ring radius, disc radius), in pixels, around a disc of ``central`` radius."""
+    """Where the windows lie: ``rings`` of (ring, disc) radius in pixels, around a disc of radius ``central``."""
 
     rings: tuple[tuple[float, float], ...] = ((3.5, 2.0), (7.0, 3.0), (10.5, 4.0))
     central: float = 3.0
@@ -44,8 +45,8 @@ def describe_points(pyramid: ImagePyramid, keypoints: Keypoints, layout: WindowL
     Returns
     -------
     ndarray of shape (n, n_satellites, d), float32
-        Square roots of a histogram of sum 1, so that the dot product of two is their Bhattacharyya coefficient; all zero
-        where there is no gradient. A rotation of the image shifts the second axis.
+        Square roots of a histogram of sum 1, so that the dot product of two is their Bhattacharyya coefficient; all
+        zero where there is no gradient. A rotation of the image shifts the second axis.
     """
     n, t = len(keypoints.points), layout.n_satellites
     centres, ring, widths, reach = _window_arrays(layout)

@@ -111,7 +111,7 @@ def polish_pairs(
 
 
 def check_pairs(pairs: Pairs, *, min_agreeing: int, max_misfit: float) -> Pairs:
-    """Keep matches that their neighbours agree with; where most of a scene is one plane, the others have to agree closely.
+    """Keep matches that their neighbours agree with, more closely so off the plane that most of a scene may be.
 
     Parameters
     ----------

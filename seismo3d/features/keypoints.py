@@ -29,7 +29,7 @@ class Keypoints:
 def _peaks(
     response: AnyArray, threshold: float, allowed: BoolArray | None, n_wanted: int
 ) -> tuple[Float64Array, Float64Array]:
-    """Strongest maxima over 3 x 3 pixels, at the top of a parabola: places (n, 2) as (column, row), and their height."""
+    """Strongest maxima over 3 x 3 pixels, to sub-pixel: places (n, 2) as (column, row), and their height."""
     import cv2
 
     columns = response.shape[1]
@@ -53,7 +53,7 @@ def _peaks(
 
 
 def _spread(x: AnyArray, y: AnyArray, height: AnyArray, shape: tuple[int, int], n_wanted: int) -> AnyArray:
-    """Order of the points to keep, strongest first: no cell of the image takes more than half as much again as its share."""
+    """Order of the points to keep, strongest first: no cell takes more than half as much again as its share."""
     n_kept = min(n_wanted, x.size)
     many = min(x.size, 8 * n_kept)
     order = np.argpartition(-height, many - 1)[:many] if 0 < many < x.size else np.arange(x.size)
@@ -121,7 +121,7 @@ def detect_keypoints(
 def _strongest(
     image: Float32Array, min_contrast: float, allowed: BoolArray | None, n: int, blob_share: float
 ) -> tuple[Float64Array, Float64Array]:
-    """The strongest corners and blobs of a level, ``n`` together; blobs that sit on a corner are left out."""
+    """Find the strongest corners and blobs of a level, ``n`` together; blobs that sit on a corner are left out."""
     import cv2
 
     points, strength = _peaks(_kernels.corner_strength(*central_differences(image)), min_contrast**2, allowed, n)

@@ -1,13 +1,16 @@
 r"""Match two images or two volumes.
 
-Points of both are described by histograms of oriented gradients in several round windows; descriptors are compared under all
-their cyclic shifts at once, which gives the rotation between them; matches are refined to a fraction of a pixel and checked by
-their neighbours; good matches find more beside them. In the manner of [1]_, with satellite windows and refinement added.
+Points of both are described by histograms of oriented gradients in several round windows; descriptors are compared
+under all their cyclic shifts at once, which gives the rotation between them; matches are refined to a fraction of a
+pixel and checked by their neighbours; good matches find more beside them. In the manner of [1]_ and [2]_, with
+satellite windows and refinement added.
 
 References
 ----------
-.. [1] V. Kober, V. Diaz-Ramirez et al., "Fused registration with histograms of oriented gradients", SPIE Optical Engineering
-   + Applications.
+.. [1] A. Vokhmintcev, M. Timchenko, "The new combined method of the generation of a 3d dense map of environment based
+   on history of camera positions and the robot's movements"; it refers to the next.
+.. [2] D. Miramontes-Jaramillo, V. Kober, V. H. Diaz-Ramirez, V. Karnaukhov, "A novel image matching algorithm based on
+   sliding histograms of oriented gradients", J. Commun. Technol. Electron. 59, 2014.
 """
 
 from __future__ import annotations
@@ -32,11 +35,13 @@ class Matches:
     Attributes
     ----------
     points_target, points_source : ndarray of shape (n, d), float64
-        Images: (column, row) in pixels. Volumes: (inline, crossline, sample). Row ``i`` of one matches row ``i`` of the other.
+        Images: (column, row) in pixels. Volumes: (inline, crossline, sample). Row ``i`` of one matches row ``i`` of
+        the other.
     score : ndarray of shape (n,), float64
         Correlation of the two patches after refinement, 0 to 1.
     angle : ndarray of shape (n,), float64
-        Rotation from source to target, radians. Images: -pi to pi, x right, y down; volumes: 0 to pi, about the axis of ``A_target_source``.
+        Rotation from source to target, radians. Images: -pi to pi, x right, y down; volumes: 0 to pi, about the
+        axis of ``A_target_source``.
     scale : ndarray of shape (n,), float64
         Size in the target over size in the source.
     A_target_source : ndarray of shape (n, d, d), float64
@@ -71,15 +76,16 @@ def match(
     Parameters
     ----------
     target, source : array_like or DataArray
-        Both images (rows, columns), grey or colour, or both volumes (inline, crossline, sample), each side 16 or longer.
-        NaN counts as missing.
+        Both images (rows, columns), grey or colour, or both volumes (inline, crossline, sample), each side 16 or
+        longer. NaN counts as missing.
     mask_target, mask_source : array_like of bool, optional
         True where there is data: dead traces and missing depth are left out by False.
     n_points : int, optional
         Points compared, at most, in each: 500 in images and 300 in volumes where not given.
     tilts : {"auto", "always", "never"}
-        Whether images are also compared as if seen from the side: always, never, or only where few matches are found without. It
-        takes matching from 45 to beyond 70 degrees of tilt, at about twenty times the cost. Volumes have no tilt.
+        Whether images are also compared as if seen from the side: always, never, or only where few matches are found
+        without. It takes matching from 45 to beyond 70 degrees of tilt, at about twenty times the cost. Volumes have
+        no tilt.
 
     Returns
     -------
@@ -88,8 +94,10 @@ def match(
 
     Notes
     -----
-    Images may be of scenes in depth: matches are checked by their neighbours, not by one homography. Volumes are taken to
-    be carried into each other by one rigid motion of any size, of which ``align_pairs`` recovers the transform from the matches.
+    Images may be of scenes in depth: matches are checked by their neighbours, not by one homography. Volumes are
+    taken to
+    be carried into each other by one rigid motion of any size, of which ``align_pairs`` recovers the transform from
+    the matches.
 
     Raises
     ------

@@ -132,7 +132,7 @@ def _both_views(
 
 
 def _first_matches(first: _View, second: _View, settings: PlanarSettings) -> Pairs:
-    """Matches by descriptors, with the rotation and scale that they give."""
+    """Match by descriptors, with the rotation and scale that they give."""
     near = match_descriptors(
         first.descriptors,
         second.descriptors,
@@ -170,7 +170,7 @@ def _seeds_by_tilts(
     valid_source: BoolArray | None,
     settings: PlanarSettings,
 ) -> Pairs:
-    """First matches between each image and simulated views of the other, brought back to the full images and refined."""
+    """First matches between each image and simulated views of the other, brought back and refined."""
     found = _refined(first, second, _first_matches(first, second, settings), settings)
     for tilted in tilted_views(target, valid_target):
         view = _view(tilted.image, tilted.valid, settings, tilted.A)

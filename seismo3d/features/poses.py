@@ -112,7 +112,8 @@ def refine_pose(
     correlation : ndarray of shape (n,)
         Of each patch at the pose; -1 where it leaves a volume.
     residual : ndarray of shape (n, 3)
-        Shift of each patch, in target voxels, that would align it still better, as far as it says: zero along its layers.
+        Shift of each patch, in target voxels, that would align it still better, as far as it says: zero along its
+        layers.
     """
     n = len(points)
     patch = _patch(radius)

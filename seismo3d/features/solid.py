@@ -113,7 +113,7 @@ def propose_poses(
     flipped_s: Float32Array,
     settings: SolidSettings,
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Match descriptors under both signs of the source's axes: rotations (n, 3, 3), and matched points (n, 3) of each."""
+    """Match under both signs of the source's axes: rotations (n, 3, 3), and matched points (n, 3) of each."""
     both = np.concatenate([described_s, flipped_s])
     points_s = np.concatenate([corners_s.points, corners_s.points])
     frames_s = np.concatenate([corners_s.frames, flip_frames(corners_s.frames)])

@@ -19,7 +19,8 @@ _BORDER = 5
 class SphereLayout:
     """Spheres in a frame whose third axis is the reflector's normal; lengths in voxels.
 
-    ``rings`` are (ring radius, height on the axis), each of ``n_satellites`` spheres; ``axis`` are heights of spheres on the axis.
+    ``rings`` are (ring radius, height on the axis), each of ``n_satellites`` spheres; ``axis`` are heights of
+    spheres on the axis.
     """
 
     rings: tuple[tuple[float, float], ...] = ((3.5, 0.0), (7.0, 0.0), (5.0, 5.0), (5.0, -5.0))

@@ -1,7 +1,7 @@
 r"""Views of an image as if seen from the side: they make matches beyond thirty degrees of tilt possible.
 
-Each view is the image compressed along one direction, after a blur that keeps it free of aliasing (Morel and Yu's simulation,
-SIAM J. Imaging Sci. 2(2), 2009, with far fewer views).
+Each view is the image compressed along one direction, after a blur that keeps it free of aliasing (Morel and Yu's
+simulation, SIAM J. Imaging Sci. 2(2), 2009, with far fewer views).
 """
 
 from __future__ import annotations
@@ -44,8 +44,7 @@ def tilted_views(
     views = []
     for compression in tilts:
         n_directions = math.ceil(180.0 * compression / 90.0)
-        for k in range(n_directions):
-            views.append(_tilted(image, valid, compression, math.pi * k / n_directions))
+        views += [_tilted(image, valid, compression, math.pi * k / n_directions) for k in range(n_directions)]
     return views
 
 

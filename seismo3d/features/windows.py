@@ -3,8 +3,8 @@ r"""Round windows whose sums slide over an image at a cost that does not depend 
 A window is given by its half-widths: row ``dy`` of it covers the columns ``-w(dy) .. w(dy)``. When its centre moves one
 column, the pixels on its right edge enter and those on its left edge leave. The edges here are those of a sixteen-sided
 polygon, at most two percent of the radius from the circle, whose sides run along the directions (0, 1), (1, 2), (1, 1)
-and (2, 1) of the pixel grid. The sum along a side is a difference of two running sums in its direction, so that one step costs a
-fixed number of additions. All sums are integers: sliding and summing afresh agree to the last bit.
+and (2, 1) of the pixel grid. The sum along a side is a difference of two running sums in its direction, so that one
+step costs a fixed number of additions. All sums are integers: sliding and summing afresh agree to the last bit.
 """
 
 from __future__ import annotations
@@ -138,8 +138,8 @@ def slide_window(planes: ArrayLike, radius: float) -> Int32Array:
 def histogram_map(image: ArrayLike, radius: float, *, n_bins: int = 16) -> Int32Array:
     r"""Histogram of oriented gradients in a round window around every pixel.
 
-    Each pixel votes for the two bins nearest to its gradient's direction, with the square root of its magnitude, in integer
-    steps of 1/256 grey level; the window then slides by recursion, [1]_ in spirit.
+    Each pixel votes for the two bins nearest to its gradient's direction, with the square root of its magnitude, in
+    integer steps of 1/256 grey level; the window then slides by recursion, [1]_ in spirit.
 
     Parameters
     ----------
@@ -157,8 +157,8 @@ def histogram_map(image: ArrayLike, radius: float, *, n_bins: int = 16) -> Int32
 
     References
     ----------
-    .. [1] D. Miramontes-Jaramillo, V. Kober, V. H. Diaz-Ramirez, V. Karnaukhov, "Descriptor-based tracking algorithm using
-       a depth camera", 2017.
+    .. [1] D. Miramontes-Jaramillo, V. Kober, V. H. Diaz-Ramirez, V. Karnaukhov, "A novel image matching algorithm based
+       on sliding histograms of oriented gradients", J. Commun. Technol. Electron. 59, 2014.
     """
     grey = as_real_array(image, "image", ndim=2).astype(np.float32)
     low, high = float(grey.min()), float(grey.max())

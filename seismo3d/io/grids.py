@@ -23,7 +23,7 @@ def read_grid(path: str | Path) -> AnyArray:
     Returns
     -------
     ndarray
-        A picture is grey, (rows, columns), in its own depth of 8 or 16 bits or float. A cube is (inline, crossline, sample), a
+        A picture is grey, (rows, columns), in its own depth. A cube is (inline, crossline, sample), a
         2D line (trace, sample), with NaN where traces are missing.
 
     Raises

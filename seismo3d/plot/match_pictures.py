@@ -20,8 +20,8 @@ def matches(target: Any, source: Any, found: Any, *, n_shown: int = 200, ax: Any
     Parameters
     ----------
     target, source : array_like
-        What was matched: images (rows, columns), grey or colour, or volumes. Of volumes, the inline in the middle of the matches is
-        drawn, sample axis downwards, with all matches projected onto it.
+        What was matched: images (rows, columns), grey or colour, or volumes. Of volumes, the inline in the middle
+        of the matches is drawn, sample axis downwards, with all matches projected onto it.
     found : Matches
         As :func:`seismo3d.match` gives them.
     n_shown : int

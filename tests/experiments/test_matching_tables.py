@@ -42,7 +42,7 @@ def test_a_plane_in_depth_turns_like_a_homography():
     points = np.array([[100.0, 90.0], [200.5, 150.25], [300.0, 220.0]])
     expected = project(tilt(20.0)(photo.shape), points)
     assert matching_depth.distance_to_truth(view, points, expected).max() < 1.0
-    assert matching_depth.distance_to_truth(view, points, expected + [0.0, 9.0]).min() > 7.0
+    assert matching_depth.distance_to_truth(view, points, expected + np.array([0.0, 9.0])).min() > 7.0
     flat = warp_image(photo, tilt(20.0)(photo.shape))
     inner = np.s_[100:200, 150:250]
     assert np.corrcoef(flat[inner].ravel(), view.image[inner].ravel())[0, 1] > 0.98

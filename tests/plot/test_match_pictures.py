@@ -43,7 +43,9 @@ def test_draws_no_more_than_asked(photo, found):
 def volume_matches(n):
     rng = np.random.default_rng(1)
     places = rng.uniform(0, 20, (n, 3))
-    return Matches(places, places + 1.0, np.ones(n), np.zeros(n), np.ones(n), np.repeat(np.eye(3)[None], n, axis=0), (n, n))
+    return Matches(
+        places, places + 1.0, np.ones(n), np.zeros(n), np.ones(n), np.repeat(np.eye(3)[None], n, axis=0), (n, n)
+    )
 
 
 def test_volumes_show_an_inline_with_samples_downwards():
@@ -55,7 +57,12 @@ def test_volumes_show_an_inline_with_samples_downwards():
 
 
 def test_no_matches_and_no_data_are_drawn_too():
-    ax = matches(np.full((20, 20), np.nan), np.zeros((20, 20)), match(np.zeros((20, 20)), np.zeros((20, 20))), ax=Figure().add_subplot())
+    ax = matches(
+        np.full((20, 20), np.nan),
+        np.zeros((20, 20)),
+        match(np.zeros((20, 20)), np.zeros((20, 20))),
+        ax=Figure().add_subplot(),
+    )
     assert ax.get_title(loc="left") == "0 matches"
 
 
