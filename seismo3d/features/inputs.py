@@ -16,12 +16,17 @@ MIN_SIDE = 16
 def as_grid(values: Any, name: str) -> AnyArray:
     """Return an image (rows, columns) or a volume (inline, crossline, sample) as an array; colour becomes grey.
 
+    Of a DataArray and of a scan's raster the values are taken.
+
     Raises
     ------
     ShapeError
         If the elements are no real numbers, the axes are not 2 or 3, or a side is shorter than 16.
     """
-    grid = np.asarray(getattr(values, "values", values))
+    raster = getattr(values, "raster", values)
+    if raster is None:
+        raise ShapeError(f"{name} is a scan of points alone; expected one made from an image or a volume.")
+    grid = np.asarray(getattr(raster, "values", raster))
     if grid.dtype.kind not in "fiub":
         raise ShapeError(f"{name} has elements of type {grid.dtype}; expected real numbers. Convert it first.")
     if grid.ndim == 3 and grid.shape[2] in (3, 4) and min(grid.shape[:2]) >= MIN_SIDE:

@@ -75,7 +75,7 @@ def match(
 
     Parameters
     ----------
-    target, source : array_like or DataArray
+    target, source : array_like, DataArray or Scan
         Both images (rows, columns), grey or colour, or both volumes (inline, crossline, sample), each side 16 or
         longer. NaN counts as missing.
     mask_target, mask_source : array_like of bool, optional

@@ -51,6 +51,18 @@ class PlanarSettings:
     layout: WindowLayout = field(default_factory=WindowLayout)
 
 
+_COMPRESSIONS = (2.0, 3.4)
+"""Of simulated views: tilts of 60 and 73 degrees."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Image:
+    """Grey levels, and where there is data; None stands for everywhere."""
+
+    grey: Float32Array
+    valid: BoolArray | None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _View:
     """An image, or a simulated view of it, ready to be matched: A (2, 3) carries the image to the view."""
@@ -85,12 +97,13 @@ def match_images(
     n_points : tuple of int
         Keypoints of target and source.
     """
-    first, second = _both_views(target, valid_target, source, valid_source, settings)
+    one, other = _Image(target, valid_target), _Image(source, valid_source)
+    first, second = _both_views(one, other, settings)
     seeds = no_pairs()
     if settings.tilts != "always":
         seeds = _agreeing(_refined(first, second, _first_matches(first, second, settings), settings), settings)
     if settings.tilts == "always" or (settings.tilts == "auto" and len(seeds) < settings.enough):
-        seeds = _seeds_by_tilts(first, second, target, valid_target, source, valid_source, settings)
+        seeds = _seeds_by_tilts(first, second, one, other, settings)
     n_points = (len(first.keypoints.points), len(second.keypoints.points))
     if len(seeds) <= settings.min_agreeing:
         return no_pairs(), n_points
@@ -103,32 +116,23 @@ def match_images(
     return pairs.take(_on_data(pairs, source, valid_source)), n_points
 
 
-def _view(
-    image: Float32Array, valid: BoolArray | None, settings: PlanarSettings, A: Float64Array | None = None
-) -> _View:
-    pyramid = build_pyramid(image, valid, n_levels=settings.n_levels)
+def _view(image: _Image, settings: PlanarSettings, A: Float64Array | None = None) -> _View:
+    pyramid = build_pyramid(image.grey, image.valid, n_levels=settings.n_levels)
     keypoints = detect_keypoints(pyramid, n_points=settings.n_points)
     return _View(
         pyramid, keypoints, describe_points(pyramid, keypoints, settings.layout), np.eye(2, 3) if A is None else A
     )
 
 
-def _both_views(
-    target: Float32Array,
-    valid_target: BoolArray | None,
-    source: Float32Array,
-    valid_source: BoolArray | None,
-    settings: PlanarSettings,
-) -> tuple[_View, _View]:
+def _both_views(target: _Image, source: _Image, settings: PlanarSettings) -> tuple[_View, _View]:
     """Prepare both images: at the same time where OpenCV may use more than one thread."""
     import cv2
 
     if cv2.getNumThreads() < 2:
-        return _view(target, valid_target, settings), _view(source, valid_source, settings)
+        return _view(target, settings), _view(source, settings)
     with ThreadPoolExecutor(1) as pool:
-        later = pool.submit(_view, source, valid_source, settings)
-        first = _view(target, valid_target, settings)
-        return first, later.result()
+        later = pool.submit(_view, source, settings)
+        return _view(target, settings), later.result()
 
 
 def _first_matches(first: _View, second: _View, settings: PlanarSettings) -> Pairs:
@@ -161,28 +165,25 @@ def _agreeing(pairs: Pairs, settings: PlanarSettings) -> Pairs:
     return pairs.take(count_agreeing(pairs, slack=4.0, growth=0.25) >= settings.min_agreeing)
 
 
-def _seeds_by_tilts(
-    first: _View,
-    second: _View,
-    target: Float32Array,
-    valid_target: BoolArray | None,
-    source: Float32Array,
-    valid_source: BoolArray | None,
-    settings: PlanarSettings,
-) -> Pairs:
-    """First matches between each image and simulated views of the other, brought back and refined."""
+def _seeds_by_tilts(first: _View, second: _View, target: _Image, source: _Image, settings: PlanarSettings) -> Pairs:
+    """First matches between each image and simulated views of the other; steeper ones only where those give few."""
     found = _refined(first, second, _first_matches(first, second, settings), settings)
-    for tilted in tilted_views(target, valid_target):
-        view = _view(tilted.image, tilted.valid, settings, tilted.A)
-        pairs = _to_full(_first_matches(view, second, settings), view.A, np.eye(2, 3))
-        hints = refine_pairs(first.pyramid, second.pyramid, view.keypoints.level[pairs.row], pairs)
-        hints = hints.take(hints.correlation >= settings.min_correlation)
-        found = found.join(hints.with_row(-1))
-    for tilted in tilted_views(source, valid_source):
-        view = _view(tilted.image, tilted.valid, settings, tilted.A)
-        pairs = _to_full(_first_matches(first, view, settings), np.eye(2, 3), view.A)
-        found = found.join(_refined(first, second, pairs, settings))
-    return _agreeing(best_per_row(_agreeing(found, settings)), settings)
+    seeds = no_pairs()
+    for compression in _COMPRESSIONS:
+        for tilted in tilted_views(target.grey, target.valid, compression=compression):
+            view = _view(_Image(tilted.image, tilted.valid), settings, tilted.A)
+            pairs = _to_full(_first_matches(view, second, settings), view.A, np.eye(2, 3))
+            hints = refine_pairs(first.pyramid, second.pyramid, view.keypoints.level[pairs.row], pairs)
+            hints = hints.take(hints.correlation >= settings.min_correlation)
+            found = found.join(hints.with_row(-1))
+        for tilted in tilted_views(source.grey, source.valid, compression=compression):
+            view = _view(_Image(tilted.image, tilted.valid), settings, tilted.A)
+            pairs = _to_full(_first_matches(first, view, settings), np.eye(2, 3), view.A)
+            found = found.join(_refined(first, second, pairs, settings))
+        seeds = _agreeing(best_per_row(_agreeing(found, settings)), settings)
+        if len(seeds) >= 2 * settings.enough:
+            break
+    return seeds
 
 
 def _to_full(pairs: Pairs, A_target: Float64Array, A_source: Float64Array) -> Pairs:

@@ -23,10 +23,8 @@ class TiltedView:
     A: Float64Array
 
 
-def tilted_views(
-    image: Float32Array, valid: BoolArray | None, *, tilts: tuple[float, ...] = (2.0, 3.4)
-) -> list[TiltedView]:
-    """Simulate views of an image.
+def tilted_views(image: Float32Array, valid: BoolArray | None, *, compression: float) -> list[TiltedView]:
+    """Simulate views of an image from all around, at one tilt.
 
     Parameters
     ----------
@@ -34,18 +32,15 @@ def tilted_views(
         Grey levels.
     valid : ndarray of bool, optional
         Where it has data.
-    tilts : tuple of float
-        Compressions, 1 / cos of the tilt. Directions are spaced by 72 degrees over the compression.
+    compression : float
+        1 / cos of the tilt, above 1. Directions are spaced by 90 degrees over the compression.
 
     Returns
     -------
     list of TiltedView
     """
-    views = []
-    for compression in tilts:
-        n_directions = math.ceil(180.0 * compression / 90.0)
-        views += [_tilted(image, valid, compression, math.pi * k / n_directions) for k in range(n_directions)]
-    return views
+    n_directions = math.ceil(2.0 * compression)
+    return [_tilted(image, valid, compression, math.pi * k / n_directions) for k in range(n_directions)]
 
 
 def _tilted(image: Float32Array, valid: BoolArray | None, compression: float, direction: float) -> TiltedView:
