@@ -46,7 +46,7 @@ class PlanarSettings:
     min_correlation: float = 0.7
     min_grown: float = 0.8
     min_agreeing: int = 3
-    max_misfit: float = 3.0
+    max_misfit: float = 2.0
     enough: int = 20
     layout: WindowLayout = field(default_factory=WindowLayout)
 
