@@ -9,119 +9,114 @@ from numba import njit, prange
 
 
 @njit(cache=True, nogil=True, parallel=True, fastmath=True)
-def sum_strike_lines(first, second, w_first, w_second, across, shear, taps, out):  # type: ignore[no-untyped-def]
+def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, out):  # type: ignore[no-untyped-def]
     """Write the weighted mean of w_first * first + w_second * second along a line in the time slice.
 
-    The line runs along the crossline axis (across = 0) or the inline axis (across = 1), and moves by `shear` traces along
-    the other axis a step. What lies outside the cube is left out of the mean.
+    The axes are (across the plane, along its strike, sample): the line runs along the second axis and moves by `shear`
+    along the first. What lies outside the cube is left out of the mean. Rows of `out` carry `pad` zeros at either end.
     """
     n0, n1, n2 = first.shape
     half = len(taps) // 2
     for line in prange(n0):
         i = np.int64(line)
         for j in range(n1):
-            for k in range(n2):
+            for k in range(n2 + 2 * pad):
                 out[i, j, k] = 0.0
             total = np.float32(0.0)
             for t in range(-half, half + 1):
+                jj = j + t
                 moved = shear * t
                 base = int(math.floor(moved))
                 fraction = np.float32(moved - base)
                 for side in range(2):
                     weight = taps[t + half] * (fraction if side == 1 else np.float32(1.0) - fraction)
-                    if across == 0:
-                        ii, jj = i + base + side, j + t
-                    else:
-                        ii, jj = i + t, j + base + side
+                    ii = i + base + side
                     if weight > np.float32(1e-5) and 0 <= ii < n0 and 0 <= jj < n1:
                         total += weight
                         a = weight * w_first
                         b = weight * w_second
                         for k in range(n2):
-                            out[i, j, k] += a * first[ii, jj, k] + b * second[ii, jj, k]
+                            out[i, j, k + pad] += a * first[ii, jj, k] + b * second[ii, jj, k]
             scale = np.float32(1.0) / max(total, np.float32(0.2))
             for k in range(n2):
-                out[i, j, k] *= scale
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _half_weights(taps, n, prior_weight):  # type: ignore[no-untyped-def]
-    """Sums of the taps that lie inside a trace of n samples: of the upper half, the lower half, both with the prior."""
-    half = len(taps) // 2
-    weights = np.full((2, n), prior_weight, np.float32)
-    for t in range(-half, half + 1):
-        for k in range(max(0, -t), min(n, n - t)):
-            if t <= 0:
-                weights[0, k] += taps[t + half]
-            if t >= 0:
-                weights[1, k] += taps[t + half]
-    return weights
+                out[i, j, k + pad] *= scale
 
 
 @njit(cache=True, nogil=True, parallel=True, fastmath=True)
-def keep_best_dip(lines, across, shears, taps, prior, prior_weight, evenness, code, best, arg):  # type: ignore[no-untyped-def]
+def keep_best_dip(lines, shears, taps, prior, prior_weight, evenness, code, best, arg):  # type: ignore[no-untyped-def]
     """Sum the lines down every dip; keep the largest mean and the number of its orientation.
 
     A plane's mean is drawn towards that of its poorer half, above or below, by `evenness`: a bright patch beside an
-    empty one is no plane. What lies outside the cube counts as the prior, with a small weight.
+    empty one is no plane. What lies outside the cube counts as the prior, with a small weight. Rows are worked on in
+    batches, laid end to end with their padding between them, so that one shift serves them all.
     """
-    n0, n1, n2 = lines.shape
+    n0, n1, n2 = best.shape
     half = len(taps) // 2
+    width = n2 + 2 * half
+    flat = lines.reshape(n0, n1 * width)
     whole = np.float32(1.0) - evenness
-    n_across = n0 if across == 0 else n1
-    inside = _half_weights(taps, n2, prior_weight)
+    batch = 16
     for line in prange(n0):
         i = np.int64(line)
-        sums = np.empty((2, n2), np.float32)
-        partial = np.empty((2, n2), np.float32)
-        for j in range(n1):
-            centre = i if across == 0 else j
+        sums = np.empty((2, batch * width), np.float32)
+        weights = np.empty((2, n2), np.float32)
+        for j0 in range(0, n1, batch):
+            n_rows = min(batch, n1 - j0)
+            # the outermost padding of the batch is never read: shifts stay within `half`
+            start = j0 * width + half
+            length = n_rows * width - 2 * half
             for c in range(len(shears)):
-                reach = abs(shears[c]) * half + 1.0
-                whole_patch = centre - reach >= 0.0 and centre + reach <= n_across - 1.0
                 sums[:] = prior_weight * prior
-                if not whole_patch:
-                    partial[:] = prior_weight
+                weights[:] = prior_weight
                 for t in range(-half, half + 1):
                     moved = shears[c] * t
                     base = int(math.floor(moved))
                     w1 = taps[t + half] * np.float32(moved - base)
                     w0 = taps[t + half] - w1
-                    a = centre + base
+                    a = i + base
                     b = a + 1
-                    if a < 0 or a >= n_across:
+                    if a < 0 or a >= n0:
                         a = 0
                         w0 = np.float32(0.0)
-                    if b < 0 or b >= n_across:
+                    if b < 0 or b >= n0:
                         b = 0
                         w1 = np.float32(0.0)
                     weight = w0 + w1
                     if weight <= np.float32(0.0):
                         continue
-                    row0 = lines[a, j] if across == 0 else lines[i, a]
-                    row1 = lines[b, j] if across == 0 else lines[i, b]
-                    k0 = max(0, -t)
-                    k1 = min(n2, n2 - t)
+                    row0 = flat[a, start + t : start + t + length]
+                    row1 = flat[b, start + t : start + t + length]
                     for part in range(0 if t <= 0 else 1, 2 if t >= 0 else 1):
-                        into = sums[part]
-                        for k in range(k0, k1):
-                            into[k] += w0 * row0[k + t] + w1 * row1[k + t]
-                        if not whole_patch:
-                            counted = partial[part]
-                            for k in range(k0, k1):
-                                counted[k] += weight
+                        into = sums[part, :length]
+                        for m in range(length):
+                            into[m] += w0 * row0[m] + w1 * row1[m]
+                        counted = weights[part]
+                        for k in range(max(0, -t), min(n2, n2 - t)):
+                            counted[k] += weight
                 number = np.int16(code + c)
-                above, below = sums[0], sums[1]
-                w_above = inside[0] if whole_patch else partial[0]
-                w_below = inside[1] if whole_patch else partial[1]
-                top, top_arg = best[i, j], arg[i, j]
-                for k in range(n2):
-                    mean = (above[k] + below[k]) / (w_above[k] + w_below[k])
-                    poorer = min(above[k] / w_above[k], below[k] / w_below[k])
-                    value = whole * mean + evenness * poorer
-                    better = value > top[k]
-                    top[k] = value if better else top[k]
-                    top_arg[k] = number if better else top_arg[k]
+                for row in range(n_rows):
+                    above = sums[0, row * width : row * width + n2]
+                    below = sums[1, row * width : row * width + n2]
+                    top, top_arg = best[i, j0 + row], arg[i, j0 + row]
+                    for k in range(n2):
+                        mean = (above[k] + below[k]) / (weights[0, k] + weights[1, k])
+                        poorer = min(above[k] / weights[0, k], below[k] / weights[1, k])
+                        value = whole * mean + evenness * poorer
+                        better = value > top[k]
+                        top[k] = value if better else top[k]
+                        top_arg[k] = number if better else top_arg[k]
+
+
+@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+def merge_best(best, arg, other, other_arg):  # type: ignore[no-untyped-def]
+    """Take the larger of two scans, the second with its first two axes exchanged."""
+    n0, n1, n2 = best.shape
+    for i in prange(n0):
+        for j in range(n1):
+            for k in range(n2):
+                if other[j, i, k] > best[i, j, k]:
+                    best[i, j, k] = other[j, i, k]
+                    arg[i, j, k] = other_arg[j, i, k]
 
 
 @njit(cache=True, nogil=True, parallel=True)

@@ -25,6 +25,8 @@ class MisfitSettings:
         Lateral and vertical width of the window whose energy normalises the misfit.
     step : int
         Every how many samples the evidence is kept.
+    softness : float
+        Misfit ratio below which differences count no more.
     most : float
         Largest misfit ratio; two unrelated sides give 1 on average.
     slab : int
@@ -35,6 +37,7 @@ class MisfitSettings:
     vertical: float = 1.5
     energy: tuple[float, float] = (2.0, 4.0)
     step: int = 2
+    softness: float = 0.02
     most: float = 1.5
     slab: int = 48
 
@@ -51,6 +54,10 @@ class Evidence:
         0 where the misfit could not be measured, up to 1.
     noise : float
         The cube's own median misfit ratio: 0 without noise, about 0.7 in noise alone.
+    noisiness : float
+        0 for a cube without noise to 1 for one whose noise is as strong as its signal; it sets window sizes.
+    mean, spread : float
+        Mean and standard deviation of the evidence where it is known.
     step : int
         Samples from one plane of the evidence to the next.
     """
@@ -59,6 +66,9 @@ class Evidence:
     along_crosslines: Float32Array
     known: Float32Array
     noise: float
+    noisiness: float
+    mean: float
+    spread: float
     step: int
 
 
@@ -91,22 +101,28 @@ def measure_misfit(
     least, most = settings.reach
     ratios, known = _ratios(volume, valid, p, q, least, settings)
     noise = _median_ratio(ratios, known)
-    noisiness = noise_share(noise)
+    noisiness = float(np.clip((noise - 0.05) / 0.4, 0.0, 1.0))
     reach = int(round(least + noisiness * (most - least)))
     if reach != least:
         ratios, known = _ratios(volume, valid, p, q, reach, settings)
         noise = _median_ratio(ratios, known)
-    softness = np.float32(max(0.02, 0.8 * noise))
+    softness = np.float32(max(settings.softness, 0.8 * noise))
     for ratio in ratios:
         log_ratio(ratio, softness)
+    mean, spread = _moments(ratios, known)
     background = float(np.log1p(noise / softness))
     filled = [_fill_unknown(ratio, weight, background) for ratio, weight in zip(ratios, known, strict=True)]
-    return Evidence(filled[0], filled[1], np.maximum(known[0], known[1]), noise, settings.step)
+    return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
 
 
-def noise_share(noise: float) -> float:
-    """Return 0 for a clean cube to 1 for one whose noise is about as strong as its signal."""
-    return float(np.clip((noise - 0.05) / 0.4, 0.0, 1.0))
+def _moments(ratios: list[Float32Array], known: list[Float32Array]) -> tuple[float, float]:
+    """Mean and standard deviation of the evidence where it is known."""
+    count = total = square = 0.0
+    for ratio, weight in zip(ratios, known, strict=True):
+        values = ratio[weight > 0.5].astype(np.float64)
+        count, total, square = count + values.size, total + values.sum(), square + (values**2).sum()
+    mean = total / max(count, 1.0)
+    return mean, max(float(np.sqrt(max(square / max(count, 1.0) - mean**2, 0.0))), 1e-6)
 
 
 def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> float:

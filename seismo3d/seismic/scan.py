@@ -8,8 +8,8 @@ import numpy as np
 
 from seismo3d._typing import Float32Array, Progress
 from seismo3d.seismic._kernels_filters import gaussian_taps
-from seismo3d.seismic._kernels_scan import find_ridges, keep_best_dip, sum_strike_lines
-from seismo3d.seismic.misfit import Evidence, noise_share
+from seismo3d.seismic._kernels_scan import find_ridges, keep_best_dip, merge_best, sum_strike_lines
+from seismo3d.seismic.misfit import Evidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class PlanarSupport:
     Attributes
     ----------
     score : ndarray of the evidence's shape, float32
-        How far the best plane's evidence stands above that of the cube at large, in spreads of the latter.
+        Mean evidence on the best plane, in standard deviations of the cube's evidence above its mean.
     orientation : ndarray of the same shape, int16
         Row of `planes`.
     planes : ndarray of shape (m, 3), float32
@@ -73,7 +73,7 @@ class RidgePoints:
     planes : ndarray of shape (n, 3), float32
         Horizontal normal and cotangent of the dip of each.
     score : ndarray of shape (n,), float32
-        Support, in spreads of the background.
+        Support, in standard deviations of the cube's evidence.
     """
 
     voxels: np.ndarray
@@ -91,8 +91,8 @@ def scan_planes(
     over lines in the time slice (one for each strike a) and then over lines down the dip (one for each b): two short
     sums in place of a disc, each along contiguous samples. Planes near-parallel to the inline axis are done alike.
 
-    The score compares with the cube's own distribution of best sums: its median, and the spread below it, to which
-    faults do not contribute.
+    The score of a plane is how far its mean evidence stands above that of the whole cube, in standard deviations of the
+    cube's evidence: it means the same whatever the cube's amplitudes, noise and sampling.
 
     Parameters
     ----------
@@ -108,31 +108,43 @@ def scan_planes(
     PlanarSupport
     """
     settings = settings or ScanSettings()
-    noisiness = noise_share(evidence.noise)
+    noisiness = evidence.noisiness
     strike_taps = gaussian_taps(_between(settings.along_strike, noisiness))
     dip_taps = gaussian_taps(_between(settings.along_dip, noisiness) / evidence.step)
     n_dips = int(round(_between((float(settings.n_dips[0]), float(settings.n_dips[1])), noisiness)))
     cotangents = np.linspace(-1.0, 1.0, n_dips) / np.tan(np.radians(settings.lowest_dip_deg))
     first, second = evidence.along_inlines, evidence.along_crosslines
     prior = np.float32(0.5 * (np.median(first) + np.median(second)))
-    best = np.full(first.shape, -1.0, np.float32)
-    arg = np.zeros(first.shape, np.int16)
-    lines = np.empty_like(first)
+    families = _families(first.shape, settings.n_strikes)
+    n_done, n_all = 0, sum(len(shears) for _, shears in families)
     planes: list[tuple[float, float, float]] = []
-    strikes = _strikes(first.shape, settings.n_strikes)
-    for number, (across, shear) in enumerate(strikes):
-        length = np.hypot(1.0, shear)
-        normal = (1.0 / length, -shear / length) if across == 0 else (-shear / length, 1.0 / length)
-        weights = (np.float32(normal[0] ** 2), np.float32(normal[1] ** 2))
-        sum_strike_lines(first, second, *weights, across, shear, strike_taps, lines)
-        keep_best_dip(
-            lines, across, cotangents * length * evidence.step, dip_taps, prior, np.float32(settings.prior_weight),
-            np.float32(settings.evenness), len(planes), best, arg,
-        )  # fmt: skip
-        planes += [(*normal, float(cot)) for cot in cotangents]
-        if progress is not None:
-            progress("scan", (number + 1) / len(strikes))
-    return PlanarSupport(_standardise(best, evidence.known), arg, np.asarray(planes, np.float32))
+    kept: list[tuple[Float32Array, np.ndarray]] = []
+    for across, shears in families:
+        turn = (0, 1, 2) if across == 0 else (1, 0, 2)
+        facing = np.ascontiguousarray((first if across == 0 else second).transpose(turn))
+        sideways = np.ascontiguousarray((second if across == 0 else first).transpose(turn))
+        pad = len(dip_taps) // 2
+        lines = np.empty((*facing.shape[:2], facing.shape[2] + 2 * pad), np.float32)
+        best = np.full(facing.shape, -1.0, np.float32)
+        arg = np.zeros(facing.shape, np.int16)
+        for shear in shears:
+            length = float(np.hypot(1.0, shear))
+            shares = (np.float32(1.0 / length**2), np.float32(shear**2 / length**2))
+            sum_strike_lines(facing, sideways, *shares, shear, strike_taps, pad, lines)
+            keep_best_dip(
+                lines, cotangents * length * evidence.step, dip_taps, prior, np.float32(settings.prior_weight),
+                np.float32(settings.evenness), len(planes), best, arg,
+            )  # fmt: skip
+            normal = (1.0 / length, -shear / length) if across == 0 else (-shear / length, 1.0 / length)
+            planes += [(*normal, float(cot)) for cot in cotangents]
+            n_done += 1
+            if progress is not None:
+                progress("scan", n_done / n_all)
+        kept.append((best, arg))
+    best, arg = _merge(families, kept)
+    best -= np.float32(evidence.mean)
+    best /= np.float32(evidence.spread)
+    return PlanarSupport(best, arg, np.asarray(planes, np.float32))
 
 
 def thin(support: PlanarSupport, evidence: Evidence, *, least: float) -> RidgePoints:
@@ -153,23 +165,25 @@ def _between(pair: tuple[float, float], share: float) -> float:
     return pair[0] + share * (pair[1] - pair[0])
 
 
-def _strikes(shape: tuple[int, ...], n_strikes: int) -> list[tuple[int, float]]:
-    """Return (axis across the plane, shear) of every strike; a section, one trace thick, has just one."""
+def _families(shape: tuple[int, ...], n_strikes: int) -> list[tuple[int, list[float]]]:
+    """Return, for planes across the inline axis and across the crossline axis, the shears of their strikes.
+
+    A section is one trace thick: it has no strike, and one family.
+    """
     if shape[0] == 1:
-        return [(1, 0.0)]
+        return [(1, [0.0])]
     if shape[1] == 1:
-        return [(0, 0.0)]
-    shears = np.linspace(-1.0, 1.0, n_strikes + 1)
-    return [(0, float(a)) for a in shears] + [(1, float(a)) for a in shears[1:-1]]
+        return [(0, [0.0])]
+    shears = [float(a) for a in np.linspace(-1.0, 1.0, n_strikes + 1)]
+    # the diagonals belong to both families: they are scanned once
+    return [(0, shears), (1, shears[1:-1])]
 
 
-def _standardise(best: Float32Array, known: Float32Array) -> Float32Array:
-    """Express sums in spreads above the median, both measured where the evidence is known."""
-    values = best[known > 0.5]
-    if values.size == 0:
-        return np.zeros_like(best)
-    low, middle = np.percentile(values, (16.0, 50.0))
-    spread = max(float(middle - low), 1e-3)
-    best -= np.float32(middle)
-    best /= np.float32(spread)
-    return best
+def _merge(
+    families: list[tuple[int, list[float]]], kept: list[tuple[Float32Array, np.ndarray]]
+) -> tuple[Float32Array, np.ndarray]:
+    if len(families) == 1:
+        turn = (0, 1, 2) if families[0][0] == 0 else (1, 0, 2)
+        return np.ascontiguousarray(kept[0][0].transpose(turn)), np.ascontiguousarray(kept[0][1].transpose(turn))
+    merge_best(*kept[0], *kept[1])
+    return kept[0]

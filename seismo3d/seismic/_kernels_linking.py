@@ -1,0 +1,110 @@
+"""Growing surfaces over ridge points, best point first, and finding where two grown surfaces continue each other."""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def index_points(voxels, n0, n1, n2):  # type: ignore[no-untyped-def]
+    """Write the number of each point into a volume that is -1 elsewhere."""
+    where = np.full((n0, n1, n2), -1, np.int32)
+    for a in range(len(voxels)):
+        where[voxels[a, 0], voxels[a, 1], voxels[a, 2]] = a
+    return where
+
+
+@njit(cache=True, nogil=True)
+def _on_each_other(positions, normals, a, b, least_cosine, off_plane):  # type: ignore[no-untyped-def]
+    """Whether two points' planes agree and each point lies on the other's plane."""
+    cosine = np.float32(0.0)
+    from_a = np.float32(0.0)
+    from_b = np.float32(0.0)
+    for d in range(3):
+        step = positions[b, d] - positions[a, d]
+        cosine += normals[a, d] * normals[b, d]
+        from_a += normals[a, d] * step
+        from_b += normals[b, d] * step
+    return abs(cosine) >= least_cosine and abs(from_a) <= off_plane and abs(from_b) <= off_plane
+
+
+@njit(cache=True, nogil=True)
+def grow_surfaces(voxels, positions, normals, score, order, where, reach, least_cosine, off_plane, fold, widest):  # type: ignore[no-untyped-def]
+    """Return the surface number of every point, growing each surface from the best point that is still free.
+
+    A surface takes the best free point beside it that lies on the plane of the point it is reached from. It is a height
+    field over the vertical plane through its seed's strike: a point that would be its second one at a place (farther
+    than `fold` from the first), or whose plane turns away too far (horizontal cosine below `widest`), stays free.
+    """
+    n = len(voxels)
+    n0, n1, n2 = where.shape
+    label = np.full(n, -1, np.int32)
+    span = n0 + n1
+    height = np.zeros((2 * span + 1, n2), np.float32)
+    owner = np.full((2 * span + 1, n2), -1, np.int32)
+    number = 0
+    for seed in order:
+        if label[seed] >= 0:
+            continue
+        length = np.hypot(normals[seed, 0], normals[seed, 1])
+        nx, ny = normals[seed, 0] / length, normals[seed, 1] / length
+        heap = [(-score[seed], np.int64(seed))]
+        while len(heap) > 0:
+            _, a = heapq.heappop(heap)
+            if label[a] >= 0:
+                continue
+            x, y = positions[a, 0] - positions[seed, 0], positions[a, 1] - positions[seed, 1]
+            w = nx * x + ny * y
+            row = int(np.rint(nx * y - ny * x)) + span
+            k = voxels[a, 2]
+            fits = True
+            for dr in range(-1, 2):
+                for dk in range(-1, 2):
+                    r, kk = row + dr, k + dk
+                    if 0 <= r < 2 * span + 1 and 0 <= kk < n2 and owner[r, kk] == number and abs(height[r, kk] - w) > fold:
+                        fits = False
+            if not fits:
+                continue
+            label[a] = number
+            owner[row, k] = number
+            height[row, k] = w
+            i, j = voxels[a, 0], voxels[a, 1]
+            for ii in range(max(0, i - reach), min(n0, i + reach + 1)):
+                for jj in range(max(0, j - reach), min(n1, j + reach + 1)):
+                    for kk in range(max(0, k - reach), min(n2, k + reach + 1)):
+                        b = where[ii, jj, kk]
+                        if b < 0 or label[b] >= 0:
+                            continue
+                        if abs(normals[b, 0] * nx + normals[b, 1] * ny) < widest * np.hypot(normals[b, 0], normals[b, 1]):
+                            continue
+                        if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
+                            heapq.heappush(heap, (-score[b], np.int64(b)))
+        number += 1
+    return label
+
+
+@njit(cache=True, nogil=True)
+def find_contacts(voxels, positions, normals, label, where, reach, least_cosine, off_plane):  # type: ignore[no-untyped-def]
+    """Return rows (surface, surface, 1 where the two points lie on each other's planes else 0) of neighbouring points."""
+    n0, n1, n2 = where.shape
+    rows = [(np.int32(0), np.int32(0), np.int32(0)) for _ in range(0)]
+    for a in range(len(voxels)):
+        la = label[a]
+        if la < 0:
+            continue
+        i, j, k = voxels[a, 0], voxels[a, 1], voxels[a, 2]
+        for ii in range(i, min(n0, i + reach + 1)):
+            for jj in range(max(0, j - reach), min(n1, j + reach + 1)):
+                for kk in range(max(0, k - reach), min(n2, k + reach + 1)):
+                    b = where[ii, jj, kk]
+                    if b < 0 or label[b] < 0 or label[b] == la:
+                        continue
+                    along = _on_each_other(positions, normals, a, b, least_cosine, off_plane)
+                    rows.append((min(la, label[b]), max(la, label[b]), np.int32(1) if along else np.int32(0)))
+    out = np.empty((len(rows), 3), np.int32)
+    for m in range(len(rows)):
+        out[m, 0], out[m, 1], out[m, 2] = rows[m]
+    return out

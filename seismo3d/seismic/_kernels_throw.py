@@ -1,0 +1,165 @@
+"""Both sides of a fault read along its surface, and the shift that matches them, smooth over the surface."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _read(volume, valid, x, y, z):  # type: ignore[no-untyped-def]
+    """Trilinear amplitude at a fractional position; weight 0 where any of its samples is missing."""
+    n0, n1, n2 = volume.shape
+    if x < 0.0 or y < 0.0 or z < 0.0 or x > n0 - 1 or y > n1 - 1 or z > n2 - 1:
+        return np.float32(0.0), np.float32(0.0)
+    i, j, k = min(int(x), max(n0 - 2, 0)), min(int(y), max(n1 - 2, 0)), min(int(z), max(n2 - 2, 0))
+    fx, fy, fz = np.float32(x - i), np.float32(y - j), np.float32(z - k)
+    value = np.float32(0.0)
+    for a in range(2):
+        for b in range(2):
+            weight = (fx if a == 1 else np.float32(1.0) - fx) * (fy if b == 1 else np.float32(1.0) - fy)
+            if weight <= np.float32(1e-4):
+                continue
+            for c in range(2):
+                w = weight * (fz if c == 1 else np.float32(1.0) - fz)
+                if w <= np.float32(1e-4):
+                    continue
+                if not valid[i + a, j + b, k + c]:
+                    return np.float32(0.0), np.float32(0.0)
+                value += w * volume[i + a, j + b, k + c]
+    return value, np.float32(1.0)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def read_sides(volume, valid, p, q, w, origin, along, across, first_s, first_sample, near, far, sides, known):  # type: ignore[no-untyped-def]
+    """Write both sides of a sheet, one value a sample: the mean of traces `near` to `far` off, carried along their dips.
+
+    `w` holds the sheet's position at every (row, sample); sides[0] lies against `across`, sides[1] along it.
+    """
+    n_rows, n_samples = w.shape
+    n0, n1, n2 = volume.shape
+    for line in prange(n_rows):
+        r = np.int64(line)
+        s = first_s + r
+        for k in range(n_samples):
+            for side in range(2):
+                sides[side, r, k] = 0.0
+                known[side, r, k] = 0.0
+            if not np.isfinite(w[r, k]):
+                continue
+            for side in range(2):
+                total = np.float32(0.0)
+                count = np.float32(0.0)
+                for distance in range(near, far + 1):
+                    d = float(distance) if side == 1 else -float(distance)
+                    x = origin[0] + s * along[0] + (w[r, k] + d) * across[0]
+                    y = origin[1] + s * along[1] + (w[r, k] + d) * across[1]
+                    z = float(first_sample + k)
+                    i, j, kk = int(np.rint(x)), int(np.rint(y)), int(np.rint(z))
+                    if i < 0 or j < 0 or kk < 0 or i >= n0 or j >= n1 or kk >= n2:
+                        continue
+                    slope = p[i, j, kk] * across[0] + q[i, j, kk] * across[1]
+                    value, weight = _read(volume, valid, x, y, z + d * slope)
+                    total += value
+                    count += weight
+                if count > 0:
+                    sides[side, r, k] = total / count
+                    known[side, r, k] = 1.0
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def shift_costs(sides, known, n_shifts, cost, weight):  # type: ignore[no-untyped-def]
+    """Write the squared difference of the sides, one moved up and the other down by half of every shift."""
+    _, n_rows, n_samples = sides.shape
+    middle = n_shifts // 2
+    for c in prange(n_shifts):
+        shift = np.int64(c) - middle
+        up = shift // 2
+        down = shift - up
+        for r in range(n_rows):
+            for k in range(n_samples):
+                a, b = k - up, k + down
+                if 0 <= a < n_samples and 0 <= b < n_samples and known[0, r, a] > 0 and known[1, r, b] > 0:
+                    difference = sides[0, r, a] - sides[1, r, b]
+                    cost[c, r, k] = difference * difference
+                    weight[c, r, k] = 1.0
+                else:
+                    cost[c, r, k] = 0.0
+                    weight[c, r, k] = 0.0
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def finish_costs(cost, weight, energy, missing, out):  # type: ignore[no-untyped-def]
+    """Turn smoothed sums into ratios, laid out as (row, sample, shift); `missing` where the sides do not overlap."""
+    n_shifts, n_rows, n_samples = cost.shape
+    for r in prange(n_rows):
+        for k in range(n_samples):
+            for c in range(n_shifts):
+                if weight[c, r, k] > np.float32(0.15):
+                    out[r, k, c] = min(cost[c, r, k] / weight[c, r, k] / energy[r, k], np.float32(2.0))
+                else:
+                    out[r, k, c] = missing
+
+
+@njit(cache=True, nogil=True)
+def _pass(cost, previous, current, r, k, step, jump):  # type: ignore[no-untyped-def]
+    """One step of the path cost: the node's own, and the cheapest way from the previous node's shifts."""
+    n = cost.shape[2]
+    least = previous[0]
+    for c in range(1, n):
+        least = min(least, previous[c])
+    for c in range(n):
+        way = min(previous[c], least + jump)
+        if c > 0:
+            way = min(way, previous[c - 1] + step)
+        if c < n - 1:
+            way = min(way, previous[c + 1] + step)
+        current[c] = cost[r, k, c] + way - least
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def sum_paths(cost, step, jump, total):  # type: ignore[no-untyped-def]
+    """Add up, at every node, the cheapest paths that reach it from the four directions of the grid."""
+    n_rows, n_samples, n = cost.shape
+    for r in prange(n_rows):
+        previous, current = np.zeros(n, np.float32), np.zeros(n, np.float32)
+        for k in range(n_samples):
+            _pass(cost, previous, current, r, k, step, jump)
+            previous[:] = current
+            total[r, k] += current
+        previous[:] = 0.0
+        for k in range(n_samples - 1, -1, -1):
+            _pass(cost, previous, current, r, k, step, jump)
+            previous[:] = current
+            total[r, k] += current
+    for k in prange(n_samples):
+        previous, current = np.zeros(n, np.float32), np.zeros(n, np.float32)
+        for r in range(n_rows):
+            _pass(cost, previous, current, r, k, step, jump)
+            previous[:] = current
+            total[r, k] += current
+        previous[:] = 0.0
+        for r in range(n_rows - 1, -1, -1):
+            _pass(cost, previous, current, r, k, step, jump)
+            previous[:] = current
+            total[r, k] += current
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def pick_shifts(total, cost, shift, fit):  # type: ignore[no-untyped-def]
+    """Write the shift of the cheapest path, refined by a parabola, and 1 - its own misfit ratio."""
+    n_rows, n_samples, n = total.shape
+    for r in prange(n_rows):
+        for k in range(n_samples):
+            best = 0
+            for c in range(1, n):
+                if total[r, k, c] < total[r, k, best]:
+                    best = c
+            refined = np.float32(best)
+            if 0 < best < n - 1:
+                before, here, after = total[r, k, best - 1], total[r, k, best], total[r, k, best + 1]
+                bend = before - 2 * here + after
+                if bend > 0:
+                    refined += np.float32(0.5) * (before - after) / bend
+            shift[r, k] = refined - n // 2
+            fit[r, k] = np.float32(1.0) - cost[r, k, best]

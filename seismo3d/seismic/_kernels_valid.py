@@ -1,0 +1,22 @@
+"""Which samples hold data."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def mark_valid(volume, longest_run, valid):  # type: ignore[no-untyped-def]
+    """Mark samples that are finite and not in a run of equal values of at least `longest_run` samples."""
+    n0, n1, n2 = volume.shape
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1):
+            start = 0
+            for k in range(n2 + 1):
+                if k == n2 or volume[i, j, k] != volume[i, j, start]:
+                    usable = np.isfinite(volume[i, j, start]) and k - start < longest_run
+                    for m in range(start, k):
+                        valid[i, j, m] = usable
+                    start = k

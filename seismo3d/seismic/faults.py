@@ -1,0 +1,227 @@
+"""Fault tracing, from a cube or section to surfaces: one straight line of steps.
+
+slopes -> misfit -> planar support -> ridges -> sheets -> throws -> surfaces, labels, likelihood
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import BoolArray, Float32Array, Int32Array, Progress
+from seismo3d._validate import freeze
+from seismo3d.errors import ShapeError
+from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.seismic._kernels_valid import mark_valid
+from seismo3d.seismic.dip import DipSettings, estimate_slopes
+from seismo3d.seismic.faultset import FaultSet, FaultSurface
+from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
+from seismo3d.seismic.misfit import Evidence, MisfitSettings, measure_misfit
+from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
+from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
+from seismo3d.seismic.surfaces import build_surface
+from seismo3d.seismic.throw import SheetThrow, ThrowSettings, measure_throw
+
+
+@dataclass(frozen=True, slots=True)
+class FaultSettings:
+    """Settings of fault tracing; the defaults are meant for every cube.
+
+    Attributes
+    ----------
+    least_score : tuple of (float, float)
+        Support that a ridge needs, without noise and in noise, in standard deviations of the cube's own evidence.
+    least_area : float
+        Smallest surface, in traces times samples.
+    least_strength : float
+        Significance that a surface needs: its mean support times the square root of the patches it is made of.
+    least_height : float
+        Smallest extent of a surface down the samples.
+    dip, misfit, scan, link, throw
+        Settings of the stages.
+    """
+
+    least_score: tuple[float, float] = (0.35, 0.7)
+    least_area: float = 400.0
+    least_strength: float = 0.0
+    least_height: float = 0.0
+    dip: DipSettings = field(default_factory=DipSettings)
+    misfit: MisfitSettings = field(default_factory=MisfitSettings)
+    scan: ScanSettings = field(default_factory=ScanSettings)
+    link: LinkSettings = field(default_factory=LinkSettings)
+    throw: ThrowSettings = field(default_factory=ThrowSettings)
+
+
+def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: Progress | None = None) -> FaultSet:
+    """Trace the faults of a cube or section: surfaces with likelihood, strike, dip and throw.
+
+    Reflector slopes come from the structure tensor. What does not fit across a voxel after both sides are carried to it
+    along their slopes is the evidence, and planes of all strikes and dips are scanned for it [1]_. Its crests are thinned
+    with sub-voxel position and grown into surfaces that pass through each other. At every place of a surface the throw
+    is the shift that matches its two sides.
+
+    Parameters
+    ----------
+    cube : DataArray or array_like
+        A cube (inline, crossline, sample) or a section (trace, sample), as ``open_cube`` gives it or a bare array.
+        NaN, dead traces and constant zones count as no data.
+    settings : FaultSettings, optional
+        Thresholds and windows.
+    progress : callable, optional
+        Called with the stage's name and the share of it that is done.
+
+    Returns
+    -------
+    FaultSet
+        ``likelihood`` (float32), ``labels`` (int32) and ``throw`` (float32, samples) in the input's shape and, for a
+        DataArray, with its coordinates; ``surfaces``, largest first.
+
+    Raises
+    ------
+    ShapeError
+        If the input has another number of axes than 2 or 3, or is too small to hold a fault.
+
+    Notes
+    -----
+    Memory at its peak is about nine times the cube as float32. Orientations are those of the index grid: in a time cube
+    a dip is in samples a trace until a velocity is given.
+
+    References
+    ----------
+    .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
+    """
+    settings = settings or FaultSettings()
+    report = progress or (lambda stage, share: None)
+    amplitudes, geometry, sampling = _prepare(cube)
+    volume, valid = _clean(amplitudes)
+    report("dip", 0.0)
+    slopes = estimate_slopes(volume, valid, settings=settings.dip)
+    report("misfit", 0.0)
+    evidence = measure_misfit(volume, valid, *slopes, settings=settings.misfit)
+    report("scan", 0.0)
+    support = scan_planes(evidence, settings=settings.scan, progress=progress)
+    low, high = settings.least_score
+    ridges = thin(support, evidence, least=low + evidence.noisiness * (high - low))
+    del support
+    report("link", 0.0)
+    sheets = _choose(link_sheets(
+        ridges, evidence.along_inlines.shape, step=evidence.step,
+        least_points=max(4, int(0.5 * settings.least_area / evidence.step)), settings=settings.link,
+    ), settings)  # fmt: skip
+    throws = []
+    for number, sheet in enumerate(sheets):
+        report("throw", number / len(sheets))
+        throws.append(measure_throw(volume, valid, slopes, sheet, settings=settings.throw))
+    report("surfaces", 0.0)
+    surfaces = _surfaces(sheets, throws, geometry, sampling)
+    labels, throw = _draw(sheets, throws, volume.shape)
+    likelihood = _draw_likelihood(ridges, evidence, volume.shape)
+    report("surfaces", 1.0)
+    return FaultSet(
+        surfaces, *(_like(cube, values, name) for values, name in
+                    ((likelihood, "likelihood"), (labels, "labels"), (throw, "throw"))),
+        settings=asdict(settings),
+    )  # fmt: skip
+
+
+def to_likelihood(score: Float32Array) -> Float32Array:
+    """Turn support into a likelihood from 0 to 1: one half at one standard deviation of the cube's evidence."""
+    return (1.0 - np.exp2(-np.maximum(score, 0.0))).astype(np.float32)
+
+
+def _prepare(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[float, str]]:
+    """Return amplitudes as a volume, the survey's geometry (None for a section) and the sample interval with its unit."""
+    values = np.asarray(getattr(cube, "values", cube))
+    if values.dtype.kind not in "fiu":
+        raise ShapeError(f"cube has elements of type {values.dtype}; expected real numbers. Convert it first.")
+    if values.ndim not in (2, 3):
+        raise ShapeError(f"cube has shape {values.shape}; expected (inline, crossline, sample) or (trace, sample).")
+    least = (8,) * (values.ndim - 1) + (16,)
+    if any(n < m for n, m in zip(values.shape, least, strict=True)):
+        raise ShapeError(f"cube has shape {values.shape}; expected at least {least}. A fault needs both its sides.")
+    dims = getattr(cube, "dims", None)
+    sampling = (1.0, "samples")
+    if dims is not None and dims[-1] in ("time", "depth") and dims[-1] in cube.coords:
+        coordinate = cube[dims[-1]].values
+        sampling = (float(coordinate[1] - coordinate[0]), "ms" if dims[-1] == "time" else "m")
+    if values.ndim == 2:
+        return values[None].astype(np.float32), None, sampling
+    return values.astype(np.float32), SurveyGeometry.from_cube(cube), sampling
+
+
+def _clean(amplitudes: Float32Array) -> tuple[Float32Array, BoolArray]:
+    """Mark where there are data, put zero elsewhere, clip spikes and scale to unit strength."""
+    valid = np.empty(amplitudes.shape, bool)
+    mark_valid(amplitudes, 12, valid)
+    amplitudes[~valid] = 0.0
+    step = max(1, amplitudes.size // 1_000_000)
+    sample = np.abs(amplitudes.ravel()[::step][valid.ravel()[::step]])
+    strength = float(np.percentile(sample, 90.0)) if sample.size else 0.0
+    if strength > 0.0:
+        amplitudes /= np.float32(strength)
+        np.clip(amplitudes, -8.0, 8.0, out=amplitudes)
+    return amplitudes, valid
+
+
+def _choose(sheets: list[Sheet], settings: FaultSettings) -> list[Sheet]:
+    """Keep the sheets that are large and strong enough to be faults."""
+    return [
+        sheet
+        for sheet in sheets
+        if sheet.area >= settings.least_area
+        and np.nanmean(sheet.score) * np.sqrt(sheet.area) >= settings.least_strength
+        and np.ptp(np.flatnonzero(sheet.inside.any(axis=0))) * sheet.step >= settings.least_height
+    ]
+
+
+def _surfaces(
+    sheets: list[Sheet], throws: list[SheetThrow], geometry: SurveyGeometry | None, sampling: tuple[float, str]
+) -> tuple[FaultSurface, ...]:
+    return tuple(
+        build_surface(sheet, throw, to_likelihood(sheet.score), geometry=geometry, sampling=sampling)
+        for sheet, throw in zip(sheets, throws, strict=True)
+    )
+
+
+def _draw(
+    sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, ...]
+) -> tuple[Int32Array, Float32Array]:
+    """Draw labels and throws; where surfaces cross, the voxel belongs to the likelier one."""
+    labels = np.zeros(shape, np.int32)
+    throw_volume = np.full(shape, np.nan, np.float32)
+    strongest = np.zeros(shape, np.float32)
+    for number, (sheet, throw) in enumerate(zip(sheets, throws, strict=True), start=1):
+        voxels, places = sheet_voxels(sheet, shape)
+        score = np.maximum(sample_grid(sheet.score, places), 1e-6)
+        at = tuple(voxels.T)
+        wins = score > strongest[at]
+        at = tuple(voxels[wins].T)
+        strongest[at] = score[wins]
+        labels[at] = number
+        throw_volume[at] = sample_grid(throw.throw, places[wins])
+    return labels, throw_volume
+
+
+def _draw_likelihood(ridges: RidgePoints, evidence: Evidence, shape: tuple[int, ...]) -> Float32Array:
+    """Put the ridges' likelihood at the voxels nearest to them, at every sample that a step of the evidence stands for."""
+    likelihood = np.zeros(shape, np.float32)
+    value = to_likelihood(ridges.score)
+    for k in range(evidence.step):
+        cotangent = ridges.planes[:, 2]
+        at = ridges.positions.copy()
+        at[:, :2] += k * cotangent[:, None] * ridges.planes[:, :2]
+        at[:, 2] += k
+        voxels = np.rint(at).astype(np.int64)
+        inside = ((voxels >= 0) & (voxels < np.array(shape))).all(axis=1)
+        np.maximum.at(likelihood, tuple(voxels[inside].T), value[inside])
+    return likelihood
+
+
+def _like(cube: Any, values: Any, name: str) -> Any:
+    """Give a result the input's shape and, for a DataArray, its coordinates."""
+    shaped = freeze(values.reshape(np.shape(cube)))
+    if not hasattr(cube, "dims"):
+        return shaped
+    return cube.copy(data=shaped).rename(name)

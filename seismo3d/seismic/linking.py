@@ -1,0 +1,282 @@
+"""Ridge points linked into sheets: sets of points that each lie on one smooth surface, one depth for each place on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d.seismic._kernels_linking import find_contacts, grow_surfaces, index_points
+from seismo3d.seismic.scan import RidgePoints
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSettings:
+    """When points belong to one surface; lengths in traces and samples.
+
+    Attributes
+    ----------
+    reach : int
+        Steps of the evidence's grid over which neighbours are looked for.
+    angle_deg : float
+        Largest angle between the planes of two neighbours.
+    off_plane : float
+        Farthest a point may lie off its neighbour's plane.
+    turn_deg : float
+        Farthest a surface's strike may turn away from that of its best point.
+    fold : float
+        Farthest a point may lie off its surface at the same place; what lies farther belongs to another one.
+    fragment : int
+        Surfaces of fewer points are not joined to others.
+    gap : int
+        Steps of the grid across which two surfaces may be joined.
+    contacts : int
+        Pairs of points, across the gap, that must agree for that.
+    joint_share : float
+        Share of the joined points that must lie on one height field.
+    closing : int
+        Gaps in a sheet up to about twice this many grid steps are bridged.
+    smoothing : float
+        Width, in grid steps, of the smoothing of a sheet's position.
+    """
+
+    reach: int = 2
+    angle_deg: float = 25.0
+    off_plane: float = 1.4
+    turn_deg: float = 50.0
+    fold: float = 2.5
+    fragment: int = 20
+    gap: int = 5
+    contacts: int = 12
+    joint_share: float = 0.93
+    closing: int = 5
+    smoothing: float = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sheet:
+    """A fault as a height field over a vertical plane along its mean strike.
+
+    A point of it lies at ``origin + s * along + w * across`` in the time slice, where ``along`` and ``across`` are the
+    horizontal unit vectors of the mean strike and of its normal.
+
+    Attributes
+    ----------
+    origin : ndarray of shape (2,), float64
+        Inline and crossline of s = 0, w = 0.
+    across : ndarray of shape (2,), float64
+        Unit horizontal normal of the mean strike.
+    first_sample : int
+        Sample of the grid's first column.
+    step : int
+        Samples from one column to the next; rows are one trace apart along s.
+    first_s : float
+        s of the grid's first row.
+    w : ndarray of shape (rows, columns), float32
+        Position across; NaN outside the sheet.
+    score : ndarray of shape (rows, columns), float32
+        Smoothed support, in spreads of the background; NaN outside the sheet.
+    """
+
+    origin: Float64Array
+    across: Float64Array
+    first_sample: int
+    step: int
+    first_s: float
+    w: Float32Array
+    score: Float32Array
+
+    @property
+    def along(self) -> Float64Array:
+        """Unit vector of the mean strike in the time slice."""
+        return np.array([-self.across[1], self.across[0]])
+
+    @property
+    def inside(self) -> BoolArray:
+        """Nodes that belong to the sheet."""
+        return np.isfinite(self.w)
+
+    @property
+    def area(self) -> float:
+        """Size of the sheet's grid: traces along strike times samples."""
+        return float(self.inside.sum()) * self.step
+
+    def points(self, rows: Float64Array, columns: Float64Array, w: Float64Array) -> Float64Array:
+        """Return (inline, crossline, sample) of grid places; all arguments of shape (n,)."""
+        s = self.first_s + rows
+        flat = self.origin + s[:, None] * self.along + w[:, None] * self.across
+        return np.column_stack([flat, self.first_sample + columns * self.step])
+
+
+def link_sheets(
+    ridges: RidgePoints, shape: tuple[int, int, int], *, step: int, least_points: int, settings: LinkSettings | None = None
+) -> list[Sheet]:
+    """Link ridge points into sheets, largest first.
+
+    A surface grows from its best point over neighbours that lie on each other's planes, one point for each place on it:
+    where faults branch or cross, each keeps its own. Surfaces that continue each other across a gap are joined.
+
+    Parameters
+    ----------
+    ridges : RidgePoints
+        From :func:`~seismo3d.seismic.scan.thin`.
+    shape : tuple of int
+        Shape of the evidence's grid.
+    step : int
+        Samples a step of that grid.
+    least_points : int
+        Smaller sets are left out.
+    settings : LinkSettings, optional
+        When points belong together.
+
+    Returns
+    -------
+    list of Sheet
+    """
+    settings = settings or LinkSettings()
+    sheets: list[Sheet] = []
+    for parts in _grow(ridges, shape, settings):
+        whole = np.concatenate(parts)
+        sheet, share = _fit_sheet(ridges, whole, step, settings)
+        if len(parts) == 1 or share > settings.joint_share:
+            sheets += [sheet] if len(whole) >= least_points else []
+        else:  # no one height field: what seemed to continue is two faults that meet
+            sheets += [_fit_sheet(ridges, part, step, settings)[0] for part in parts if len(part) >= least_points]
+    return sorted(sheets, key=lambda sheet: -sheet.area)
+
+
+def _unit_normals(planes: Float32Array) -> Float32Array:
+    normals = np.column_stack([planes[:, :2], -planes[:, 2]])
+    return (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+
+
+def _grow(ridges: RidgePoints, shape: tuple[int, int, int], settings: LinkSettings) -> list[list[IntArray]]:
+    """Return the points of every surface: as parts grown apart, one continuing another across a gap."""
+    if len(ridges.score) == 0:
+        return []
+    normals = _unit_normals(ridges.planes)
+    where = index_points(ridges.voxels, *shape)
+    order = np.argsort(-ridges.score, kind="stable")
+    cosine = np.float32(np.cos(np.radians(settings.angle_deg)))
+    label = grow_surfaces(
+        ridges.voxels, ridges.positions, normals, ridges.score, order, where, settings.reach, cosine,
+        np.float32(settings.off_plane), np.float32(settings.fold), np.float32(np.cos(np.radians(settings.turn_deg))),
+    )  # fmt: skip
+    label[np.bincount(label)[label] < settings.fragment] = -1
+    contacts = find_contacts(
+        ridges.voxels, ridges.positions, normals, label, where, settings.gap,
+        np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(1.0 * settings.off_plane)
+    )
+    group = _join(label, contacts, settings.contacts)
+    parts: dict[int, list[IntArray]] = {}
+    for part in _split(label):
+        parts.setdefault(int(group[label[part[0]]]), []).append(part)
+    return list(parts.values())
+
+
+def _split(label: IntArray) -> list[IntArray]:
+    """Return the members of every label from 0 on, in order."""
+    order = np.argsort(label, kind="stable")
+    order = order[label[order] >= 0]
+    starts = np.flatnonzero(np.diff(label[order]))
+    return np.split(order, starts + 1) if len(order) else []
+
+
+def _join(label: IntArray, contacts: IntArray, least: int) -> IntArray:
+    """Return the group of every surface: united are those most of whose close points lie on each other's planes."""
+    n_surfaces = int(label.max(initial=-1)) + 1
+    if len(contacts) == 0:
+        return np.arange(n_surfaces)
+    pairs, inverse, count = np.unique(contacts[:, :2], axis=0, return_inverse=True, return_counts=True)
+    along = np.bincount(inverse.ravel(), contacts[:, 2], len(pairs))
+    joined = pairs[(along >= least) & (along > 0.7 * count)]
+    graph = coo_matrix((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(n_surfaces, n_surfaces))
+    _, group = connected_components(graph, directed=False)
+    return group
+
+
+def _fit_sheet(ridges: RidgePoints, members: IntArray, step: int, settings: LinkSettings) -> tuple[Sheet, float]:
+    """Fit a height field to the points of one surface, leaving out those that lie off it; and the share that lies on it."""
+    positions = ridges.positions[members].astype(np.float64)
+    weight = np.maximum(ridges.score[members], 1e-3).astype(np.float64)
+    across = _mean_normal(ridges.planes[members], weight)
+    along = np.array([-across[1], across[0]])
+    origin = np.average(positions[:, :2], axis=0, weights=weight)
+    s = (positions[:, :2] - origin) @ along
+    w = (positions[:, :2] - origin) @ across
+    column = np.rint(positions[:, 2] / step).astype(np.int64)
+    first_s, first_column = float(np.floor(s.min())), int(column.min())
+    cells = (np.rint(s - first_s).astype(np.int64), column - first_column)
+    shape = (int(cells[0].max()) + 1, int(cells[1].max()) + 1)
+    on_sheet = np.ones(len(members), bool)
+    for _ in range(3):
+        height, count = _smoothed(cells, w, weight * on_sheet, shape, settings.smoothing)
+        keep = np.abs(w - height[cells]) <= settings.fold
+        if keep.sum() < 4 or np.array_equal(keep, on_sheet):
+            break
+        on_sheet = keep
+    inside = _bridge(cells, on_sheet, shape, settings.closing) & (count > 1e-6)
+    score, _ = _smoothed(cells, weight, on_sheet.astype(np.float64), shape, settings.smoothing)
+    sheet = Sheet(
+        origin, across, first_column * step, step, first_s,
+        np.where(inside, height, np.nan).astype(np.float32), np.where(inside, score, np.nan).astype(np.float32),
+    )  # fmt: skip
+    return sheet, float(on_sheet.mean())
+
+
+def _mean_normal(planes: Float32Array, weight: Float64Array) -> Float64Array:
+    """Mean axis of horizontal normals whose signs mean nothing: the mean of the doubled angles, halved."""
+    angle = 2.0 * np.arctan2(planes[:, 1].astype(np.float64), planes[:, 0].astype(np.float64))
+    mean = 0.5 * np.arctan2((weight * np.sin(angle)).sum(), (weight * np.cos(angle)).sum())
+    return np.array([np.cos(mean), np.sin(mean)])
+
+
+def _smoothed(
+    cells: tuple[IntArray, IntArray], values: Float64Array, weight: Float64Array, shape: tuple[int, int], sigma: float
+) -> tuple[Float64Array, Float64Array]:
+    """Weighted mean of scattered values on a grid, smoothed over the gaps; and the smoothed weight.
+
+    The mean is that of a local plane, not of a constant: a first pass finds the trend, so that a sheet's rim does not curl.
+    """
+    size = shape[0] * shape[1]
+    flat = cells[0] * shape[1] + cells[1]
+    total = np.bincount(flat, weight, size).reshape(shape)
+    trend = _plane(cells, values, weight)
+    rest = values - trend(cells[0], cells[1])
+    summed = np.bincount(flat, weight * rest, size).reshape(shape)
+    smooth_weight = ndimage.gaussian_filter(total, sigma, mode="constant")
+    smooth_sum = ndimage.gaussian_filter(summed, sigma, mode="constant")
+    wide_weight = ndimage.gaussian_filter(total, 3.0 * sigma, mode="constant")
+    wide_sum = ndimage.gaussian_filter(summed, 3.0 * sigma, mode="constant")
+    # where the narrow window is nearly empty the wide one takes over
+    share = 0.02
+    mean = (smooth_sum + share * wide_sum) / np.maximum(smooth_weight + share * wide_weight, 1e-12)
+    rows, columns = np.indices(shape)
+    return mean + trend(rows, columns), wide_weight
+
+
+def _plane(cells, values, weight):  # type: ignore[no-untyped-def]
+    design = np.column_stack([np.ones(len(values)), cells[0], cells[1]])
+    root = np.sqrt(weight)
+    solution = np.linalg.lstsq(design * root[:, None], values * root, rcond=None)[0]
+    return lambda rows, columns: solution[0] + solution[1] * rows + solution[2] * columns
+
+
+def _bridge(cells: tuple[IntArray, IntArray], on_sheet: BoolArray, shape: tuple[int, int], closing: int) -> BoolArray:
+    """Cells that hold points, with the gaps between them closed; specks apart from the main body are kept out."""
+    taken = np.zeros(shape, bool)
+    taken[cells[0][on_sheet], cells[1][on_sheet]] = True
+    disc = np.hypot(*np.mgrid[-closing : closing + 1, -closing : closing + 1]) <= closing
+    padded = np.pad(taken, closing)
+    closed = ndimage.binary_closing(padded, disc)[closing:-closing, closing:-closing]
+    closed = ndimage.binary_fill_holes(closed)
+    parts, n_parts = ndimage.label(closed, np.ones((3, 3)))
+    if n_parts <= 1:
+        return closed
+    sizes = np.bincount(parts.ravel())
+    sizes[0] = 0
+    return parts == sizes.argmax()

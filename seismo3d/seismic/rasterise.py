@@ -1,0 +1,45 @@
+"""Sheets drawn into volumes: the voxels that a fault passes through, with its likelihood and throw."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from seismo3d._typing import Float32Array, Float64Array, Int32Array
+from seismo3d.seismic.linking import Sheet
+
+
+def sheet_voxels(sheet: Sheet, shape: tuple[int, int, int]) -> tuple[Int32Array, Float64Array]:
+    """Return the voxels that a sheet passes through, and the grid place (row, column) of each.
+
+    The sheet is sampled every half trace along strike and every sample down, and every voxel entered is taken once.
+    """
+    rows, columns, w = _dense_grid(sheet)
+    points = sheet.points(rows, columns, w)
+    voxels = np.rint(points).astype(np.int32)
+    inside = ((voxels >= 0) & (voxels < np.array(shape))).all(axis=1)
+    voxels, places = voxels[inside], np.column_stack([rows, columns])[inside]
+    flat = np.ravel_multi_index(tuple(voxels.T), shape) if len(voxels) else np.empty(0, np.int64)
+    _, first = np.unique(flat, return_index=True)
+    return voxels[first], places[first]
+
+
+def sample_grid(grid: Float32Array, places: Float64Array) -> Float32Array:
+    """Return the grid's values at fractional places, linearly; NaN beside a NaN node falls back on the nearest node."""
+    value = ndimage.map_coordinates(grid, places.T, order=1, mode="nearest")
+    missing = ~np.isfinite(value)
+    if missing.any():
+        nearest = np.rint(places[missing]).astype(np.int64)
+        nearest = np.clip(nearest, 0, np.array(grid.shape) - 1)
+        value[missing] = grid[tuple(nearest.T)]
+    return value.astype(np.float32)
+
+
+def _dense_grid(sheet: Sheet) -> tuple[Float64Array, Float64Array, Float64Array]:
+    n_rows, n_columns = sheet.w.shape
+    rows = np.arange(0.0, n_rows - 0.5, 0.5) if n_rows > 1 else np.zeros(1)
+    columns = np.arange(0, (n_columns - 1) * sheet.step + 1) / sheet.step
+    grid_rows, grid_columns = (a.ravel() for a in np.meshgrid(rows, columns, indexing="ij"))
+    w = sample_grid(sheet.w, np.column_stack([grid_rows, grid_columns])).astype(np.float64)
+    known = np.isfinite(w)
+    return grid_rows[known], grid_columns[known], w[known]

@@ -1,0 +1,128 @@
+"""Sheets turned into surfaces: triangles or segments, with normals, strike, dip, likelihood and throw at the vertices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import Float32Array, Float64Array, Int32Array, IntArray
+from seismo3d._validate import freeze
+from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.seismic.faultset import FaultSurface
+from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.throw import SheetThrow
+
+
+def build_surface(
+    sheet: Sheet, throw: SheetThrow, likelihood: Float32Array, *, geometry: SurveyGeometry | None, sampling: tuple[float, str]
+) -> FaultSurface:
+    """Turn a sheet into a surface.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        The fault as a height field.
+    throw : SheetThrow
+        Its throw.
+    likelihood : ndarray of the sheet's shape, float32
+        Fault likelihood at its nodes.
+    geometry : SurveyGeometry or None
+        Turns normals into strikes; None for a section, whose surface is a polyline in (trace, sample).
+    sampling : tuple of (float, str)
+        Sample interval and its unit.
+
+    Returns
+    -------
+    FaultSurface
+    """
+    number = _number_nodes(sheet)
+    rows, columns = np.nonzero(number >= 0)
+    vertices = sheet.points(rows.astype(float), columns.astype(float), sheet.w[rows, columns].astype(float))
+    normals = _normals(sheet)[rows, columns] * throw.hanging_side
+    dip_deg = np.degrees(np.arccos(np.clip(np.abs(normals[:, 2]), 0.0, 1.0)))
+    if geometry is None:
+        trace = int(np.argmax(np.abs(sheet.across)))
+        keep = [trace, 2]
+        vertices, normals = vertices[:, keep], normals[:, keep]
+        cells, strike_deg = _segments(number), np.full(len(vertices), np.nan)
+    else:
+        cells = _triangles(number)
+        strike_deg = geometry.strike_deg(normals)
+    area = _area(vertices, cells)
+    at_nodes = likelihood[rows, columns]
+    # a surface of a hundred voxels has half the weight that a large one has
+    confidence = float(at_nodes.mean() * area / (area + 100.0))
+    return FaultSurface(
+        *(_frozen32(values) for values in (vertices,)), freeze(cells),
+        *(_frozen32(v) for v in (normals, at_nodes, throw.throw[rows, columns], strike_deg, dip_deg)),
+        sample_interval=sampling[0], sample_unit=sampling[1], confidence=confidence, area=area,
+    )  # fmt: skip
+
+
+def _frozen32(values: Any) -> Any:
+    return freeze(np.ascontiguousarray(values, dtype=np.float32))
+
+
+def _number_nodes(sheet: Sheet) -> Int32Array:
+    """Number the nodes that some cell uses; -1 elsewhere."""
+    inside = sheet.inside
+    used = np.zeros_like(inside)
+    if inside.shape[0] == 1:
+        pair = inside[:, :-1] & inside[:, 1:]
+        used[:, :-1] |= pair
+        used[:, 1:] |= pair
+    else:
+        quad = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
+        for down in (slice(None, -1), slice(1, None)):
+            for right in (slice(None, -1), slice(1, None)):
+                used[down, right] |= quad
+    number = np.full(inside.shape, -1, np.int32)
+    number[used] = np.arange(int(used.sum()), dtype=np.int32)
+    return number
+
+
+def _triangles(number: Int32Array) -> Int32Array:
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[:-1, 1:], number[1:, 1:]
+    quad = (a >= 0) & (b >= 0) & (c >= 0) & (d >= 0)
+    first = np.column_stack([a[quad], b[quad], c[quad]])
+    second = np.column_stack([b[quad], d[quad], c[quad]])
+    return np.concatenate([first, second]).astype(np.int32)
+
+
+def _segments(number: Int32Array) -> Int32Array:
+    a, b = number[0, :-1], number[0, 1:]
+    pair = (a >= 0) & (b >= 0)
+    return np.column_stack([a[pair], b[pair]]).astype(np.int32)
+
+
+def _normals(sheet: Sheet) -> Float64Array:
+    """Unit normals at every node, along the sheet's `across`."""
+    w = sheet.w.astype(np.float64)
+    ds = _slope(w, 0)
+    dz = _slope(w, 1) / sheet.step
+    flat = sheet.across[None, None, :] - ds[..., None] * sheet.along[None, None, :]
+    normals = np.concatenate([flat, -dz[..., None]], axis=2)
+    return normals / np.linalg.norm(normals, axis=2, keepdims=True)
+
+
+def _slope(w: Float64Array, axis: int) -> Float64Array:
+    """Central differences that become one-sided at the rim, 0 where a node has no neighbour."""
+    forward = np.full_like(w, np.nan)
+    after: list[Any] = [slice(None), slice(None)]
+    before: list[Any] = [slice(None), slice(None)]
+    after[axis], before[axis] = slice(1, None), slice(None, -1)
+    step = w[tuple(after)] - w[tuple(before)]
+    forward[tuple(before)] = step
+    backward = np.full_like(w, np.nan)
+    backward[tuple(after)] = step
+    both = np.stack([forward, backward])
+    count = np.isfinite(both).sum(axis=0)
+    return np.nansum(both, axis=0) / np.maximum(count, 1)
+
+
+def _area(vertices: Float64Array, cells: IntArray) -> float:
+    if cells.shape[1] == 2:
+        return float(np.linalg.norm(vertices[cells[:, 1]] - vertices[cells[:, 0]], axis=1).sum())
+    a, b = vertices[cells[:, 1]] - vertices[cells[:, 0]], vertices[cells[:, 2]] - vertices[cells[:, 0]]
+    return float(0.5 * np.linalg.norm(np.cross(a, b), axis=1).sum())
