@@ -5,6 +5,7 @@ The flow of data, top to bottom::
     open_cube          SEG-Y, Zarr or NPY -> cube (xarray.DataArray: inline, crossline, time or depth)
     trace_faults       cube -> FaultSet (likelihood, labels, throw, surfaces)
     FaultSet.save      surfaces and volumes to a folder
+    match              images, sections or cubes -> Matches (places in common, with angle and scale)
     plot               sections, time slices and 3D scenes
 
 Every name is imported when it is first used, so that ``import seismo3d`` stays light.
@@ -19,6 +20,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from seismo3d import plot, synthetic
+    from seismo3d.features.matching import Matches, match
     from seismo3d.io.cubes import as_cube, open_cube
     from seismo3d.io.segy import write_segy
     from seismo3d.seismic.faults import trace_faults
@@ -26,14 +28,27 @@ if TYPE_CHECKING:
 
 _PUBLIC = {
     "FaultSet": "seismo3d.seismic.faultset",
+    "Matches": "seismo3d.features.matching",
     "as_cube": "seismo3d.io.cubes",
+    "match": "seismo3d.features.matching",
     "open_cube": "seismo3d.io.cubes",
     "trace_faults": "seismo3d.seismic.faults",
     "write_segy": "seismo3d.io.segy",
 }
 _MODULES = ("plot", "synthetic")
 
-__all__ = ["FaultSet", "__version__", "as_cube", "open_cube", "plot", "synthetic", "trace_faults", "write_segy"]
+__all__ = [
+    "FaultSet",
+    "Matches",
+    "__version__",
+    "as_cube",
+    "match",
+    "open_cube",
+    "plot",
+    "synthetic",
+    "trace_faults",
+    "write_segy",
+]
 
 
 def __getattr__(name: str) -> Any:

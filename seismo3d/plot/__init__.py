@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from seismo3d.plot.distributions import strike_rose, throw_histogram
     from seismo3d.plot.maps import throw_map, time_slice
+    from seismo3d.plot.match_pictures import matches
     from seismo3d.plot.rendering import save_scene
     from seismo3d.plot.reports import write_report
     from seismo3d.plot.scenes import cube
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 _PUBLIC = {
     "cube": "scenes",
     "likelihood": "sections",
+    "matches": "match_pictures",
     "save_scene": "rendering",
     "section": "sections",
     "strike_rose": "distributions",
@@ -32,6 +34,7 @@ _PUBLIC = {
 __all__ = [
     "cube",
     "likelihood",
+    "matches",
     "save_scene",
     "section",
     "strike_rose",

@@ -1,0 +1,1 @@
+"""Places that images and volumes have in common: windows, histograms, descriptors, matches."""

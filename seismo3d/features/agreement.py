@@ -1,0 +1,93 @@
+"""Geometric check of matches by their neighbours: no plane and no single motion, only local smoothness."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from seismo3d._typing import BoolArray, Float64Array, Int64Array
+from seismo3d.features import _kernels_agreement
+from seismo3d.features.pairs import Pairs
+
+_MANY = 50
+
+
+def _neighbours(points: Float64Array, n: int) -> Int64Array:
+    """Nearest other points (len, n) of each; -1 where there are fewer."""
+    k = min(n + 1, len(points))
+    _, found = cKDTree(points).query(points, k=k)
+    found = found.reshape(len(points), k)
+    return np.where(found == np.arange(len(points))[:, None], -1, found).astype(np.int64)
+
+
+def count_agreeing(pairs: Pairs, *, n_neighbours: int = 16, slack: float = 3.0, growth: float = 0.1) -> Int64Array:
+    """Count, for each match, the neighbours that lie where its affine map says, and it where theirs says.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Matches.
+    n_neighbours : int
+        Nearest matches in the target that are asked.
+    slack, growth : float
+        They may miss by ``slack`` target pixels and this share of their distance.
+
+    Returns
+    -------
+    ndarray of shape (n,), int64
+    """
+    if len(pairs) < 2:
+        return np.zeros(len(pairs), dtype=np.int64)
+    neighbours = _neighbours(pairs.target, n_neighbours)
+    return np.asarray(
+        _kernels_agreement.count_agreeing(pairs.target, pairs.source, pairs.linear, neighbours, slack, growth)
+    )
+
+
+def local_misfit(pairs: Pairs, *, n_neighbours: int = 12) -> Float64Array:
+    """Distance of each match from where an affine map, fitted robustly to its neighbours, puts it.
+
+    Returns
+    -------
+    ndarray of shape (n,), float64
+        In source pixels; zero where there are fewer than six neighbours.
+    """
+    if len(pairs) < 7:
+        return np.zeros(len(pairs))
+    neighbours = _neighbours(pairs.target, n_neighbours)
+    return np.asarray(_kernels_agreement.local_misfit(pairs.target, pairs.source, neighbours))
+
+
+def keep_distinct(pairs: Pairs, *, distance: float = 1.0, apart: float = 3.0) -> BoolArray:
+    """Say which matches to keep so that no two places of the target share one of the source: the better one stays."""
+    keep = np.ones(len(pairs), dtype=np.bool_)
+    if len(pairs) < 2:
+        return keep
+    close = cKDTree(pairs.source).query_pairs(distance, output_type="ndarray")
+    for i, j in close[np.lexsort((close[:, 1], close[:, 0]))]:
+        if keep[i] and keep[j] and np.square(pairs.target[i] - pairs.target[j]).sum() > apart**2:
+            keep[i if pairs.correlation[i] < pairs.correlation[j] else j] = False
+    return keep
+
+
+def count_apart(points: Float64Array, reach: Float64Array) -> int:
+    """Count points of which none lies within the reach of another: patches that overlap are one witness, not two.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n, 2), float64
+        Places; earlier ones are taken first.
+    reach : ndarray of shape (n,), float64
+        Of each, in the same units.
+
+    Returns
+    -------
+    int
+    """
+    taken: list[int] = []
+    for k in range(len(points)):
+        if all(np.square(points[k] - points[j]).sum() > max(reach[k], reach[j]) ** 2 for j in taken):
+            taken.append(k)
+            if len(taken) >= _MANY:
+                break
+    return len(taken)

@@ -1,0 +1,161 @@
+"""Further matches beside good ones: each says where its unmatched neighbours should be, and refinement looks there."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from seismo3d._typing import AnyArray, BoolArray, Float64Array
+from seismo3d.features.agreement import count_agreeing, keep_distinct, local_misfit
+from seismo3d.features.keypoints import Keypoints
+from seismo3d.features.pairs import Pairs
+from seismo3d.features.pyramid import ImagePyramid
+from seismo3d.features.refinement import refine_matches
+
+_MAX_CHANGE = 1.4
+
+
+def refine_pairs(
+    target: ImagePyramid,
+    source: ImagePyramid,
+    level: AnyArray,
+    pairs: Pairs,
+    *,
+    reach: float = 3.0,
+    n_iterations: int = 8,
+) -> Pairs:
+    """Refine all matches; ``level`` is the target pyramid's at which each is compared."""
+    points, linear, correlation = refine_matches(
+        target, source, pairs.target, level, pairs.source, pairs.linear, reach=reach, n_iterations=n_iterations
+    )
+    return Pairs(pairs.row, pairs.target, points, linear, correlation)
+
+
+def grow_pairs(
+    target: ImagePyramid,
+    source: ImagePyramid,
+    keypoints: Keypoints,
+    pairs: Pairs,
+    *,
+    min_correlation: float,
+    n_rounds: int = 2,
+) -> Pairs:
+    """Match further keypoints of the target by the affine maps of their matched neighbours.
+
+    Parameters
+    ----------
+    target, source : ImagePyramid
+        Of both images.
+    keypoints : Keypoints
+        Of the target.
+    pairs : Pairs
+        Checked matches; ``row`` refers to ``keypoints``.
+    min_correlation : float
+        A new match is at least so alike.
+    n_rounds : int
+        New matches help in the next round. In each, the two nearest matches are asked.
+
+    Returns
+    -------
+    Pairs
+        The given ones, then the new ones, unchecked.
+    """
+    for rank in (0, 1) * n_rounds:
+        free = np.ones(len(keypoints.points), dtype=np.bool_)
+        free[pairs.row[pairs.row >= 0]] = False
+        rows = np.flatnonzero(free)
+        if rows.size == 0 or len(pairs) == 0:
+            break
+        points = keypoints.points[rows]
+        near = np.asarray(cKDTree(pairs.target).query(points, k=[min(rank + 1, len(pairs))])[1])[:, 0]
+        predicted = pairs.source[near] + np.einsum("nij,nj->ni", pairs.linear[near], points - pairs.target[near])
+        guess = Pairs(rows, points, predicted, pairs.linear[near], np.zeros(len(rows)))
+        found = refine_pairs(target, source, keypoints.level[rows], guess)
+        good = (found.correlation >= min_correlation) & (_change_of_shape(guess, found) <= _MAX_CHANGE)
+        pairs = pairs.join(found.take(good))
+    return pairs
+
+
+def _change_of_shape(before: Pairs, after: Pairs) -> Float64Array:
+    """Largest stretch of the change between two sets of affine maps over its smallest."""
+    if len(before) == 0:
+        return np.empty(0)
+    stretch = np.linalg.svd(np.linalg.solve(before.linear, after.linear), compute_uv=False)
+    return np.asarray(stretch[:, 0] / np.maximum(stretch[:, 1], 1e-9))
+
+
+def polish_pairs(
+    target: ImagePyramid,
+    source: ImagePyramid,
+    keypoints: Keypoints,
+    pairs: Pairs,
+    *,
+    min_correlation: float,
+    n_finer: int = 4,
+) -> Pairs:
+    """Refine matches found on coarse levels again on finer ones, where the finer patches are alike too."""
+    level = keypoints.level[pairs.row].astype(np.int64)
+    linear, points, correlation = pairs.linear.copy(), pairs.source.copy(), pairs.correlation.copy()
+    for _ in range(2):
+        finer = np.maximum(level - n_finer, 0)
+        rows = np.flatnonzero(finer < level - 1)
+        if rows.size == 0:
+            break
+        again = Pairs(pairs.row[rows], pairs.target[rows], points[rows], linear[rows], correlation[rows])
+        again = refine_pairs(target, source, finer[rows], again, reach=1.5, n_iterations=4)
+        good = again.correlation >= min_correlation
+        rows, again = rows[good], again.take(good)
+        points[rows], linear[rows], correlation[rows] = again.source, again.linear, again.correlation
+        level[rows] = finer[rows]
+    return Pairs(pairs.row, pairs.target, points, linear, correlation)
+
+
+def check_pairs(pairs: Pairs, *, min_agreeing: int, max_misfit: float) -> Pairs:
+    """Keep matches that their neighbours agree with, more closely so off the plane that most of a scene may be.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Matches.
+    min_agreeing : int
+        At least so many neighbours, and a quarter of those asked, agree.
+    max_misfit : float
+        Largest distance from the neighbours' own affine map and, on a plane, from its homography; target pixels.
+
+    Returns
+    -------
+    Pairs
+    """
+    pairs = pairs.take(_agreed(pairs, min_agreeing, 0.25, slack=2.0, growth=0.1) & keep_distinct(pairs))
+    pairs = pairs.take(local_misfit(pairs) <= max_misfit * _stretch(pairs))
+    off = _off_plane(pairs, max_misfit)
+    if off.any():
+        strict = _agreed(pairs, min_agreeing, 0.5, slack=1.0, growth=0.04) & (
+            local_misfit(pairs) <= 0.4 * max_misfit * _stretch(pairs)
+        )
+        pairs = pairs.take(strict | ~off)
+    return pairs
+
+
+def _agreed(pairs: Pairs, min_agreeing: int, share: float, *, slack: float, growth: float) -> BoolArray:
+    n_asked = min(16, max(len(pairs) - 1, 0))
+    return np.asarray(count_agreeing(pairs, slack=slack, growth=growth) >= max(min_agreeing, share * n_asked))
+
+
+def _stretch(pairs: Pairs) -> Float64Array:
+    return np.asarray(np.sqrt(np.maximum(np.abs(np.linalg.det(pairs.linear)), 1.0)))
+
+
+def _off_plane(pairs: Pairs, distance: float) -> BoolArray:
+    """Say which matches are off the homography that most follow; none where there is no such."""
+    import cv2
+
+    none = np.zeros(len(pairs), dtype=np.bool_)
+    if len(pairs) < 12:
+        return none
+    H, _ = cv2.findHomography(pairs.target, pairs.source, cv2.USAC_DEFAULT, distance, maxIters=500, confidence=0.99)
+    if H is None:
+        return none
+    carried = np.column_stack([pairs.target, np.ones(len(pairs))]) @ H.T
+    off = np.linalg.norm(carried[:, :2] / carried[:, 2:] - pairs.source, axis=1) > distance * _stretch(pairs)
+    return np.asarray(off) if off.mean() <= 0.25 else none
