@@ -20,3 +20,21 @@ def mark_valid(volume, longest_run, valid):  # type: ignore[no-untyped-def]
                     for m in range(start, k):
                         valid[i, j, m] = usable
                     start = k
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def same_as_next(volume, valid, same):  # type: ignore[no-untyped-def]
+    """Mark traces that equal their next crossline neighbour in every sample, where any is valid."""
+    n0, n1, n2 = volume.shape
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1 - 1):
+            equal = True
+            data = False
+            for k in range(n2):
+                if valid[i, j, k]:
+                    data = True
+                    if volume[i, j, k] != volume[i, j + 1, k]:
+                        equal = False
+                        break
+            same[i, j] = equal and data

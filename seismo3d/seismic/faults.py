@@ -10,12 +10,13 @@ from itertools import compress
 from typing import Any
 
 import numpy as np
+from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array, Int32Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic._kernels_valid import mark_valid
+from seismo3d.seismic._kernels_valid import mark_valid, same_as_next
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
@@ -25,6 +26,11 @@ from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
 from seismo3d.seismic.surfaces import build_surface
 from seismo3d.seismic.throw import SheetThrow, ThrowSettings, measure_throw
 from seismo3d.seismic.whitening import whiten
+
+
+# samples of one value, and traces of the same values, from which on they are no data
+_LONGEST_RUN = 12
+_LEAST_REPEATS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +53,7 @@ class FaultSettings:
         Settings of the stages.
     """
 
-    least_score: tuple[float, float] = (0.3, 0.5)
+    least_score: tuple[float, float] = (0.5, 0.3)
     least_area: float = 400.0
     least_strength: float = 36.0
     least_height: float = 24.0
@@ -161,7 +167,8 @@ def _prepare(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[floa
 def _clean(amplitudes: Float32Array) -> tuple[Float32Array, BoolArray]:
     """Mark where there are data, put zero elsewhere, clip spikes, and whiten."""
     valid = np.empty(amplitudes.shape, bool)
-    mark_valid(amplitudes, 12, valid)
+    mark_valid(amplitudes, _LONGEST_RUN, valid)
+    valid[_repeated(amplitudes, valid)] = False
     amplitudes[~valid] = 0.0
     step = max(1, amplitudes.size // 1_000_000)
     sample = np.abs(amplitudes.ravel()[::step][valid.ravel()[::step]])
@@ -170,6 +177,16 @@ def _clean(amplitudes: Float32Array) -> tuple[Float32Array, BoolArray]:
         amplitudes /= np.float32(strength)
         np.clip(amplitudes, -8.0, 8.0, out=amplitudes)
     return whiten(amplitudes, valid), valid
+
+
+def _repeated(amplitudes: Float32Array, valid: BoolArray) -> BoolArray:
+    """Mark runs of equal traces along an inline: padding and picture frames, not data."""
+    same = np.zeros(amplitudes.shape[:2], bool)
+    same_as_next(amplitudes, valid, same)
+    pairs = _LEAST_REPEATS - 1
+    kept = ndimage.binary_opening(np.pad(same, ((0, 0), (pairs, pairs))), np.ones((1, pairs), bool))[:, pairs:-pairs]
+    kept[:, 1:] |= kept[:, :-1]
+    return kept
 
 
 def _choose(sheets: list[Sheet], settings: FaultSettings) -> list[Sheet]:

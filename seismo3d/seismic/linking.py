@@ -30,6 +30,8 @@ class LinkSettings:
         Farthest a surface's strike may turn away from that of its best point.
     fold : float
         Farthest a point may lie off its surface at the same place; what lies farther belongs to another one.
+    least_score : float
+        Support, averaged over the surface nearby, below which a surface ends.
     fragment : int
         Surfaces of fewer points are not joined to others.
     gap : int
@@ -49,6 +51,7 @@ class LinkSettings:
     off_plane: float = 1.4
     turn_deg: float = 50.0
     fold: float = 2.5
+    least_score: float = 0.4
     fragment: int = 20
     gap: int = 5
     contacts: int = 12
@@ -220,8 +223,9 @@ def _fit_sheet(ridges: RidgePoints, members: IntArray, step: int, settings: Link
         if keep.sum() < 4 or np.array_equal(keep, on_sheet):
             break
         on_sheet = keep
-    inside = _bridge(cells, on_sheet, shape, settings.closing) & (count > 1e-6)
     score, _ = _smoothed(cells, weight, on_sheet.astype(np.float64), shape, settings.smoothing)
+    strong = on_sheet & (score[cells] >= settings.least_score)
+    inside = _bridge(cells, strong, shape, settings.closing) & (count > 1e-6)
     sheet = Sheet(
         origin, across, first_column * step, step, first_s,
         np.where(inside, height, np.nan).astype(np.float32), np.where(inside, score, np.nan).astype(np.float32),
@@ -275,6 +279,8 @@ def _bridge(cells: tuple[IntArray, IntArray], on_sheet: BoolArray, shape: tuple[
     padded = np.pad(taken, closing)
     closed = ndimage.binary_closing(padded, disc)[closing:-closing, closing:-closing]
     closed = ndimage.binary_fill_holes(closed)
+    if not closed.any():
+        return closed
     parts, n_parts = ndimage.label(closed, np.ones((3, 3)))
     if n_parts <= 1:
         return closed

@@ -27,6 +27,10 @@ class MisfitSettings:
         Width of the Gaussian that smooths the misfit along the trace.
     lateral : float
         Width of the Gaussian that smooths the evidence over neighbouring traces.
+    background : tuple of (float, float)
+        Lateral and vertical width of the window of the local background.
+    levelling : float
+        Share of the local background that is taken out: 0 none, 1 all.
     energy : tuple of (float, float)
         Lateral and vertical width of the window whose energy normalises the misfit.
     step : int
@@ -42,6 +46,8 @@ class MisfitSettings:
     reach: tuple[int, int] = (2, 6)
     vertical: float = 1.5
     lateral: float = 1.25
+    background: tuple[float, float] = (16.0, 16.0)
+    levelling: float = 0.5
     energy: tuple[float, float] = (2.0, 4.0)
     step: int = 2
     softness: float = 0.02
@@ -64,8 +70,7 @@ class Evidence:
     noisiness : float
         0 for a cube without noise to 1 for one whose noise is as strong as its signal; it sets window sizes.
     mean, spread : float
-        Mean and standard deviation of the evidence where it is known, not below those of a cube with a few faults: where
-        there is next to no evidence, its own scatter must not be taken for faults.
+        Mean and standard deviation of the evidence where it is known, not below those of a cube with a few faults.
     step : int
         Samples from one plane of the evidence to the next.
     """
@@ -118,9 +123,11 @@ def measure_misfit(
     for ratio in ratios:
         log_ratio(ratio, softness)
     mean, spread = _moments(ratios, known)
+    # where there is next to no evidence, its own scatter must not be taken for faults
+    mean, spread = max(mean, _LEAST_MEAN), max(spread, _LEAST_SPREAD * (1.0 - noisiness))
     background = float(np.log1p(noise / softness))
     filled = [
-        _spread_laterally(_fill_unknown(ratio, weight, background), settings.lateral)
+        _level(_spread_laterally(_fill_unknown(ratio, weight, background), settings.lateral), settings)
         for ratio, weight in zip(ratios, known, strict=True)
     ]
     return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
@@ -135,6 +142,16 @@ def _spread_laterally(evidence: Float32Array, sigma: float) -> Float32Array:
     return evidence
 
 
+def _level(evidence: Float32Array, settings: MisfitSettings) -> Float32Array:
+    """Take out part of the wide local mean: chaotic and noisy zones have more evidence everywhere, not only at faults."""
+    lateral, vertical = settings.background
+    mean = smooth(evidence, (lateral, lateral, vertical / settings.step))
+    mean -= mean.mean()
+    mean *= np.float32(settings.levelling)
+    evidence -= mean
+    return evidence
+
+
 def _moments(ratios: list[Float32Array], known: list[Float32Array]) -> tuple[float, float]:
     """Mean and standard deviation of the evidence where it is known."""
     count = total = square = 0.0
@@ -143,7 +160,7 @@ def _moments(ratios: list[Float32Array], known: list[Float32Array]) -> tuple[flo
         count, total, square = count + values.size, total + values.sum(), square + (values**2).sum()
     mean = total / max(count, 1.0)
     spread = float(np.sqrt(max(square / max(count, 1.0) - mean**2, 0.0)))
-    return max(mean, _LEAST_MEAN), max(spread, _LEAST_SPREAD)
+    return mean, max(spread, 1e-6)
 
 
 def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> float:
