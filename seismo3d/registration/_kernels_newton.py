@@ -194,6 +194,26 @@ def _left_jacobian(x: Float64Array) -> Float64Array:
 
 
 @nb.njit(cache=True, nogil=True)
+def rigid_offsets(A0: Float64Array, t0: Float64Array, A: Float64Array, t: Float64Array) -> Float64Array:
+    """Return rotation vector (or angle) and translation that lead from one rigid motion to another; angles below pi."""
+    d = t.shape[0]
+    D = A @ A0.T
+    if d == 2:
+        out = np.empty(3)
+        out[0] = math.atan2(D[1, 0] - D[0, 1], D[0, 0] + D[1, 1])
+    else:
+        out = np.empty(6)
+        x, y, z = 0.5 * (D[2, 1] - D[1, 2]), 0.5 * (D[0, 2] - D[2, 0]), 0.5 * (D[1, 0] - D[0, 1])
+        sine = math.sqrt(x * x + y * y + z * z)
+        cosine = 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0)
+        factor = math.atan2(sine, cosine) / sine if sine > 1e-9 else 1.0
+        out[0], out[1], out[2] = factor * x, factor * y, factor * z
+    for k in range(d):
+        out[out.shape[0] - d + k] = t[k] - t0[k]
+    return out
+
+
+@nb.njit(cache=True, nogil=True)
 def newton(
     Q: Float64Array,
     A: Float64Array,
