@@ -283,6 +283,26 @@ def voxel_normals(
 
 
 @nb.njit(cache=True, nogil=True)
+def tensor_normals(moments: Float64Array, tensors: Float64Array, d: int, out: Float32Array) -> None:
+    """Write (centroid, quality, normal, thickness 0) of each voxel from the sums of its points' normals n n'.
+
+    The normal is the direction that the normals have most in common; quality is low where they disagree.
+    """
+    eigen = np.empty(6)
+    for i in range(moments.shape[0]):
+        w = 1.0 / moments[i, 0]
+        for k in range(3):
+            out[i, k] = moments[i, 1 + k] * w
+        xx, xy, xz = -tensors[i, 0] * w, -tensors[i, 1] * w, -tensors[i, 2] * w
+        yy, yz, zz = -tensors[i, 3] * w, -tensors[i, 4] * w, -tensors[i, 5] * w
+        smallest_eigenvector(xx, xy, xz, yy, yz, zz, eigen)
+        out[i, 3] = max(0.0, 2.0 * (-eigen[3]) - 1.0)
+        for k in range(3):
+            out[i, 4 + k] = eigen[k] if k < d else 0.0
+        out[i, 7] = 0.0
+
+
+@nb.njit(cache=True, nogil=True)
 def inherit_normals(fine: Float32Array, coarse: Float32Array, parent: Int32Array, least: float) -> None:
     """Give voxels whose own neighbours do not span a surface their parent's normal, at half its quality."""
     for i in range(fine.shape[0]):

@@ -45,7 +45,8 @@ class VoxelMap:
 
 
 def voxel_levels(
-    points: Float64Array, *, center: Float64Array, factor: float, voxel_size: float, n_levels: int, low: Float64Array, fine_normals: bool = True
+    points: Float64Array, *, center: Float64Array, factor: float, voxel_size: float, n_levels: int, low: Float64Array, fine_normals: bool = True,
+    normals: Float32Array | None = None,
 ) -> list[VoxelMap]:
     """Return voxel maps of points, the finest first, each level with voxels twice as large.
 
@@ -62,20 +63,27 @@ def voxel_levels(
         Lowest coordinates of the points in the frame.
     fine_normals : bool
         Estimate normals on the finest level too; else it takes those of its parents, where there are any.
+    normals : ndarray of shape (n, d), float32, optional
+        Unit normals of the points, of any sign, in place of estimated ones.
     """
     d = points.shape[1]
     coarsest = voxel_size * 2 ** (n_levels - 1)
     origin = np.zeros(3)
     origin[:d] = low - MARGIN * coarsest
-    keys, moments, _ = kernels.voxelise(points, center, factor, origin, 1.0 / voxel_size)
+    keys, moments, owner = kernels.voxelise(points, center, factor, origin, 1.0 / voxel_size)
     levels, parents = [], []
+    spread = None if normals is None else _normal_tensors(owner, normals, len(keys))
     for level in range(n_levels):
         if level:
             keys, moments, parent = kernels.coarsen(keys, moments)
             parents.append(parent)
+            if spread is not None:
+                spread = np.stack([np.bincount(parent, column, len(keys)) for column in spread.T], axis=1)
         table_keys, table, shift = kernels.make_table(keys)
         surface = np.empty((len(keys), 8), dtype=np.float32)
-        if level or fine_normals or n_levels == 1:
+        if spread is not None:
+            kernels.tensor_normals(moments, spread, d, surface)
+        elif level or fine_normals or n_levels == 1:
             kernels.voxel_normals(keys, moments, table_keys, table, shift, d, surface)
         else:
             surface[:, :3] = moments[:, 1:4] / moments[:, :1]
@@ -85,6 +93,14 @@ def voxel_levels(
     for level in range(n_levels - 2, -1, -1):
         kernels.inherit_normals(levels[level].surface, levels[level + 1].surface, parents[level], 0.3)
     return levels
+
+
+def _normal_tensors(owner: Int32Array, normals: Float32Array, n_voxels: int) -> Float64Array:
+    """Return the sums of xx, xy, xz, yy, yz, zz of the normals in each voxel; shape (m, 6)."""
+    n = np.zeros((len(normals), 3))
+    n[:, : normals.shape[1]] = normals
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    return np.stack([np.bincount(owner, n[:, a] * n[:, b], n_voxels) for a, b in pairs], axis=1)
 
 
 def survey(points: Float64Array, name: str) -> Float64Array:

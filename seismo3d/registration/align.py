@@ -203,7 +203,7 @@ def _result(
         certificate=certificate,
         unobservable=sure.unobservable,
         model=model,
-        inliers=freeze(residuals <= max(5.2 * middle, 1e-9 * frame.size)),
+        find_inliers=lambda: residuals <= max(5.2 * middle, 1e-9 * frame.size),
         scale=freeze(np.linalg.norm(found.A, axis=0)),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -63,12 +64,14 @@ class Registration:
     unobservable : tuple of Direction
         Directions along which the transform was left at its start.
     model : str
-    inliers : ndarray of bool
-        Rows of the source (or of the given pairs) that agree with the transform.
+    scale : ndarray of shape (1,) or (d,), float64
+        Factors of scale: the lengths of the columns of the linear part.
     energies : tuple of float
         Mean square residual after each step of the loop, the input's units squared; empty for the exact solve alone.
     stage : str
         ``"exact"`` (given pairs), ``"local"`` or ``"global"``: the stage whose answer this is.
+    find_inliers : callable
+        Finds ``inliers``.
     """
 
     T_target_source: Float64Array
@@ -80,10 +83,15 @@ class Registration:
     certificate: Certificate | None
     unobservable: tuple[Direction, ...]
     model: str
-    inliers: BoolArray
+    scale: Float64Array
     energies: tuple[float, ...] = ()
     stage: str = "exact"
-    scale: Float64Array = field(default_factory=lambda: np.ones(1))
+    find_inliers: Callable[[], BoolArray] = field(default=lambda: np.zeros(0, dtype=bool), repr=False)
+
+    @property
+    def inliers(self) -> BoolArray:
+        """Rows of the source (or of the given pairs) that agree with the transform; found anew at each call."""
+        return self.find_inliers()
 
     @property
     def converged(self) -> bool:
