@@ -247,49 +247,50 @@ def smallest_eigenvalue(S: Float64Array) -> float:
 
 
 @nb.njit(cache=True, nogil=True)
-def raise_smallest(S: Float64Array, null: Float64Array, basis: Float64Array, enough: float) -> Float64Array:
+def raise_smallest(
+    S: Float64Array, null: Float64Array, small: Float64Array, basis: Float64Array, enough: float, max_steps: int
+) -> Float64Array:
     """Return ``S + sum nu_j null_j`` with its smallest eigenvalue on y's complement raised by a barrier method.
 
-    Maximises tau under ``B' (S + sum nu_j N_j) B - tau I`` positive definite, B the complement's basis of shape (10,
-    9). Stops as soon as the smallest eigenvalue is at least ``enough``.
+    Maximises tau under ``B' (S + sum nu_j N_j) B - tau I`` positive definite, B the complement's basis of shape (10, 9);
+    ``small`` holds the B' N_j B, flat, of shape (m, 81). Stops as soon as the smallest eigenvalue is at least ``enough``.
     """
     m = null.shape[0]
-    small = np.empty((m, 9, 9))
-    for j in range(m):
-        small[j] = basis.T @ null[j] @ basis
     F0 = basis.T @ S @ basis
     scale = np.sqrt(np.sum(F0 * F0)) + 1e-300
+    F0 /= scale
+    F = F0.copy()
     nu = np.zeros(m)
-    F = F0 / scale
-    F0 = F.copy()
-    tau = np.linalg.eigvalsh(F)[0] - 1.0
-    weight = 9.0
-    best_nu = nu.copy()
+    best_nu = np.zeros(m)
     best = np.linalg.eigvalsh(F)[0]
+    tau = best - 0.02
+    weight = 9.0 / 0.02
     gradient = np.empty(m + 1)
     H = np.empty((m + 1, m + 1))
-    products = np.empty((m + 1, 9, 9))
-    for _ in range(80):
-        Z = np.linalg.inv(F - tau * np.eye(9))
+    eye = np.eye(9)
+    tall = small.reshape(m * 9, 9)
+    for _ in range(max_steps):
+        Z = np.ascontiguousarray(np.linalg.inv(F - tau * eye))
+        right = np.ascontiguousarray(tall @ Z).reshape(m, 9, 9)
+        both = np.empty((m, 81))
         for j in range(m):
-            products[j] = Z @ small[j]
-        products[m] = -Z
+            both[j] = np.ascontiguousarray(Z @ right[j]).reshape(81)
+        flat = Z.reshape(81)
+        square = np.ascontiguousarray(Z @ Z).reshape(81)
+        H[:m, :m] = both @ small.T
+        H[m, :m] = -(small @ square)
+        H[:m, m] = H[m, :m]
+        H[m, m] = np.sum(flat * flat)
+        gradient[:m] = -(small @ flat)
+        gradient[m] = np.trace(Z) - weight
         for i in range(m + 1):
-            gradient[i] = -np.trace(products[i])
-            for j in range(i, m + 1):
-                value = np.sum(products[i] * products[j].T)
-                H[i, j] = value
-                H[j, i] = value
             H[i, i] *= 1.0 + 1e-13
-        gradient[m] -= weight
         step = -np.linalg.solve(H, gradient)
         decrement = -np.sum(gradient * step)
         factor = 1.0 if decrement < 0.25 else 1.0 / (1.0 + math.sqrt(decrement))
         ok = False
         for _ in range(30):
-            new_F = F0.copy()
-            for j in range(m):
-                new_F += (nu[j] + factor * step[j]) * small[j]
+            new_F = F0 + ((nu + factor * step[:m]) @ small).reshape(9, 9)
             low = np.linalg.eigvalsh(new_F)[0]
             if low > tau + factor * step[m]:
                 ok = True
@@ -305,8 +306,8 @@ def raise_smallest(S: Float64Array, null: Float64Array, basis: Float64Array, eno
             best_nu[:] = nu
         if best * scale >= enough or 9.0 / weight < 1e-12:
             break
-        if decrement < 0.5:
-            weight *= 8.0
+        if decrement < 1.0:
+            weight *= 20.0
     out = S.copy()
     for j in range(m):
         out += scale * best_nu[j] * null[j]
@@ -321,6 +322,7 @@ def solve_certified(
     octahedral: Float64Array,
     correction: Float64Array,
     null: Float64Array,
+    small: Float64Array,
     basis: Float64Array,
     tolerance: float,
 ) -> tuple[Float64Array, Float64Array, float, float, float]:
@@ -331,14 +333,18 @@ def solve_certified(
     value = newton_rotation(F, R)
     S = first_multipliers(conjugate(F, R), value, correction)
     low = smallest_eigenvalue(S)
-    if low < -0.05 * tolerance * norm:
+    limit = -0.05 * tolerance * norm
+    if low < limit:
+        S = raise_smallest(S, null, small, basis, limit, 12)
+        low = max(low, smallest_eigenvalue(S))
+    if low < limit:
         better = many_starts(F, R, prior_R, octahedral)
-        if better < value:
+        if better < value - 1e-12 * norm:
             value = better
             S = first_multipliers(conjugate(F, R), value, correction)
             low = smallest_eigenvalue(S)
-    if low < -0.05 * tolerance * norm:
-        S = raise_smallest(S, null, basis, -0.05 * tolerance * norm)
+    if low < limit:
+        S = raise_smallest(S, null, small, basis, limit, 80)
         low = max(low, smallest_eigenvalue(S))
     t = np.empty(3)
     for i in range(3):

@@ -85,7 +85,7 @@ def constraint_matrices() -> Float64Array:
 
 
 @cache
-def multiplier_tables() -> tuple[Float64Array, Float64Array, Float64Array]:
+def multiplier_tables() -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
     """Return what does not depend on the form, in the frame where the found rotation is I.
 
     Returns
@@ -94,6 +94,8 @@ def multiplier_tables() -> tuple[Float64Array, Float64Array, Float64Array]:
         Sum of lambda_k P_k for each unit vector as right-hand side of the least-squares multipliers.
     null : ndarray of shape (k, 10, 10)
         Basis of the combinations of constraints that y is in the null space of.
+    small : ndarray of shape (k, 81)
+        The same on y's complement, flat.
     basis : ndarray of shape (10, 9)
         Orthonormal basis of y's complement.
     """
@@ -105,4 +107,10 @@ def multiplier_tables() -> tuple[Float64Array, Float64Array, Float64Array]:
     rank = int((values > 1e-10 * values[0]).sum())
     null = np.einsum("jk,kab->jab", Vt[rank:], P)
     basis = np.linalg.svd(y[:, None])[0][:, 1:]
-    return np.ascontiguousarray(correction), np.ascontiguousarray(null), np.ascontiguousarray(basis)
+    small = np.einsum("ap,jab,bq->jpq", basis, null, basis).reshape(len(null), 81)
+    return (
+        np.ascontiguousarray(correction),
+        np.ascontiguousarray(null),
+        np.ascontiguousarray(small),
+        np.ascontiguousarray(basis),
+    )

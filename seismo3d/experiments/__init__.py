@@ -1,0 +1,1 @@
+"""Experiments that anyone can run: the paper's tables and figures, and the measurements behind the documentation."""
