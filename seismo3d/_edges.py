@@ -29,7 +29,10 @@ def edge_elements(
         values = np.where(holes, np.float32(np.mean(values[~holes])) if (~holes).any() else np.float32(0), values)
     d = values.ndim
     gradient = np.stack(
-        [ndimage.gaussian_filter(values, smoothing, order=[int(a == k) for a in range(d)], mode="nearest") for k in range(d)]
+        [
+            ndimage.gaussian_filter(values, smoothing, order=[int(a == k) for a in range(d)], mode="nearest")
+            for k in range(d)
+        ]
     )
     strength = np.sqrt((gradient**2).sum(axis=0))
     if holes.any():

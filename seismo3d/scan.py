@@ -123,7 +123,9 @@ class Scan:
 
     @classmethod
     def from_file(cls, path: str | Path) -> Scan:
-        """Make a scan of a point file: PLY, PCD, XYZ, CSV, LAS, LAZ, NPY or NPZ; see :func:`seismo3d.io.points.read_points`."""
+        """Make a scan of a point file: PLY, PCD, XYZ, CSV, LAS, LAZ, NPY or NPZ; see
+        :func:`seismo3d.io.points.read_points`.
+        """
         from seismo3d.io.points import read_points
 
         held = read_points(path)
@@ -203,15 +205,21 @@ class Scan:
         grid[grid[:, :, 2] > as_number(max_depth, "max_depth", low=0.0, strict=True)] = np.nan
         grey = None if rgb is None else as_grey(rgb)
         if grey is not None and grey.shape != grid.shape[:2]:
-            raise ShapeError(f"rgb has shape {grey.shape} and depth {grid.shape[:2]}; expected the same. Register them first.")
+            raise ShapeError(
+                f"rgb has shape {grey.shape} and depth {grid.shape[:2]}; expected the same. Register them first."
+            )
         normals = grid_normals(grid)
         good = np.isfinite(normals).all(axis=2)
         if not good.any():
-            raise GeometryError("depth has no pixel with a depth and a surface; expected a depth image in the camera's units.")
+            raise GeometryError(
+                "depth has no pixel with a depth and a surface; expected a depth image in the camera's units."
+            )
         points = grid[good]
         weights = 1.0 / np.maximum(points[:, 2], 0.3) ** 4
         raster = Raster(grid[:, :, 2] if grey is None else grey, "rgbd", grid, lens)
-        return cls(freeze(points), freeze(normals[good].astype(np.float32)), freeze(weights / weights.max()), None, raster)
+        return cls(
+            freeze(points), freeze(normals[good].astype(np.float32)), freeze(weights / weights.max()), None, raster
+        )
 
     @classmethod
     def from_elevation(cls, elevation: ArrayLike, spacing: float | tuple[float, float] = 1.0) -> Scan:
@@ -292,7 +300,9 @@ def as_scan(data: Scan | ArrayLike | str | Path, name: str) -> Scan:
     if array.ndim == 2:
         return Scan.from_image(array)
     if array.ndim == 3:
-        return Scan.from_image(array) if array.shape[2] in (3, 4) and array.dtype == np.uint8 else Scan.from_volume(array)
+        return (
+            Scan.from_image(array) if array.shape[2] in (3, 4) and array.dtype == np.uint8 else Scan.from_volume(array)
+        )
     raise ShapeError(f"{name} has shape {array.shape}; expected points (n, 2) or (n, 3), an image or a volume.")
 
 
@@ -332,7 +342,9 @@ def _as_unit(normals: ArrayLike, points: Float64Array) -> Float32Array:
         raise ShapeError(f"normals has shape {n.shape}; expected {points.shape}, one a point.")
     length = np.linalg.norm(n, axis=1, keepdims=True)
     if not (length > 0.0).all():
-        raise GeometryError(f"normals has {int((length == 0).sum())} rows of length zero; expected directions. Drop those points.")
+        raise GeometryError(
+            f"normals has {int((length == 0).sum())} rows of length zero; expected directions. Drop those points."
+        )
     return (n / length).astype(np.float32)
 
 

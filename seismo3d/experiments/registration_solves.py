@@ -1,4 +1,5 @@
-"""Random problems of the exact solvers: is the answer the global minimum, does the certificate say so, how long does it take."""
+"""Random problems of the exact solvers: is the answer the global minimum, does the certificate say so, how long does
+it take."""
 
 from __future__ import annotations
 
@@ -194,7 +195,9 @@ def _best_restart(Q: Float64Array, F: Float64Array, model: str, limits: Limits, 
 def report(*, n_problems: int, n_scale_problems: int) -> list[SolveFigures]:
     """Print and return the figures of all classes; ``n_scale_problems`` for the models with scale."""
     figures = []
-    print(f"{'problem':14} {'model':10} {'n':>6} {'global':>8} {'excess':>9} {'certified':>9} {'observ.':>8} {'us':>7} {'newton':>7}")
+    print(
+        f"{'problem':14} {'model':10} {'n':>6} {'global':>8} {'excess':>9} {'certified':>9} {'observ.':>8} {'us':>7} {'newton':>7}"
+    )
     for model in ("rigid", "similarity", "scaled", "affine"):
         for name in PROBLEMS:
             f = measure(name, model, n_problems=n_problems if model == "rigid" else n_scale_problems)

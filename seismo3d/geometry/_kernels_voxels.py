@@ -1,8 +1,8 @@
 """Voxel maps by hashing: points to voxels with their moments, coarser maps, normals from neighbours, nearest voxels.
 
 A voxel's key packs its three integer coordinates into 21 bits each; points of the plane have the third coordinate zero.
-Moments of a voxel are (count, sums of x, y, z, sums of xx, xy, xz, yy, yz, zz). Hash tables are open, with linear probing;
-a table holds the voxel's number, or -1.
+Moments of a voxel are (count, sums of x, y, z, sums of xx, xy, xz, yy, yz, zz). Hash tables are open, with linear
+probing; a table holds the voxel's number, or -1.
 """
 
 from __future__ import annotations
@@ -24,16 +24,20 @@ def survey(points: Float64Array, out: Float64Array) -> bool:
     """Write minimum, maximum and sum of each axis and the sum of squares to ``out``; return whether all are finite."""
     n, d = points.shape
     for k in range(d):
-        low, high, total, squares = points[0, k], points[0, k], 0.0, 0.0
-        for i in range(n):
+        out[k] = out[d + k] = points[0, k]
+        out[2 * d + k] = out[3 * d + k] = 0.0
+    for i in range(n):
+        for k in range(d):
             v = points[i, k]
-            low = min(low, v)
-            high = max(high, v)
-            total += v
-        mean = total / n
-        for i in range(n):
-            squares += (points[i, k] - mean) ** 2
-        out[k], out[d + k], out[2 * d + k], out[3 * d + k] = low, high, total, squares
+            offset = v - points[0, k]
+            out[k] = min(out[k], v)
+            out[d + k] = max(out[d + k], v)
+            out[2 * d + k] += offset
+            out[3 * d + k] += offset * offset
+    for k in range(d):
+        offset = out[2 * d + k] / n
+        out[3 * d + k] = max(0.0, out[3 * d + k] - n * offset * offset)
+        out[2 * d + k] = n * (points[0, k] + offset)
     for i in range(4 * d):
         if not math.isfinite(out[i]):
             return False
@@ -85,12 +89,11 @@ def voxelise(
 ) -> tuple[Int64Array, Float64Array, Int32Array]:
     """Return keys and moments of the voxels that hold points, in order of first sight, and each point's voxel.
 
-    Points become ``(p - center) * factor`` first; ``origin`` and ``inverse_size`` are those of the voxels in that frame.
+    Points become ``(p - center) * factor`` first; ``origin`` and ``inverse_size`` are those of the voxels in that
+    frame.
     """
     n, d = points.shape
-    bits = 4
-    while (1 << bits) < 2 * n:
-        bits += 1
+    bits = 12
     table = np.full(1 << bits, -1, dtype=np.int32)
     table_keys = np.empty(1 << bits, dtype=np.int64)
     mask = (1 << bits) - 1
@@ -101,7 +104,6 @@ def voxelise(
     owner = np.empty(n, dtype=np.int32)
     count = 0
     z = 0.0
-    last_key = np.int64(-1)
     number = 0
     for i in range(n):
         x = (points[i, 0] - center[0]) * factor
@@ -112,43 +114,52 @@ def voxelise(
         if d == 3:
             z = (points[i, 2] - center[2]) * factor
             key |= np.int64((z - origin[2]) * inverse_size)
-        if key != last_key:
-            last_key = key
-            place = _slot(key, shift)
-            while True:
-                number = table[place]
-                if number < 0:
-                    number = count
-                    if number == room:
-                        room *= 2
-                        more_keys = np.empty(room, dtype=np.int64)
-                        more_keys[:count] = keys
-                        keys = more_keys
-                        more_moments = np.empty((room, 10))
-                        more_moments[:count] = moments
-                        moments = more_moments
-                    table[place] = number
-                    table_keys[place] = key
-                    keys[number] = key
-                    for k in range(10):
-                        moments[number, k] = 0.0
-                    count += 1
-                    break
-                if table_keys[place] == key:
-                    break
-                place = (place + 1) & mask
+        if 3 * count > mask:
+            bits += 2
+            mask = (1 << bits) - 1
+            shift = 64 - bits
+            table = np.full(1 << bits, -1, dtype=np.int32)
+            table_keys = np.empty(1 << bits, dtype=np.int64)
+            for other in range(count):
+                place = _slot(keys[other], shift)
+                while table[place] >= 0:
+                    place = (place + 1) & mask
+                table[place] = other
+                table_keys[place] = keys[other]
+        place = _slot(key, shift)
+        while True:
+            number = table[place]
+            if number < 0:
+                number = count
+                if number == room:
+                    room *= 2
+                    more_keys = np.empty(room, dtype=np.int64)
+                    more_keys[:count] = keys
+                    keys = more_keys
+                    more_moments = np.empty((room, 10))
+                    more_moments[:count] = moments
+                    moments = more_moments
+                table[place] = number
+                table_keys[place] = key
+                keys[number] = key
+                for k in range(10):
+                    moments[number, k] = 0.0
+                count += 1
+                break
+            if table_keys[place] == key:
+                break
+            place = (place + 1) & mask
         owner[i] = number
-        row = moments[number]
-        row[0] += 1.0
-        row[1] += x
-        row[2] += y
-        row[3] += z
-        row[4] += x * x
-        row[5] += x * y
-        row[6] += x * z
-        row[7] += y * y
-        row[8] += y * z
-        row[9] += z * z
+        moments[number, 0] += 1.0
+        moments[number, 1] += x
+        moments[number, 2] += y
+        moments[number, 3] += z
+        moments[number, 4] += x * x
+        moments[number, 5] += x * y
+        moments[number, 6] += x * z
+        moments[number, 7] += y * y
+        moments[number, 8] += y * z
+        moments[number, 9] += z * z
     return keys[:count].copy(), moments[:count].copy(), owner
 
 
@@ -189,10 +200,10 @@ def coarsen(keys: Int64Array, moments: Float64Array) -> tuple[Int64Array, Float6
 
 
 @nb.njit(cache=True, nogil=True)
-def smallest_eigenvector(
-    xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, out: Float64Array
-) -> None:
-    """Write the unit eigenvector of the smallest eigenvalue of a 3 x 3 matrix, then the three eigenvalues, ascending."""
+def smallest_eigenvector(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, out: Float64Array) -> None:
+    """Write the unit eigenvector of the smallest eigenvalue of a 3 x 3 matrix, then the three eigenvalues,
+    ascending.
+    """
     mean = (xx + yy + zz) / 3.0
     a, b, c = xx - mean, yy - mean, zz - mean
     p2 = (a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0
@@ -237,17 +248,19 @@ def voxel_normals(
     table: Int32Array,
     shift: int,
     d: int,
+    rows: Int64Array,
     out: Float32Array,
 ) -> None:
-    """Write, for each voxel, (centroid, quality, normal, thickness) from the moments of it and its neighbours.
+    """Write, for the voxels of some rows, (centroid, quality, normal, thickness) from the moments of it and its
+    neighbours.
 
-    Quality is 0 where the neighbours do not span a surface (a line, a blob or too few points), else up to 1. Thickness is
-    the root of the smallest eigenvalue.
+    Quality is 0 where the neighbours do not span a surface (a line, a blob or too few points), else up to 1. Thickness
+    is the root of the smallest eigenvalue.
     """
     m = np.empty(10)
     eigen = np.empty(6)
     reach = 1 if d == 3 else 0
-    for i in range(keys.shape[0]):
+    for i in rows:
         for k in range(10):
             m[k] = moments[i, k]
         for k in range(3):
@@ -283,6 +296,18 @@ def voxel_normals(
 
 
 @nb.njit(cache=True, nogil=True)
+def centroids_only(moments: Float64Array, quality: float, out: Float32Array) -> None:
+    """Write (centroid, a given quality, no normal) of each voxel."""
+    for i in range(moments.shape[0]):
+        w = 1.0 / moments[i, 0]
+        for k in range(3):
+            out[i, k] = moments[i, 1 + k] * w
+            out[i, 4 + k] = 0.0
+        out[i, 3] = quality
+        out[i, 7] = 0.0
+
+
+@nb.njit(cache=True, nogil=True)
 def tensor_normals(moments: Float64Array, tensors: Float64Array, d: int, out: Float32Array) -> None:
     """Write (centroid, quality, normal, thickness 0) of each voxel from the sums of its points' normals n n'.
 
@@ -303,9 +328,13 @@ def tensor_normals(moments: Float64Array, tensors: Float64Array, d: int, out: Fl
 
 
 @nb.njit(cache=True, nogil=True)
-def inherit_normals(fine: Float32Array, coarse: Float32Array, parent: Int32Array, least: float) -> None:
-    """Give voxels whose own neighbours do not span a surface their parent's normal, at half its quality."""
-    for i in range(fine.shape[0]):
+def inherit_normals(
+    fine: Float32Array, coarse: Float32Array, parent: Int32Array, rows: Int64Array, least: float
+) -> None:
+    """Give voxels of some rows whose own neighbours do not span a surface their parent's normal, at half its
+    quality.
+    """
+    for i in rows:
         j = parent[i]
         if fine[i, 3] < least and 0.5 * coarse[j, 3] > fine[i, 3]:
             fine[i, 3] = 0.5 * coarse[j, 3]

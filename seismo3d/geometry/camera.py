@@ -43,7 +43,9 @@ class PinholeCamera:
         as_number(self.fy, "fy", low=0.0, strict=True)
         as_number(self.depth_scale, "depth_scale", low=0.0, strict=True)
         if len(self.distortion) > 5:
-            raise ParameterError(f"distortion has {len(self.distortion)} coefficients; expected at most 5: k1 k2 p1 p2 k3.")
+            raise ParameterError(
+                f"distortion has {len(self.distortion)} coefficients; expected at most 5: k1 k2 p1 p2 k3."
+            )
 
     def rays(self, pixels: ArrayLike) -> Float64Array:
         """Return the points at depth 1 that pixels (column, row) look at; shape (n, 2) in, (n, 2) out."""
@@ -58,7 +60,9 @@ class PinholeCamera:
         return xy
 
     def project(self, points: ArrayLike) -> Float64Array:
-        """Return the pixels (column, row) of points in the camera's frame, NaN behind it; shape (n, 3) in, (n, 2) out."""
+        """Return the pixels (column, row) of points in the camera's frame, NaN behind it; shape (n, 3) in, (n, 2)
+        out.
+        """
         p = as_points(points, "points", dim=3)
         depth = np.where(p[:, 2] > 1e-9, p[:, 2], np.nan)
         xy = p[:, :2] / depth[:, None]
@@ -70,7 +74,8 @@ class PinholeCamera:
     def back_project(self, depth: ArrayLike) -> Float64Array:
         """Return the points of a depth image of shape (rows, columns), NaN where depth is 0 or not finite.
 
-        Depth is in the image's own values; ``depth_scale`` of them are a metre. The answer has shape (rows, columns, 3).
+        Depth is in the image's own values; ``depth_scale`` of them are a metre. The answer has shape (rows, columns,
+        3).
         """
         image = np.asarray(as_real_array(depth, "depth", ndim=2), dtype=np.float64) / self.depth_scale
         rows, columns = image.shape

@@ -12,6 +12,8 @@ from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry import _kernels_voxels as kernels
 
 MARGIN = 4
+LEAST_QUALITY = 0.3
+"""Elements of lower quality take their parent's normal where that is better."""
 """Empty cells kept below the lowest point, so that neighbours have keys too."""
 
 
@@ -22,13 +24,16 @@ class VoxelMap:
     Attributes
     ----------
     surface : ndarray of shape (m, 8), float32
-        Rows of (centroid x, y, z, quality, normal x, y, z, thickness); quality is 0 where there is no surface, up to 1.
+        Rows of (centroid x, y, z, quality, normal x, y, z, thickness); quality is 0 where there is no surface, up to
+        1, and -1 where it has not been asked for yet: :meth:`complete` fills it in.
     size : float
         Length of a voxel's edge.
     origin : ndarray of shape (3,), float64
         Corner of the voxel with key 0.
     keys, moments, table_keys, table, shift
         The hash table and the moments, see the kernels.
+    parents, coarser
+        Each voxel's parent on the next coarser level, and that level's surface; None on the coarsest.
     dim : int
         2 or 3; in the plane z is zero.
     """
@@ -42,10 +47,27 @@ class VoxelMap:
     table: Int32Array
     shift: int
     dim: int
+    parents: Int32Array | None = None
+    coarser: Float32Array | None = None
+
+    def complete(self, rows: Int64Array) -> None:
+        """Estimate the normals of some rows from the neighbours, or take the parents' where those span no surface."""
+        kernels.voxel_normals(
+            self.keys, self.moments, self.table_keys, self.table, self.shift, self.dim, rows, self.surface
+        )
+        if self.parents is not None and self.coarser is not None:
+            kernels.inherit_normals(self.surface, self.coarser, self.parents, rows, LEAST_QUALITY)
 
 
 def voxel_levels(
-    points: Float64Array, *, center: Float64Array, factor: float, voxel_size: float, n_levels: int, low: Float64Array, fine_normals: bool = True,
+    points: Float64Array,
+    *,
+    center: Float64Array,
+    factor: float,
+    voxel_size: float,
+    n_levels: int,
+    low: Float64Array,
+    fine_normals: str = "all",
     normals: Float32Array | None = None,
 ) -> list[VoxelMap]:
     """Return voxel maps of points, the finest first, each level with voxels twice as large.
@@ -61,8 +83,8 @@ def voxel_levels(
     n_levels : int
     low : ndarray of shape (d,), float64
         Lowest coordinates of the points in the frame.
-    fine_normals : bool
-        Estimate normals on the finest level too; else it takes those of its parents, where there are any.
+    fine_normals : {"all", "asked", "parents"}
+        On the finest level: estimate all normals at once, only when they are asked for, or take those of the parents.
     normals : ndarray of shape (n, d), float32, optional
         Unit normals of the points, of any sign, in place of estimated ones.
     """
@@ -71,40 +93,55 @@ def voxel_levels(
     origin = np.zeros(3)
     origin[:d] = low - MARGIN * coarsest
     keys, moments, owner = kernels.voxelise(points, center, factor, origin, 1.0 / voxel_size)
-    levels, parents = [], []
-    spread = None if normals is None else _normal_tensors(owner, normals, len(keys))
-    for level in range(n_levels):
-        if level:
-            keys, moments, parent = kernels.coarsen(keys, moments)
-            parents.append(parent)
-            if spread is not None:
-                spread = np.stack([np.bincount(parent, column, len(keys)) for column in spread.T], axis=1)
+    steps = [(keys, moments)]
+    parents: list[Int32Array | None] = []
+    for _ in range(1, n_levels):
+        keys, moments, parent = kernels.coarsen(keys, moments)
+        steps.append((keys, moments))
+        parents.append(parent)
+    parents.append(None)
+    tensors = None if normals is None else _normal_tensors(owner, normals, [len(k) for k, _ in steps], parents)
+    levels: list[VoxelMap] = []
+    for level in range(n_levels - 1, -1, -1):
+        keys, moments = steps[level]
         table_keys, table, shift = kernels.make_table(keys)
         surface = np.empty((len(keys), 8), dtype=np.float32)
-        if spread is not None:
-            kernels.tensor_normals(moments, spread, d, surface)
-        elif level or fine_normals or n_levels == 1:
-            kernels.voxel_normals(keys, moments, table_keys, table, shift, d, surface)
-        else:
-            surface[:, :3] = moments[:, 1:4] / moments[:, :1]
-            surface[:, 3:] = 0.0
+        coarser = levels[0].surface if levels else None
         size = voxel_size * 2**level
-        levels.append(VoxelMap(surface, size, origin, keys, moments, table_keys, table, shift, d))
-    for level in range(n_levels - 2, -1, -1):
-        kernels.inherit_normals(levels[level].surface, levels[level + 1].surface, parents[level], 0.3)
+        voxels = VoxelMap(
+            surface, size, origin, keys, moments, table_keys, table, shift, d, parents[level], coarser
+        )  # fmt: skip
+        rows = np.arange(len(keys))
+        if tensors is not None:
+            kernels.tensor_normals(moments, tensors[level], d, surface)
+        elif level or fine_normals == "all" or coarser is None:
+            voxels.complete(rows)
+        else:
+            kernels.centroids_only(moments, -1.0 if fine_normals == "asked" else 0.0, surface)
+            if fine_normals == "parents":
+                kernels.inherit_normals(surface, coarser, parents[level], rows, LEAST_QUALITY)
+        levels.insert(0, voxels)
     return levels
 
 
-def _normal_tensors(owner: Int32Array, normals: Float32Array, n_voxels: int) -> Float64Array:
-    """Return the sums of xx, xy, xz, yy, yz, zz of the normals in each voxel; shape (m, 6)."""
+def _normal_tensors(
+    owner: Int32Array, normals: Float32Array, counts: list[int], parents: list[Int32Array | None]
+) -> list[Float64Array]:
+    """Return, by level, the sums of xx, xy, xz, yy, yz, zz of the normals in each voxel; shape (m, 6)."""
     n = np.zeros((len(normals), 3))
     n[:, : normals.shape[1]] = normals
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    return np.stack([np.bincount(owner, n[:, a] * n[:, b], n_voxels) for a, b in pairs], axis=1)
+    tensors = [np.stack([np.bincount(owner, n[:, a] * n[:, b], counts[0]) for a, b in pairs], axis=1)]
+    for count, parent in zip(counts[1:], parents):
+        if parent is not None:
+            tensors.append(np.stack([np.bincount(parent, column, count) for column in tensors[-1].T], axis=1))
+    return tensors
 
 
 def survey(points: Float64Array, name: str) -> Float64Array:
-    """Return rows (minimum, maximum, mean, sum of squares about the mean) by axis, or refuse points that are not finite."""
+    """Return rows (minimum, maximum, mean, sum of squares about the mean) by axis, or refuse points that are not
+    finite.
+    """
     n, d = points.shape
     out = np.empty(4 * d)
     if not kernels.survey(points, out):

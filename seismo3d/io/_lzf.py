@@ -10,7 +10,9 @@ from seismo3d._typing import AnyArray
 
 @nb.njit(cache=True, nogil=True)
 def decompress(packed: AnyArray, size: int) -> AnyArray:
-    """Return ``size`` bytes, or fewer where the packed bytes (uint8) are cut short or hold a reference before the start."""
+    """Return ``size`` bytes, or fewer where the packed bytes (uint8) are cut short or hold a reference before the
+    start.
+    """
     out = np.empty(size, dtype=np.uint8)
     i = 0
     o = 0

@@ -16,8 +16,9 @@ from seismo3d.errors import FileAccessError, FormatError, MissingDependencyError
 from seismo3d.io import _lzf
 
 _PLY_TYPES = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
-    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8",
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double":
+    "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
+    "float64": "f8",
 }  # fmt: skip
 _NORMAL_NAMES = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 
@@ -157,8 +158,12 @@ def _ply_elements(lines: list[str], path: Path) -> tuple[str, list[tuple[str, in
             elements.append((words[1], int(words[2]), []))
         elif words[:1] == ["property"] and elements and len(words) >= 3:
             elements[-1][2].append((words[-1], "list" if words[1] == "list" else _PLY_TYPES.get(words[1], "")))
-    if form not in ("ascii", "binary_little_endian", "binary_big_endian") or not any(e[0] == "vertex" for e in elements):
-        raise FormatError(f"{path.name} has format {form!r}; expected an ascii or binary PLY file with an element 'vertex'.")
+    if form not in ("ascii", "binary_little_endian", "binary_big_endian") or not any(
+        e[0] == "vertex" for e in elements
+    ):
+        raise FormatError(
+            f"{path.name} has format {form!r}; expected an ascii or binary PLY file with an element 'vertex'."
+        )
     return form, elements
 
 
@@ -276,7 +281,9 @@ def _read_text(path: Path) -> tuple[AnyArray, AnyArray | None]:
         raise FormatError(f"{path.name} has rows of {table.shape[1]} numbers; expected at least two coordinates a row.")
     if {"x", "y"} <= set(names) and len(names) <= table.shape[1]:
         return _pick_columns({name: table[:, k] for k, name in enumerate(names)}, path)
-    return table[:, : min(3, table.shape[1])], (table[:, 3:6] if table.shape[1] == 6 and _are_unit(table[:, 3:6]) else None)
+    return table[:, : min(3, table.shape[1])], (
+        table[:, 3:6] if table.shape[1] == 6 and _are_unit(table[:, 3:6]) else None
+    )
 
 
 def _are_unit(vectors: Float64Array) -> bool:
@@ -330,7 +337,9 @@ def _read_numpy(path: Path) -> tuple[AnyArray, AnyArray | None]:
             points = loaded["points"]
             normals = loaded["normals"] if "normals" in loaded.files else None
     if points.ndim != 2 or points.shape[1] < 2 or points.dtype.kind not in "fiu":
-        raise FormatError(f"{path.name} holds an array of shape {points.shape}; expected points of shape (n, 2) or (n, 3).")
+        raise FormatError(
+            f"{path.name} holds an array of shape {points.shape}; expected points of shape (n, 2) or (n, 3)."
+        )
     return points[:, :3], normals
 
 

@@ -131,6 +131,10 @@ def match_blocks(
                 row[n_form + 1] += 1.0
                 continue
             quality_s, quality = source[i, 3], target[j, 3]
+            if quality < 0.0:
+                partners[i] = j
+                row[n_form + 1] += 1.0
+                continue
             cosine = turned[0] * target[j, 4] + turned[1] * target[j, 5] + turned[2] * target[j, 6]
             length2 = turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2
             crossed = cosine * cosine < least_cosine * least_cosine * length2

@@ -252,8 +252,9 @@ def raise_smallest(
 ) -> Float64Array:
     """Return ``S + sum nu_j null_j`` with its smallest eigenvalue on y's complement raised by a barrier method.
 
-    Maximises tau under ``B' (S + sum nu_j N_j) B - tau I`` positive definite, B the complement's basis of shape (10, 9);
-    ``small`` holds the B' N_j B, flat, of shape (m, 81). Stops as soon as the smallest eigenvalue is at least ``enough``.
+    Maximises tau under ``B' (S + sum nu_j N_j) B - tau I`` positive definite, B the complement's basis of shape (10,
+    9); ``small`` holds the B' N_j B, flat, of shape (m, 81). Stops as soon as the smallest eigenvalue is at least
+    ``enough``.
     """
     m = null.shape[0]
     F0 = basis.T @ S @ basis

@@ -29,7 +29,12 @@ def _add_soft(row: Float32Array, first: int, n_bins: int, value: float, weight: 
 
 @nb.njit(cache=True, nogil=True)
 def shape_descriptors(
-    surface: Float32Array, rows: Int64Array, starts: Int64Array, neighbours: Int64Array, radius: float, out: Float32Array
+    surface: Float32Array,
+    rows: Int64Array,
+    starts: Int64Array,
+    neighbours: Int64Array,
+    radius: float,
+    out: Float32Array,
 ) -> None:
     """Describe the shape around surface elements by histograms that turns, and the signs of normals, do not change.
 
@@ -108,8 +113,8 @@ def poses_from_pairs(
 ) -> int:
     """Return how many poses were found from drawn pairs of matches, each with the number of matches that agree with it.
 
-    Two matches with normals fix a pose, up to the normals' signs. A draw is dropped where distances or angles of the two
-    matches contradict each other. ``out`` holds (R, t) rows by rows, 12 numbers a pose.
+    Two matches with normals fix a pose, up to the normals' signs. A draw is dropped where distances or angles of the
+    two matches contradict each other. ``out`` holds (R, t) rows by rows, 12 numbers a pose.
     """
     found = 0
     frame_t = np.empty((3, 3))
@@ -159,7 +164,9 @@ def poses_from_pairs(
                 for a in range(3):
                     for b in range(3):
                         R[a, b] = (
-                            frame_t[a, 0] * frame_s[b, 0] + frame_t[a, 1] * frame_s[b, 1] + frame_t[a, 2] * frame_s[b, 2]
+                            frame_t[a, 0] * frame_s[b, 0]
+                            + frame_t[a, 1] * frame_s[b, 1]
+                            + frame_t[a, 2] * frame_s[b, 2]
                         )
             agree = 0.0
             for a in range(3):

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from seismo3d._typing import Float32Array, Float64Array
 from seismo3d.errors import GeometryError
@@ -43,7 +41,7 @@ def prepare_pair(
     *,
     voxel_size: float | None,
     n_threads: int,
-    fine_normals: bool,
+    symmetric: bool,
     target_normals: Float32Array | None = None,
     source_normals: Float32Array | None = None,
 ) -> DensePair:
@@ -56,7 +54,7 @@ def prepare_pair(
         Edge of the finest voxels; None takes it from the source's size and number of points.
     n_threads : int
         With more than one the scans are prepared side by side.
-    fine_normals : bool
+    symmetric : bool
         Estimate the source's normals on its finest level too.
     target_normals, source_normals : ndarray of shape (n, d) or None
         Normals to use in place of estimated ones.
@@ -72,7 +70,7 @@ def prepare_pair(
         check_voxel_size(edge, float((table[1] - table[0]).max()))
     n_levels = max(1, math.ceil(math.log2(max(COARSEST * size / edge, 1.0))) + 1)
 
-    def levels(points: Float64Array, table: Float64Array, fine: bool, normals: Float32Array | None) -> list[VoxelMap]:
+    def levels(points: Float64Array, table: Float64Array, fine: str, normals: Float32Array | None) -> list[VoxelMap]:
         return voxel_levels(
             points,
             center=table[2],
@@ -86,8 +84,8 @@ def prepare_pair(
 
     maps = _both(
         levels,
-        (target, tables[0], True, target_normals),
-        (source, tables[1], fine_normals, source_normals),
+        (target, tables[0], "asked", target_normals),
+        (source, tables[1], "all" if symmetric else "parents", source_normals),
         n_threads,
     )
     return DensePair(frame, maps[0], maps[1], edge)
@@ -98,12 +96,6 @@ def default_voxel_size(n_points: int, dim: int, size: float) -> float:
     if dim == 2:
         return max(0.01 * size, 8.0 * size / n_points)
     return max(0.02 * size, 3.0 * size / math.sqrt(n_points))
-
-
-def swap(pair: DensePair) -> DensePair:
-    """Return the pair with target and source exchanged."""
-    frame = Frame(pair.frame.target_center, pair.frame.source_center, pair.frame.size)
-    return replace(pair, frame=frame, target=pair.source, source=pair.target)
 
 
 def _both(function, first: tuple, second: tuple, n_threads: int) -> tuple:  # type: ignore[no-untyped-def, type-arg]

@@ -1,4 +1,6 @@
-"""The fused loop: match surfaces, weigh, solve, from coarse to fine; with acceleration and any degree of freedom bounded."""
+"""The fused loop: match surfaces, weigh, solve, from coarse to fine; with acceleration and any degree of freedom
+bounded.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +16,9 @@ from seismo3d.registration.robust import TUKEY
 from seismo3d.registration.solvers import Limits, Prior, moved_from, offsets_from, walk
 from seismo3d.registration.terms import FeaturePass, FeatureTerm, weigh_features
 
+NEAR_SHARE = 0.5
+"""Share of elements with a partner within half a voxel from which the start counts as near."""
+
 
 @dataclass(frozen=True, slots=True)
 class LoopSettings:
@@ -24,8 +29,8 @@ class LoopSettings:
     max_iterations : int
         Most passes a level.
     tolerance : float
-        The finest level ends where a step moves no parameter by more than this share of a voxel, in radians and in shares
-        of the scan's size; coarser levels end at five times that.
+        The finest level ends where a step moves no parameter by more than this share of a voxel, in radians and in
+        shares of the scan's size; coarser levels end at five times that.
     max_elements : int
         Most source elements that a pass looks at, drawn evenly.
     observability : float
@@ -44,7 +49,7 @@ class LoopSettings:
 
     max_iterations: int = 30
     tolerance: float = 0.004
-    max_elements: int = 8192
+    max_elements: int = 5000
     observability: float = 1e-3
     symmetric: bool = False
     acceleration: int = 4
@@ -55,7 +60,9 @@ class LoopSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joint:
-    """The fused form at one transform, the factors of both terms in it, and the robust cost that steps are judged by."""
+    """The fused form at one transform, the factors of both terms in it, and the robust cost that steps are judged
+    by.
+    """
 
     form: Float64Array
     shares: tuple[float, float]
@@ -152,7 +159,7 @@ def _run_level(
     tolerance = (1.0 if finest else 5.0) * settings.tolerance * target.size
     drawn = _draw(source.surface, settings.max_elements)
     stall = _Stall()
-    search = _WideSearch(target, drawn) if wide else None
+    search = _WideSearch(target, drawn) if wide and _is_far(target, drawn, A, t) else None
     cutoff = target.size
     joint = None
     plain: tuple[Float64Array, Float64Array] | None = None
@@ -223,6 +230,12 @@ class _Stall:
         return self._waited >= 4
 
 
+def _is_far(target: VoxelMap, source: Float32Array, A: Float64Array, t: Float64Array) -> bool:
+    """Return whether most source elements have no partner within half a voxel."""
+    seen = match_surface(source, target, A, t, radius=0.5 * target.size, cutoff=target.size, least_cosine=0.7)
+    return seen.matched < NEAR_SHARE
+
+
 class _WideSearch:
     """Nearest elements on the coarsest level at any distance, within a radius that shrinks by schedule."""
 
@@ -269,19 +282,17 @@ def _evaluate(
     return fuse(surface, seen, settings.alpha, target.size)
 
 
-def fuse(
-    surface: Pass | None, features: FeaturePass | None, alpha: float | None, voxel_size: float
-) -> Joint:
+def fuse(surface: Pass | None, features: FeaturePass | None, alpha: float | None, voxel_size: float) -> Joint:
     """Join both terms: by their measured variances, or with the fixed share alpha of Eq. (16)."""
     if surface is None:
         if features is None:
             raise ValueError("nothing to fuse")
         form = features.form / features.variance
         return Joint(form, (0.0, 1.0 / features.variance), 0.0, None, features)
-    dense_variance = surface_variance(surface, voxel_size)
     if features is None:
-        factor = 1.0 / dense_variance
+        factor = 1.0 / max(surface.spread, 1e-4 * voxel_size) ** 2
         return Joint(surface.form * factor, (factor, 0.0), surface.cost, surface, None)
+    dense_variance = surface_variance(surface, voxel_size)
     if alpha is None:
         shares = (1.0 / dense_variance, 1.0 / features.variance)
     else:
@@ -296,8 +307,8 @@ def fuse(
 def surface_variance(surface: Pass, voxel_size: float) -> float:
     """Return the variance of a residual along the normal, as far as the surfaces are from lying on each other.
 
-    Residuals of nearest pairs are small even far from the solution, where pairs are wrong; the distance between partners in
-    excess of what voxels of this size have anyway tells, and counts along with the residuals' own spread.
+    Residuals of nearest pairs are small even far from the solution, where pairs are wrong; the distance between
+    partners in excess of what voxels of this size have anyway tells, and counts along with the residuals' own spread.
     """
     if surface.matched == 0.0:
         return voxel_size**2

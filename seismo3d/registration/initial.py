@@ -19,8 +19,8 @@ def poses_by_features(
 ) -> list[tuple[Float64Array, Float64Array]]:
     """Return rigid poses (A, t) that many matched features agree with, best first.
 
-    Samples of d matches whose mutual distances agree fix a pose each; it is counted how many matches agree with it, and the
-    best are fitted again to all that do.
+    Samples of d matches whose mutual distances agree fix a pose each; it is counted how many matches agree with it,
+    and the best are fitted again to all that do.
 
     Parameters
     ----------
@@ -70,7 +70,9 @@ def refit(term: FeatureTerm, A: Float64Array, t: Float64Array, reach: float) -> 
 def _sample(
     target: Float64Array, source: Float64Array, draws: Int64Array, reach: float, poses: Float64Array, votes: Int64Array
 ) -> None:
-    """Fix a pose from each draw of d matches and count the matches that agree with it; 0 where the draw contradicts itself."""
+    """Fix a pose from each draw of d matches and count the matches that agree with it; 0 where the draw contradicts
+    itself.
+    """
     n, d = source.shape
     limit = reach * reach
     fs = np.empty((d, d))

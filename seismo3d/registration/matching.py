@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -14,6 +15,9 @@ from seismo3d.registration import _kernels_form as form_kernels
 from seismo3d.registration import _kernels_match as kernels
 from seismo3d.registration.robust import robust_scale
 
+MOST_UNKNOWN = 0.02
+"""Share of partners without a normal yet up to which a pass counts as it is."""
+PART = 256
 _NONE_GIVEN = np.empty(0, dtype=np.int32)
 
 
@@ -126,17 +130,33 @@ def match_surface(
             partners,
         )
 
-    edges = [n_blocks * k // n_threads for k in range(n_threads + 1)]
-    if n_threads == 1 or n_blocks < 2:
-        run(0, n_blocks)
-    else:
-        others = [pool(n_threads - 1).submit(run, a, b) for a, b in zip(edges[1:-1], edges[2:]) if b > a]
-        run(edges[0], edges[1])
-        for other in others:
-            other.result()
+    for _ in range(2):
+        _share_out(run, n_blocks, n_threads)
+        unknown = np.unique(partners[(partners >= 0) & np.isnan(residuals)])
+        if unknown.size:
+            rows = unknown.astype(np.int64)
+            parts = -(-len(rows) // PART)
+            _share_out(lambda a, b: target.complete(rows[a * PART : b * PART]), parts, n_threads)  # noqa: B023
+        if unknown.size <= MOST_UNKNOWN * n:
+            break
     total = sums.sum(axis=0)
     weight, cost, matched, squares = (float(v) for v in total[-kernels.N_EXTRA :])
     form = form_kernels.unpack_planes(total[: -kernels.N_EXTRA], d)
-    seen = residuals[partners >= 0]
+    seen = residuals[np.isfinite(residuals)]
     mean_square = float(seen @ seen) / len(seen) if len(seen) else 0.0
-    return Pass(form, weight, cost / n, matched / n, squares, robust_scale(seen), mean_square, residuals, distances2, partners)
+    return Pass(
+        form, weight, cost / n, matched / n, squares, robust_scale(seen), mean_square, residuals, distances2, partners
+    )
+
+
+def _share_out(run: Callable[[int, int], object], n_parts: int, n_threads: int) -> None:
+    """Run parts 0 to n_parts - 1 in ranges, one range a thread."""
+    if n_threads == 1 or n_parts < 4:
+        run(0, n_parts)
+        return
+    edges = [n_parts * k // n_threads for k in range(n_threads + 1)]
+    others = [pool(n_threads - 1).submit(run, a, b) for a, b in zip(edges[1:-1], edges[2:]) if b > a]
+    if edges[1] > 0:
+        run(edges[0], edges[1])
+    for other in others:
+        other.result()

@@ -71,11 +71,11 @@ def register(
 ) -> Registration:
     r"""Align two scans: find the transform that carries the source onto the target.
 
-    Works in stages. ``local``: the fused loop from the start, coarse to fine, on voxel maps of both scans: nearest surface
-    elements, robust weights, the exact solve of the joint error of Eq. (16) of [1]_, Anderson acceleration. ``global``, only
-    where the local answer's overlap is not good: poses from matched features, or from local shape where there are none, run
-    through the same loop; the best of all answers wins. ``polish``, only where both scans hold the same samples: exact pairs
-    of points.
+    Works in stages. ``local``: the fused loop from the start, coarse to fine, on voxel maps of both scans: nearest
+    surface elements, robust weights, the exact solve of the joint error of Eq. (16) of [1]_, Anderson acceleration.
+    ``global``, only where the local answer's overlap is not good: poses from matched features, or from local shape
+    where there are none, run through the same loop; the best of all answers wins. ``polish``, only where both scans
+    hold the same samples: exact pairs of points.
 
     Parameters
     ----------
@@ -88,13 +88,13 @@ def register(
     stages : tuple of str
         Which stages may run.
     matches : (points_target, points_source) or object with these, optional
-        Matched features: in the scans' frames, or pixels (column, row) on the images of RGB-D scans. They join the loop, and
-        the global stage starts from them.
+        Matched features: in the scans' frames, or pixels (column, row) on the images of RGB-D scans. They join the
+        loop, and the global stage starts from them.
     alpha : float, optional
         Fixed share of the features in the joint error, 0 to 1. None weighs both terms by their measured variances.
     voxel_size : float, optional
-        Edge of the finest voxels, in the scans' units. Default: a fiftieth of the source's root mean square radius, larger
-        where points are few.
+        Edge of the finest voxels, in the scans' units. Default: a fiftieth of the source's root mean square radius,
+        larger where points are few.
     constraints : Constraints, optional
         Degrees of freedom that are fixed or bounded, relative to the start.
     settings : LoopSettings, optional
@@ -185,13 +185,15 @@ def _prepare(
     chosen = replace(chosen, alpha=chosen.alpha if alpha is None else alpha, n_threads=threads)
     for scan, name in ((q, "target"), (p, "source")):
         if len(scan) < LEAST_POINTS:
-            raise GeometryError(f"{name} has {len(scan)} points; expected at least {LEAST_POINTS}. Use align_pairs for pairs.")
+            raise GeometryError(
+                f"{name} has {len(scan)} points; expected at least {LEAST_POINTS}. Use align_pairs for pairs."
+            )
     pair = prepare_pair(
         q.points,
         p.points,
         voxel_size=edge,
         n_threads=threads,
-        fine_normals=chosen.symmetric,
+        symmetric=chosen.symmetric,
         target_normals=q.normals,
         source_normals=p.normals,
     )
@@ -208,7 +210,9 @@ def _prepare(
 def _check_stages(stages: tuple[str, ...]) -> None:
     unknown = [stage for stage in stages if stage not in STAGES]
     if isinstance(stages, str) or unknown or not {"local", "global"} & set(stages):
-        raise ParameterError(f"stages is {stages!r}; expected a tuple of {', '.join(STAGES)}, with local or global in it.")
+        raise ParameterError(
+            f"stages is {stages!r}; expected a tuple of {', '.join(STAGES)}, with local or global in it."
+        )
 
 
 def _threads(n_threads: int | None) -> int:
@@ -218,12 +222,16 @@ def _threads(n_threads: int | None) -> int:
 
 
 def _check_spread(pair: DensePair, d: int) -> None:
-    """Refuse scans whose points lie on one line (at one point, in the plane)."""
+    """Refuse scans in space whose points lie on one line."""
     for levels, name in ((pair.target, "target"), (pair.source, "source")):
-        points = levels[0].surface[:, :d].astype(np.float64)
+        if d == 2:
+            continue
+        points = levels[-1].surface[:, :3].astype(np.float64)
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-        if d == 3 and spread[1] < 1e-5 * spread[0]:
-            raise GeometryError(f"{name}'s points lie on one line; expected a surface. Use align_pairs with given pairs.")
+        if len(spread) < 3 or spread[1] < 1e-5 * spread[0]:
+            raise GeometryError(
+                f"{name}'s points lie on one line; expected a surface. Use align_pairs with given pairs."
+            )
 
 
 def _run(task: _Task, start: Prior) -> LoopResult:
@@ -372,7 +380,9 @@ def _bread_and_meat(found: LoopResult) -> tuple[Float64Array, Float64Array, floa
 
 
 def sharing(partners: np.ndarray) -> float:
-    """Return how much more the sum of residuals varies because source elements share target elements, whose noise is half."""
+    """Return how much more the sum of residuals varies because source elements share target elements, whose noise is
+    half.
+    """
     seen = partners[partners >= 0]
     if seen.size == 0:
         return 1.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from seismo3d._typing import FloatArray, Float64Array
+from seismo3d._typing import Float64Array, FloatArray
 
 TUKEY = 4.685
 """Cutoff of Tukey's weight in standard deviations: 95 % efficiency under a normal law."""

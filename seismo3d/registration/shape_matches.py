@@ -16,7 +16,9 @@ BEST = 3
 """Nearest descriptors that a source element is matched with."""
 
 
-def poses_by_shape(target: VoxelMap, source: VoxelMap, *, n_poses: int, seed: int = 0) -> list[tuple[Float64Array, Float64Array]]:
+def poses_by_shape(
+    target: VoxelMap, source: VoxelMap, *, n_poses: int, seed: int = 0
+) -> list[tuple[Float64Array, Float64Array]]:
     """Return the likeliest poses (A, t) of the source, best first, no two alike.
 
     Parameters
