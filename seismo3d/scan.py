@@ -192,8 +192,8 @@ class Scan:
         Returns
         -------
         Scan
-            Normals from the neighbouring pixels; weights fall with the fourth power of depth, as the variance of a
-            structured-light or stereo sensor grows.
+            Without normals: those of neighbouring pixels are mostly noise, and matching estimates its own. Weights fall
+            with the fourth power of depth beyond a metre, as the variance of a structured-light sensor grows.
 
         Raises
         ------
@@ -209,17 +209,15 @@ class Scan:
                 f"rgb has shape {grey.shape} and depth {grid.shape[:2]}; expected the same. Register them first."
             )
         normals = grid_normals(grid)
-        good = np.isfinite(normals).all(axis=2)
+        good = np.isfinite(normals).all(axis=2) & np.isfinite(grid).all(axis=2)
         if not good.any():
             raise GeometryError(
                 "depth has no pixel with a depth and a surface; expected a depth image in the camera's units."
             )
         points = grid[good]
-        weights = 1.0 / np.maximum(points[:, 2], 0.3) ** 4
+        weights = 1.0 / np.maximum(points[:, 2], 1.0) ** 4
         raster = Raster(grid[:, :, 2] if grey is None else grey, "rgbd", grid, lens)
-        return cls(
-            freeze(points), freeze(normals[good].astype(np.float32)), freeze(weights / weights.max()), None, raster
-        )
+        return cls(freeze(points), None, freeze(weights), None, raster)
 
     @classmethod
     def from_elevation(cls, elevation: ArrayLike, spacing: float | tuple[float, float] = 1.0) -> Scan:
@@ -243,7 +241,7 @@ class Scan:
         x, y = np.meshgrid(np.arange(z.shape[1]) * dx, np.arange(z.shape[0]) * dy)
         grid = np.stack([x, y, np.where(np.isfinite(z), z, np.nan)], axis=-1)
         normals = grid_normals(grid)
-        good = np.isfinite(normals).all(axis=2)
+        good = np.isfinite(normals).all(axis=2) & np.isfinite(z)
         if not good.any():
             raise GeometryError("elevation has no cell with neighbours; expected a map of at least 3 x 3 finite cells.")
         raster = Raster(z, "elevation", grid)

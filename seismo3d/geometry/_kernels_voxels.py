@@ -251,11 +251,9 @@ def voxel_normals(
     rows: Int64Array,
     out: Float32Array,
 ) -> None:
-    """Write, for the voxels of some rows, (centroid, quality, normal, thickness) from the moments of it and its
-    neighbours.
+    """Write, for the voxels of some rows, (centroid, quality, normal) from the moments of them and their neighbours.
 
-    Quality is 0 where the neighbours do not span a surface (a line, a blob or too few points), else up to 1. Thickness
-    is the root of the smallest eigenvalue.
+    Quality is 0 where the neighbours do not span a surface (a line, a blob or too few points), else up to 1.
     """
     m = np.empty(10)
     eigen = np.empty(6)
@@ -292,7 +290,6 @@ def voxel_normals(
         out[i, 3] = max(0.0, quality)
         for k in range(3):
             out[i, 4 + k] = eigen[k]
-        out[i, 7] = math.sqrt(max(eigen[3], 0.0))
 
 
 @nb.njit(cache=True, nogil=True)
@@ -304,12 +301,11 @@ def centroids_only(moments: Float64Array, quality: float, out: Float32Array) -> 
             out[i, k] = moments[i, 1 + k] * w
             out[i, 4 + k] = 0.0
         out[i, 3] = quality
-        out[i, 7] = 0.0
 
 
 @nb.njit(cache=True, nogil=True)
 def tensor_normals(moments: Float64Array, tensors: Float64Array, d: int, out: Float32Array) -> None:
-    """Write (centroid, quality, normal, thickness 0) of each voxel from the sums of its points' normals n n'.
+    """Write (centroid, quality, normal) of each voxel from the sums of its points' normals n n'.
 
     The normal is the direction that the normals have most in common; quality is low where they disagree.
     """
@@ -324,7 +320,6 @@ def tensor_normals(moments: Float64Array, tensors: Float64Array, d: int, out: Fl
         out[i, 3] = max(0.0, 2.0 * (-eigen[3]) - 1.0)
         for k in range(3):
             out[i, 4 + k] = eigen[k] if k < d else 0.0
-        out[i, 7] = 0.0
 
 
 @nb.njit(cache=True, nogil=True)
@@ -338,7 +333,7 @@ def inherit_normals(
         j = parent[i]
         if fine[i, 3] < least and 0.5 * coarse[j, 3] > fine[i, 3]:
             fine[i, 3] = 0.5 * coarse[j, 3]
-            for k in range(4, 8):
+            for k in range(4, 7):
                 fine[i, k] = coarse[j, k]
 
 

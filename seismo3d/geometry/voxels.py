@@ -24,7 +24,7 @@ class VoxelMap:
     Attributes
     ----------
     surface : ndarray of shape (m, 8), float32
-        Rows of (centroid x, y, z, quality, normal x, y, z, thickness); quality is 0 where there is no surface, up to
+        Rows of (centroid x, y, z, quality, normal x, y, z, weight); quality is 0 where there is no surface, up to
         1, and -1 where it has not been asked for yet: :meth:`complete` fills it in.
     size : float
         Length of a voxel's edge.
@@ -69,6 +69,7 @@ def voxel_levels(
     low: Float64Array,
     fine_normals: str = "all",
     normals: Float32Array | None = None,
+    weights: Float64Array | None = None,
 ) -> list[VoxelMap]:
     """Return voxel maps of points, the finest first, each level with voxels twice as large.
 
@@ -87,6 +88,8 @@ def voxel_levels(
         On the finest level: estimate all normals at once, only when they are asked for, or take those of the parents.
     normals : ndarray of shape (n, d), float32, optional
         Unit normals of the points, of any sign, in place of estimated ones.
+    weights : ndarray of shape (n,), float64, optional
+        Weights of the points; a voxel's is their mean.
     """
     d = points.shape[1]
     coarsest = voxel_size * 2 ** (n_levels - 1)
@@ -101,11 +104,13 @@ def voxel_levels(
         parents.append(parent)
     parents.append(None)
     tensors = None if normals is None else _normal_tensors(owner, normals, [len(k) for k, _ in steps], parents)
+    sums = None if weights is None else _sum_up(owner, weights, [len(k) for k, _ in steps], parents)
     levels: list[VoxelMap] = []
     for level in range(n_levels - 1, -1, -1):
         keys, moments = steps[level]
         table_keys, table, shift = kernels.make_table(keys)
         surface = np.empty((len(keys), 8), dtype=np.float32)
+        surface[:, 7] = 1.0 if sums is None else sums[level] / moments[:, 0]
         coarser = levels[0].surface if levels else None
         size = voxel_size * 2**level
         voxels = VoxelMap(
@@ -131,11 +136,19 @@ def _normal_tensors(
     n = np.zeros((len(normals), 3))
     n[:, : normals.shape[1]] = normals
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    tensors = [np.stack([np.bincount(owner, n[:, a] * n[:, b], counts[0]) for a, b in pairs], axis=1)]
+    columns = [_sum_up(owner, n[:, a] * n[:, b], counts, parents) for a, b in pairs]
+    return [np.stack([column[level] for column in columns], axis=1) for level in range(len(counts))]
+
+
+def _sum_up(
+    owner: Int32Array, values: Float64Array, counts: list[int], parents: list[Int32Array | None]
+) -> list[Float64Array]:
+    """Return, by level, the sums of the points' values in each voxel."""
+    sums = [np.bincount(owner, values, counts[0])]
     for count, parent in zip(counts[1:], parents):
         if parent is not None:
-            tensors.append(np.stack([np.bincount(parent, column, count) for column in tensors[-1].T], axis=1))
-    return tensors
+            sums.append(np.bincount(parent, sums[-1], count))
+    return sums
 
 
 def survey(points: Float64Array, name: str) -> Float64Array:

@@ -173,7 +173,7 @@ def match_blocks(
                 row[n_form + 1] += 1.0
                 continue
             row[n_form + 1] += 1.0 - u * u * u
-            w = quality * u * u
+            w = quality * source[i, 7] * target[j, 7] * u * u
             row[n_form] += w
             row[n_form + 3] += w * r * r
             if d == 3:

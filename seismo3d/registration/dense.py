@@ -6,11 +6,12 @@ import math
 from concurrent.futures import Future
 from dataclasses import dataclass
 
-from seismo3d._typing import Float32Array, Float64Array
+from seismo3d._typing import Float64Array
 from seismo3d.errors import GeometryError
 from seismo3d.geometry.voxels import VoxelMap, check_voxel_size, survey, voxel_levels
 from seismo3d.registration.matching import pool
 from seismo3d.registration.quadratic import Frame
+from seismo3d.scan import Scan
 
 COARSEST = 0.08
 """Least size of the coarsest voxels, in shares of the source's root mean square radius."""
@@ -36,31 +37,27 @@ class DensePair:
 
 
 def prepare_pair(
-    target: Float64Array,
-    source: Float64Array,
+    target: Scan,
+    source: Scan,
     *,
     voxel_size: float | None,
     n_threads: int,
     symmetric: bool,
-    target_normals: Float32Array | None = None,
-    source_normals: Float32Array | None = None,
 ) -> DensePair:
     """Voxelise both scans on as many levels as it takes to reach coarse voxels.
 
     Parameters
     ----------
-    target, source : ndarray of shape (n, d), float64
+    target, source : Scan
     voxel_size : float or None
         Edge of the finest voxels; None takes it from the source's size and number of points.
     n_threads : int
         With more than one the scans are prepared side by side.
     symmetric : bool
         Estimate the source's normals on its finest level too.
-    target_normals, source_normals : ndarray of shape (n, d) or None
-        Normals to use in place of estimated ones.
     """
-    d = source.shape[1]
-    tables = _both(survey, (target, "target"), (source, "source"), n_threads)
+    d = source.dim
+    tables = _both(survey, (target.points, "target"), (source.points, "source"), n_threads)
     size = math.sqrt(tables[1][3].sum() / len(source))
     if not size > 0.0:
         raise GeometryError("all source points coincide; expected points that are apart.")
@@ -70,22 +67,23 @@ def prepare_pair(
         check_voxel_size(edge, float((table[1] - table[0]).max()))
     n_levels = max(1, math.ceil(math.log2(max(COARSEST * size / edge, 1.0))) + 1)
 
-    def levels(points: Float64Array, table: Float64Array, fine: str, normals: Float32Array | None) -> list[VoxelMap]:
+    def levels(scan: Scan, table: Float64Array, fine: str) -> list[VoxelMap]:
         return voxel_levels(
-            points,
+            scan.points,
             center=table[2],
             factor=1.0 / size,
             voxel_size=edge / size,
             n_levels=n_levels,
             low=(table[0] - table[2]) / size,
             fine_normals=fine,
-            normals=normals,
+            normals=scan.normals,
+            weights=scan.weights,
         )
 
     maps = _both(
         levels,
-        (target, tables[0], "asked", target_normals),
-        (source, tables[1], "all" if symmetric else "parents", source_normals),
+        (target, tables[0], "asked"),
+        (source, tables[1], "all" if symmetric else "parents"),
         n_threads,
     )
     return DensePair(frame, maps[0], maps[1], edge)

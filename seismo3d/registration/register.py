@@ -189,13 +189,11 @@ def _prepare(
                 f"{name} has {len(scan)} points; expected at least {LEAST_POINTS}. Use align_pairs for pairs."
             )
     pair = prepare_pair(
-        q.points,
-        p.points,
+        q,
+        p,
         voxel_size=edge,
         n_threads=threads,
         symmetric=chosen.symmetric,
-        target_normals=q.normals,
-        source_normals=p.normals,
     )
     _check_spread(pair, d)
     features = None
