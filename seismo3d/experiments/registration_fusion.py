@@ -19,9 +19,9 @@ from seismo3d.scan import Scan
 
 GAPS = (5, 9, 15, 20, 30, 45, 60)
 METHODS = ("planes", "features", "in turn", "alpha 0.5", "fused")
-ANGLE_LIMIT_DEG = 3.0
-SHIFT_LIMIT = 0.06
-"""Metres."""
+ANGLE_LIMIT_DEG = 5.0
+SHIFT_LIMIT = 0.10
+"""Metres. The truth of hand-held frames is no better than some degrees: the shutter rolls while the camera turns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Sequence:
         )
         self._folder = folder
         rows = [line.split() for line in (folder / "associations.txt").read_text().splitlines() if line[:1] != "#"]
-        self.times = np.array([float(row[0]) for row in rows])
+        self.times = np.array([0.5 * (float(row[0]) + float(row[2])) for row in rows])
         self._files = [(row[1], row[3]) for row in rows]
         self._truth = np.loadtxt(folder / "groundtruth.txt")
         self._scans: dict[int, tuple[np.ndarray, Scan]] = {}
@@ -72,9 +72,14 @@ class Sequence:
         return self._scans[index]
 
     def pose(self, index: int) -> Float64Array:
-        """Return ``T_world_camera`` at a frame's time, from the nearest rows of the truth."""
-        row = self._truth[np.argmin(np.abs(self._truth[:, 0] - self.times[index]))]
-        return make_transform(rotation_from_quaternion(row[[7, 4, 5, 6]]), row[1:4])
+        """Return ``T_world_camera`` half-way between a frame's colour and depth stamps, interpolated in the truth."""
+        stamps = self._truth[:, 0]
+        after = int(np.clip(np.searchsorted(stamps, self.times[index]), 1, len(stamps) - 1))
+        share = np.clip((self.times[index] - stamps[after - 1]) / (stamps[after] - stamps[after - 1]), 0.0, 1.0)
+        first, second = self._truth[after - 1], self._truth[after]
+        q, r = first[[7, 4, 5, 6]], second[[7, 4, 5, 6]]
+        between = (1.0 - share) * q + share * (r if q @ r >= 0.0 else -r)
+        return make_transform(rotation_from_quaternion(between), (1.0 - share) * first[1:4] + share * second[1:4])
 
 
 def align(method: str, target: Scan, source: Scan, matches: object) -> Registration:

@@ -39,6 +39,8 @@ LEAST_OVERLAP = 0.15
 """Overlap below which an answer is a poor fit."""
 N_POSES = 24
 N_FINALISTS = 4
+LEAST_AGREEING = 6
+"""Features that must agree with a pose for it to lead."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,6 +138,8 @@ def register(
         target, source, model, start, stages, matches, alpha, voxel_size, constraints, settings, n_threads
     )
     found, stage = _run(task, first), "local"
+    if task.features is not None:
+        found = _lead_by_features(task, found)
     if "global" in stages and (overlap_of(found) < GOOD_OVERLAP or "local" not in stages):
         found, stage = _search(task, found, stage)
     if "polish" in stages:
@@ -245,14 +249,44 @@ def _run(task: _Task, start: Prior) -> LoopResult:
     )
 
 
+def _lead_by_features(task: _Task, found: LoopResult) -> LoopResult:
+    """Run the loop from where most features agree too, with those features alone; keep the better of both answers."""
+    if task.features is None:
+        return found
+    reach = _feature_reach(task.pair)
+    best, best_cost = found, _joint_cost(task, found)
+    for A, t in poses_by_features(task.features, n_poses=2, reach=reach):
+        agree = task.features.agreeing(A, t, 2.0 * reach)
+        if agree.target.shape[0] < LEAST_AGREEING:
+            continue
+        led = replace(task, features=agree, settings=replace(task.settings, wide_search=False))
+        trial = _run(led, Prior(A * _scale_of(task.prior.A), t))
+        cost = _joint_cost(task, trial)
+        if cost < best_cost:
+            best, best_cost = trial, cost
+    return best
+
+
+def _feature_reach(pair: DensePair) -> float:
+    """Return the distance in the frame up to which a feature agrees with a pose: a twentieth of the radius, or a voxel and a half."""
+    return max(0.05, 1.5 * pair.target[0].size)
+
+
+def _joint_cost(task: _Task, found: LoopResult) -> float:
+    """Return the surfaces' robust cost plus the share of features that disagree."""
+    cost = _cost(task, found, _middle_level(task.pair))
+    if task.features is None:
+        return cost
+    agree = task.features.agreeing(found.A, found.t, _feature_reach(task.pair))
+    return cost + 1.0 - len(agree.target) / len(task.features.target)
+
+
 def _search(task: _Task, found: LoopResult, stage: str) -> tuple[LoopResult, str]:
     """Try poses from features or shape; keep the answer with the lowest cost on a middle level."""
     pair, settings = task.pair, task.settings
     level = _middle_level(pair)
     rough = level + 1 if level + 1 < len(pair.target) else level
     poses: list[tuple[Float64Array, Float64Array]] = []
-    if task.features is not None:
-        poses += poses_by_features(task.features, n_poses=6, reach=1.5 * pair.target[rough].size)
     poses += poses_by_shape(pair.target[level], pair.source[level], n_poses=N_POSES)
     quick = replace(settings, max_iterations=12, wide_search=False)
     ranked = []
@@ -269,7 +303,7 @@ def _search(task: _Task, found: LoopResult, stage: str) -> tuple[LoopResult, str
         )
         ranked.append((_cost(task, trial, rough), len(ranked), trial))
     ranked.sort(key=lambda item: item[:2])
-    best, best_cost = found, _cost(task, found, level)
+    best, best_cost = found, _joint_cost(task, found)
     below = replace(settings, wide_search=False)
     for _, _, trial in ranked[:N_FINALISTS]:
         finished = run_levels(
@@ -282,7 +316,7 @@ def _search(task: _Task, found: LoopResult, stage: str) -> tuple[LoopResult, str
             model=task.model,
             settings=below,
         )
-        cost = _cost(task, finished, level)
+        cost = _joint_cost(task, finished)
         if cost < best_cost - 1e-3:
             best, best_cost, stage = finished, cost, "global"
     return best, stage

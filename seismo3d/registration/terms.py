@@ -30,6 +30,11 @@ class FeatureTerm:
     information: Float64Array
     floor: float
 
+    def agreeing(self, A: Float64Array, t: Float64Array, reach: float) -> FeatureTerm:
+        """Return the pairs that lie within a distance of each other under (A, t)."""
+        close = ((self.source @ A.T + t - self.target) ** 2).sum(axis=1) < reach * reach
+        return FeatureTerm(self.target[close], self.source[close], self.information[close], self.floor)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeaturePass:
