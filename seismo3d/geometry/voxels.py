@@ -89,7 +89,7 @@ def voxel_levels(
     normals : ndarray of shape (n, d), float32, optional
         Unit normals of the points, of any sign, in place of estimated ones.
     weights : ndarray of shape (n,), float64, optional
-        Weights of the points; a voxel's is their mean.
+        Weights of the points; a voxel's is their mean, less where it holds few points.
     """
     d = points.shape[1]
     coarsest = voxel_size * 2 ** (n_levels - 1)
@@ -110,7 +110,10 @@ def voxel_levels(
         keys, moments = steps[level]
         table_keys, table, shift = kernels.make_table(keys)
         surface = np.empty((len(keys), 8), dtype=np.float32)
-        surface[:, 7] = 1.0 if sums is None else sums[level] / moments[:, 0]
+        count = moments[:, 0]  # a voxel that noise put a point or two into says less than the full one beside it
+        surface[:, 7] = count / (count + len(points) / len(keys))
+        if sums is not None:
+            surface[:, 7] *= sums[level] / count
         coarser = levels[0].surface if levels else None
         size = voxel_size * 2**level
         voxels = VoxelMap(

@@ -13,8 +13,9 @@ from seismo3d.geometry._kernels_voxels import nearest_voxel
 BLOCK = 1024
 """Source points a block: sums are added block by block, so that the result does not depend on threads."""
 
-N_EXTRA = 4
-"""Sums behind those of the form: weights, robust cost, matched points, weighted squares."""
+N_EXTRA = 5
+"""Sums behind those of the form: weights, robust cost, matched points, weighted squares,
+slopes of the influence function."""
 
 
 @nb.njit(cache=True, nogil=True)
@@ -92,6 +93,7 @@ def match_blocks(
     residuals: Float32Array,
     distances2: Float32Array,
     partners: Int32Array,
+    normals: Float32Array,
 ) -> None:
     """Match the source elements of blocks first to last - 1 and add up the form of their plane pairs.
 
@@ -166,6 +168,8 @@ def match_blocks(
                 h[k] = source[i, k]
             residuals[i] = r
             distances2[i] = distance2
+            for k in range(3):
+                normals[i, k] = normal[k]
             partners[i] = j
             row[n_form + 2] += 1.0
             u = 1.0 - r * r * inverse_cutoff2
@@ -173,10 +177,49 @@ def match_blocks(
                 row[n_form + 1] += 1.0
                 continue
             row[n_form + 1] += 1.0 - u * u * u
-            w = quality * source[i, 7] * target[j, 7] * u * u
+            base = quality * source[i, 7] * target[j, 7]
+            w = base * u * u
+            row[n_form + 4] += base * u * (5.0 * u - 4.0)
             row[n_form] += w
             row[n_form + 3] += w * r * r
             if d == 3:
                 _add_pair_in_space(row, products, squares, h, normal, w, level)
             else:
                 _add_pair_in_plane(row, h, normal, w, level)
+
+
+@nb.njit(cache=True, nogil=True)
+def clustered_scores(
+    source: Float32Array,
+    target: Float32Array,
+    residuals: Float32Array,
+    partners: Int32Array,
+    normals: Float32Array,
+    cutoff: float,
+    clusters: Int32Array,
+    n_clusters: int,
+    d: int,
+) -> Float64Array:
+    """Return the sum over clusters of s s', s the sum of a cluster's weighted residuals times their rows in [vec(A); t]."""
+    m = d * d + d
+    scores = np.zeros((n_clusters, m))
+    for i in range(source.shape[0]):
+        r = residuals[i]
+        u = 1.0 - r * r / (cutoff * cutoff)
+        if not u > 0.0:
+            continue
+        j = partners[i]
+        quality = target[j, 3] if target[j, 3] > 0.0 else source[i, 3]
+        w = quality * source[i, 7] * target[j, 7] * u * u * r
+        row = scores[clusters[j]]
+        for a in range(d + 1):
+            h = source[i, a] if a < d else 1.0
+            for c in range(d):
+                row[a * d + c] += w * h * normals[i, c]
+    meat = np.zeros((m + 1, m + 1))
+    for k in range(n_clusters):
+        for a in range(m):
+            if scores[k, a] != 0.0:
+                for b in range(m):
+                    meat[a, b] += scores[k, a] * scores[k, b]
+    return meat

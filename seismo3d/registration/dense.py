@@ -6,6 +6,8 @@ import math
 from concurrent.futures import Future
 from dataclasses import dataclass
 
+import numpy as np
+
 from seismo3d._typing import Float64Array
 from seismo3d.errors import GeometryError
 from seismo3d.geometry.voxels import VoxelMap, check_voxel_size, survey, voxel_levels
@@ -13,6 +15,9 @@ from seismo3d.registration.matching import pool
 from seismo3d.registration.quadratic import Frame
 from seismo3d.scan import Scan
 
+N_PROBES = 400
+LEAST_QUALITY = 0.5
+"""Median quality of the normals that the finest level must have."""
 COARSEST = 0.08
 """Least size of the coarsest voxels, in shares of the source's root mean square radius."""
 
@@ -86,7 +91,23 @@ def prepare_pair(
         (source, tables[1], "all" if symmetric else "parents"),
         n_threads,
     )
+    if voxel_size is None:
+        skip = _too_noisy(maps[0])
+        maps = (maps[0][skip:], maps[1][skip:])
+        edge *= 2**skip
     return DensePair(frame, maps[0], maps[1], edge)
+
+
+def _too_noisy(levels: list[VoxelMap]) -> int:
+    """Count the finest levels on which noise, next to the voxels' size, spoils the normals; one level always stays."""
+    for skip, level in enumerate(levels[:-1]):
+        rows = np.arange(0, len(level.keys), max(1, len(level.keys) // N_PROBES))
+        if (level.surface[rows, 3] < 0.0).any():
+            level.complete(rows)
+        spanning = level.surface[rows, 3]
+        if np.median(spanning) >= LEAST_QUALITY:
+            return skip
+    return len(levels) - 1
 
 
 def default_voxel_size(n_points: int, dim: int, size: float) -> float:

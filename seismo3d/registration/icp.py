@@ -157,7 +157,7 @@ def _run_level(
     base = Prior(A, t)
     memory = Accelerator(settings.acceleration)
     tolerance = (1.0 if finest else 5.0) * settings.tolerance * target.size
-    drawn = _draw(source.surface, settings.max_elements)
+    drawn = draw(source.surface, settings.max_elements)
     stall = _Stall()
     search = _WideSearch(target, drawn) if wide and _is_far(target, drawn, A, t) else None
     cutoff = target.size
@@ -207,7 +207,7 @@ def _run_level(
     return LoopResult(A, t, joint, cutoff, settled, tuple(energies))
 
 
-def _draw(surface: Float32Array, most: int) -> Float32Array:
+def draw(surface: Float32Array, most: int) -> Float32Array:
     """Return at most so many elements, every k-th of them."""
     stride = -(-len(surface) // most)
     return surface if stride == 1 else np.ascontiguousarray(surface[::stride])
@@ -315,19 +315,6 @@ def surface_variance(surface: Pass, voxel_size: float) -> float:
     usual = 0.3 * voxel_size**2
     excess = max(0.0, float(np.nanmedian(surface.distances2)) - usual)
     return max(surface.spread**2 + 0.1 * excess, (1e-4 * voxel_size) ** 2)
-
-
-def efficiency(surface: Pass, cutoff: float) -> tuple[float, float]:
-    """Return factors from the sum of weighted rows to the bread and to the meat of the M-estimator's covariance."""
-    r2 = surface.residuals.astype(np.float64) ** 2
-    u = r2[np.isfinite(r2)] / cutoff**2
-    u = u[u < 1.0]
-    if u.size < 10:
-        return 1.0, surface.spread**2
-    slope = float(((1.0 - u) * (1.0 - 5.0 * u)).mean())
-    weight = float(((1.0 - u) ** 2).mean())
-    psi2 = float((u * (1.0 - u) ** 4).mean()) * cutoff**2
-    return max(slope / weight, 0.2), psi2 / weight
 
 
 def _run_features(

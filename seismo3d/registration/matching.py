@@ -18,6 +18,7 @@ from seismo3d.registration.robust import robust_scale
 MOST_UNKNOWN = 0.02
 """Share of partners without a normal yet up to which a pass counts as it is."""
 PART = 256
+PATCH_LEVELS = 1
 _NONE_GIVEN = np.empty(0, dtype=np.int32)
 
 
@@ -37,6 +38,8 @@ class Pass:
         Share of source points with a partner.
     squares : float
         Sum of weighted squared residuals.
+    slope : float
+        Sum of the slopes of Tukey's influence function, with the elements' own weights.
     spread : float
         Robust standard deviation of the residuals.
     mean_square : float
@@ -45,6 +48,8 @@ class Pass:
         Signed residual along the normal and squared distance; NaN where there is no partner.
     partners : ndarray of shape (n,), int32
         Row of the target's surface, or -1.
+    normals : ndarray of shape (n, 3), float32
+        Direction that the residual was measured along.
     """
 
     form: Float64Array
@@ -52,11 +57,13 @@ class Pass:
     cost: float
     matched: float
     squares: float
+    slope: float
     spread: float
     mean_square: float
     residuals: Float32Array
     distances2: Float32Array
     partners: Int32Array
+    normals: Float32Array
 
 
 @cache
@@ -105,6 +112,7 @@ def match_surface(
     residuals = np.empty(n, dtype=np.float32)
     distances2 = np.empty(n, dtype=np.float32)
     partners = np.empty(n, dtype=np.int32)
+    normals = np.empty((n, 3), dtype=np.float32)
 
     def run(first: int, last: int) -> None:
         kernels.match_blocks(
@@ -128,6 +136,7 @@ def match_surface(
             residuals,
             distances2,
             partners,
+            normals,
         )
 
     for _ in range(2):
@@ -140,12 +149,23 @@ def match_surface(
         if unknown.size <= MOST_UNKNOWN * n:
             break
     total = sums.sum(axis=0)
-    weight, cost, matched, squares = (float(v) for v in total[-kernels.N_EXTRA :])
+    weight, cost, matched, squares, slope = (float(v) for v in total[-kernels.N_EXTRA :])
     form = form_kernels.unpack_planes(total[: -kernels.N_EXTRA], d)
     seen = residuals[np.isfinite(residuals)]
     mean_square = float(seen @ seen) / len(seen) if len(seen) else 0.0
     return Pass(
-        form, weight, cost / n, matched / n, squares, robust_scale(seen), mean_square, residuals, distances2, partners
+        form,
+        weight,
+        cost / n,
+        matched / n,
+        squares,
+        slope,
+        robust_scale(seen),
+        mean_square,
+        residuals,
+        distances2,
+        partners,
+        normals,
     )
 
 
@@ -160,3 +180,31 @@ def _share_out(run: Callable[[int, int], object], n_parts: int, n_threads: int) 
         run(edges[0], edges[1])
     for other in others:
         other.result()
+
+
+def surface_meat(seen: Pass, source: Float32Array, target: list[VoxelMap], cutoff: float) -> Float64Array:
+    """Return the covariance of the form's half gradient, from sums of residuals over patches of the target.
+
+    Neighbouring residuals share the noise of target elements and of normals: patches of four voxels' width, two levels up,
+    are taken as independent of each other, single residuals are not.
+    """
+    level = target[0]
+    clusters = np.arange(len(level.keys), dtype=np.int32)
+    n_clusters = len(clusters)
+    for finer, coarser in zip(target[:PATCH_LEVELS], target[1:]):
+        if finer.parents is not None:
+            clusters = finer.parents[clusters]
+            n_clusters = len(coarser.keys)
+    return np.asarray(
+        kernels.clustered_scores(
+            source,
+            level.surface,
+            seen.residuals,
+            seen.partners,
+            seen.normals,
+            cutoff,
+            clusters,
+            n_clusters,
+            level.dim,
+        )
+    )

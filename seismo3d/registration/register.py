@@ -20,9 +20,9 @@ from seismo3d.registration.certificate import Certificate
 from seismo3d.registration.constraints import Constraints, model_number
 from seismo3d.registration.dense import DensePair, prepare_pair
 from seismo3d.registration.feature_pairs import feature_term
-from seismo3d.registration.icp import LoopResult, LoopSettings, efficiency, run_levels
+from seismo3d.registration.icp import LoopResult, LoopSettings, draw, run_levels
 from seismo3d.registration.initial import poses_by_features
-from seismo3d.registration.matching import match_surface
+from seismo3d.registration.matching import match_surface, surface_meat
 from seismo3d.registration.observability import assess
 from seismo3d.registration.polish import polish
 from seismo3d.registration.result import Registration
@@ -356,7 +356,7 @@ def _assemble(task: _Task, found: LoopResult, stage: str) -> Registration:
     """Turn the loop's last state into a result in the input's units."""
     frame, joint = task.pair.frame, found.joint
     ratio = task.settings.observability
-    Q, meat, weight = _bread_and_meat(found)
+    Q, meat, weight = _bread_and_meat(task, found)
     sure = assess(Q, meat, found.A, found.t, model=task.model, frame=frame, ratio=ratio, limits=task.limits)
     overlap = overlap_of(found)
     surface = joint.surface
@@ -392,34 +392,23 @@ def _state(found: LoopResult, overlap: float) -> str:
     return "poor_fit" if overlap < LEAST_OVERLAP else "converged"
 
 
-def _bread_and_meat(found: LoopResult) -> tuple[Float64Array, Float64Array, float]:
+def _bread_and_meat(task: _Task, found: LoopResult) -> tuple[Float64Array, Float64Array, float]:
     """Return the forms that the sandwich covariance is made of, and the sum of weights of the joint form."""
     joint = found.joint
     surface, features = joint.surface, joint.features
     Q = np.zeros_like(joint.form)
     meat = np.zeros_like(joint.form)
     weight = 0.0
-    if surface is not None:
-        bread, spread = efficiency(surface, found.cutoff)
-        Q += surface.form * (joint.shares[0] * bread)
-        meat += surface.form * (joint.shares[0] ** 2 * spread * sharing(surface.partners))
+    if surface is not None and surface.weight > 0.0:
+        drawn = draw(task.pair.source[0].surface, task.settings.max_elements)
+        Q += surface.form * (joint.shares[0] * max(surface.slope / surface.weight, 0.2))
+        meat += joint.shares[0] ** 2 * surface_meat(surface, drawn, task.pair.target, found.cutoff)
         weight += joint.shares[0] * surface.weight
     if features is not None:
         Q += features.form * joint.shares[1]
         meat += features.form * (joint.shares[1] ** 2 * features.variance)
         weight += joint.shares[1] * features.weight
     return Q, meat, max(weight, 1e-300)
-
-
-def sharing(partners: np.ndarray) -> float:
-    """Return how much more the sum of residuals varies because source elements share target elements, whose noise is
-    half.
-    """
-    seen = partners[partners >= 0]
-    if seen.size == 0:
-        return 1.0
-    counts = np.bincount(seen)
-    return 0.5 + 0.5 * float((counts.astype(np.float64) ** 2).sum() / counts.sum())
 
 
 def _certify(task: _Task, found: LoopResult, form: Float64Array, weight: float) -> Certificate | None:
