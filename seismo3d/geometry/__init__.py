@@ -1,1 +1,1 @@
-"""Geometry that all sides share: axes and survey geometry, rotations and rigid motions."""
+"""Axes and survey geometry: index space, line numbers, and metres on the map."""

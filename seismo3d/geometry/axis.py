@@ -1,0 +1,82 @@
+"""A regular axis: line numbers, or the sample coordinate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import ArrayLike, Float64Array
+from seismo3d.errors import GeometryError
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """A regular axis: ``first + step * index`` for ``n`` indices.
+
+    Attributes
+    ----------
+    first, step : float
+        Coordinate of index 0, and the difference of two neighbours; the step is not zero.
+    n : int
+        Number of indices, at least 1.
+
+    Examples
+    --------
+    >>> axis = Axis(100, 4, 3)
+    >>> axis.coordinates()
+    array([100., 104., 108.])
+    >>> axis.index(106)
+    1.5
+    """
+
+    first: float
+    step: float
+    n: int
+
+    def __post_init__(self) -> None:
+        if self.n < 1 or self.step == 0 or not np.isfinite([self.first, self.step]).all():
+            raise GeometryError(
+                f"axis has first {self.first}, step {self.step}, n {self.n}; "
+                "expected finite numbers, a step other than 0 and n >= 1."
+            )
+
+    @property
+    def last(self) -> float:
+        """Coordinate of the last index."""
+        return self.first + self.step * (self.n - 1)
+
+    def coordinates(self) -> Float64Array:
+        """Coordinates of all indices, float64 of shape (n,)."""
+        return self.first + self.step * np.arange(self.n, dtype=np.float64)
+
+    def index(self, coordinate: Any) -> Any:
+        """Fractional index of one or many coordinates; may lie outside the axis."""
+        return (coordinate - self.first) / self.step
+
+    def coordinate(self, index: Any) -> Any:
+        """Coordinate of one or many fractional indices."""
+        return self.first + self.step * index
+
+    @classmethod
+    def from_coordinates(cls, values: ArrayLike, name: str) -> Axis:
+        """Return the axis of evenly spaced coordinates, or refuse them.
+
+        Raises
+        ------
+        GeometryError
+            If the coordinates are not evenly spaced (to 1e-4 of a step).
+        """
+        numbers = np.asarray(values, dtype=np.float64).ravel()
+        if numbers.size == 0:
+            raise GeometryError(f"{name} has no coordinates; expected at least one.")
+        if numbers.size == 1:
+            return cls(float(numbers[0]), 1.0, 1)
+        step = float(numbers[-1] - numbers[0]) / (numbers.size - 1)
+        ideal = numbers[0] + step * np.arange(numbers.size)
+        if step == 0 or not np.isfinite(step) or not np.abs(numbers - ideal).max() <= 1e-4 * abs(step):
+            raise GeometryError(
+                f"{name} is not evenly spaced; expected a constant step. Interpolate it onto one first."
+            )
+        return cls(float(numbers[0]), step, int(numbers.size))

@@ -1,0 +1,66 @@
+"""Where a section lies: its traces on the map, and its sample axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import ArrayLike, Float64Array
+from seismo3d._validate import as_points
+from seismo3d.errors import GeometryError
+from seismo3d.geometry.axis import Axis
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SectionGeometry:
+    """Geometry of a section: where its traces lie, and its sample axis.
+
+    Attributes
+    ----------
+    xy : ndarray of shape (n, 2), float64, or None
+        Map coordinates of the traces in metres.
+    sample : Axis
+        The sample coordinate in ``unit``.
+    unit : str
+        "ms", "m" or "samples".
+    """
+
+    xy: Float64Array | None
+    sample: Axis
+    unit: str = "samples"
+
+    @classmethod
+    def from_cube(cls, section: Any) -> SectionGeometry:
+        """Return the geometry of a section: a DataArray with dims (trace, time or depth), or a bare array of 2 axes."""
+        shape = np.shape(section)
+        if len(shape) != 2:
+            raise GeometryError(f"section has shape {shape}; expected 2 axes (trace, sample).")
+        if not hasattr(section, "dims"):
+            return cls(None, Axis(0.0, 1.0, shape[1]))
+        vertical = section.dims[1]
+        values = section[vertical].values if vertical in section.coords else np.arange(shape[1])
+        xy = None
+        if "cdp_x" in section.coords and "cdp_y" in section.coords:
+            xy = np.stack([np.asarray(section[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y")], axis=1)
+        return cls(xy, Axis.from_coordinates(values, str(vertical)), str(section.attrs.get("sample_unit", "samples")))
+
+    @property
+    def has_map(self) -> bool:
+        """Whether map coordinates are known."""
+        return self.xy is not None
+
+    def index_to_map(self, points: ArrayLike) -> Float64Array:
+        """Carry (trace, sample) indices to (x, y, z); x is the trace index and y 0 where there is no map.
+
+        Between traces x and y are interpolated; beyond the first and the last trace they stay at those traces.
+        """
+        p = as_points(points, "points", dim=2, finite=False)
+        z = self.sample.coordinate(p[:, 1])
+        if self.xy is None:
+            return np.stack([p[:, 0], np.zeros(len(p)), z], axis=1)
+        number = np.arange(len(self.xy))
+        return np.stack(
+            [np.interp(p[:, 0], number, self.xy[:, 0]), np.interp(p[:, 0], number, self.xy[:, 1]), z], axis=1
+        )

@@ -1,0 +1,234 @@
+"""Where a cube lies: fractional indices, line numbers, and metres on the map.
+
+Frame and sign conventions, here once:
+
+- Index space is ``(inline, crossline, sample)``, fractional and zero-based; a section's is ``(trace, sample)``.
+- The *inline axis* is axis 0: the direction in which the inline *number* grows. (An inline itself, the line that a boat
+  shoots, runs along the crossline axis.)
+- Map coordinates are ``(x, y)`` = (east, north) in metres, as in ``cdp_x`` and ``cdp_y``; z is the sample coordinate in
+  ms or m, positive downwards.
+- Azimuths are in degrees, clockwise from north; without map coordinates they are counted from the inline axis towards
+  the crossline axis. Surveys may be rotated, sheared and of either handedness: all goes through one 2 x 2 matrix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import ArrayLike, Float64Array, FloatArray
+from seismo3d._validate import as_points
+from seismo3d.errors import GeometryError
+from seismo3d.geometry.axis import Axis
+from seismo3d.geometry.map_fit import MapFit, fit_map
+from seismo3d.geometry.section import SectionGeometry
+
+__all__ = ["Axis", "MapFit", "SectionGeometry", "SurveyGeometry", "fit_map"]
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyGeometry:
+    """Geometry of a cube: its three axes and, where it is known, its place on the map.
+
+    Attributes
+    ----------
+    inline, crossline, sample : Axis
+        Line numbers, and the sample coordinate in ``unit``.
+    unit : str
+        "ms", "m" or "samples".
+    map_fit : MapFit or None
+        None where the cube has no map coordinates.
+    """
+
+    inline: Axis
+    crossline: Axis
+    sample: Axis
+    unit: str = "samples"
+    map_fit: MapFit | None = None
+
+    @classmethod
+    def from_cube(cls, cube: Any) -> SurveyGeometry:
+        """Return the geometry of a cube: a DataArray as ``open_cube`` gives it, or a bare array of 3 axes.
+
+        Raises
+        ------
+        GeometryError
+            If it is a section, or if an axis is not evenly spaced.
+        """
+        dims = getattr(cube, "dims", None)
+        if dims is None:
+            shape = np.shape(cube)
+            if len(shape) != 3:
+                raise GeometryError(f"cube has shape {shape}; expected 3 axes (inline, crossline, sample).")
+            axes = [Axis(0.0, 1.0, n) for n in shape]
+            return cls(axes[0], axes[1], axes[2])
+        if len(dims) != 3:
+            raise GeometryError(
+                f"cube has dimensions {dims}; expected inline, crossline and time or depth. A section has no survey."
+            )
+        axes = [
+            Axis.from_coordinates(cube[d].values if d in cube.coords else np.arange(cube.sizes[d]), str(d))
+            for d in dims
+        ]
+        return cls(axes[0], axes[1], axes[2], str(cube.attrs.get("sample_unit", "samples")), _map_of(cube, axes))
+
+    @property
+    def has_map(self) -> bool:
+        """Whether map coordinates are known."""
+        return self.map_fit is not None
+
+    @property
+    def bin_size(self) -> tuple[float, float]:
+        """Metres to the next index along the inline axis and along the crossline axis; NaN without a map."""
+        if self.map_fit is None:
+            return (float("nan"), float("nan"))
+        return (float(np.hypot(*self.map_fit.inline_step)), float(np.hypot(*self.map_fit.crossline_step)))
+
+    @property
+    def inline_axis_azimuth_deg(self) -> float:
+        """Azimuth from north of the direction in which inline numbers' index grows; 0 without a map."""
+        return float(self.azimuth_deg([[1.0, 0.0]])[0])
+
+    @property
+    def crossline_axis_azimuth_deg(self) -> float:
+        """Azimuth from north of the direction in which the crossline index grows; 90 without a map."""
+        return float(self.azimuth_deg([[0.0, 1.0]])[0])
+
+    @property
+    def is_right_handed(self) -> bool:
+        """Whether the crossline axis lies clockwise of the inline axis, seen from above: right-handed, samples down."""
+        return self.map_fit is None or float(np.linalg.det(self.map_fit.matrix)) < 0
+
+    def index_to_map(self, points: ArrayLike) -> Float64Array:
+        """Carry fractional index points to (x, y, z).
+
+        Parameters
+        ----------
+        points : array of shape (n, 3)
+            (inline, crossline, sample) indices.
+
+        Returns
+        -------
+        ndarray of shape (n, 3), float64
+            x, y in metres (inline and crossline numbers where there is no map), z in ``unit``, positive down.
+        """
+        p = as_points(points, "points", dim=3, finite=False)
+        out = np.empty_like(p)
+        if self.map_fit is None:
+            out[:, 0], out[:, 1] = self.inline.coordinate(p[:, 0]), self.crossline.coordinate(p[:, 1])
+        else:
+            out[:, :2] = p[:, :2] @ self.map_fit.matrix.T + np.array(self.map_fit.origin)
+        out[:, 2] = self.sample.coordinate(p[:, 2])
+        return out
+
+    def map_to_index(self, points: ArrayLike) -> Float64Array:
+        """Carry (x, y, z) to fractional indices; the inverse of :meth:`index_to_map`."""
+        p = as_points(points, "points", dim=3, finite=False)
+        out = np.empty_like(p)
+        if self.map_fit is None:
+            out[:, 0], out[:, 1] = self.inline.index(p[:, 0]), self.crossline.index(p[:, 1])
+        else:
+            out[:, :2] = np.linalg.solve(self.map_fit.matrix, (p[:, :2] - np.array(self.map_fit.origin)).T).T
+        out[:, 2] = self.sample.index(p[:, 2])
+        return out
+
+    def index_to_lines(self, points: ArrayLike) -> Float64Array:
+        """Carry fractional indices to (inline number, crossline number, sample coordinate), shape (n, 3)."""
+        p = as_points(points, "points", dim=3, finite=False)
+        columns = [axis.coordinate(p[:, k]) for k, axis in enumerate((self.inline, self.crossline, self.sample))]
+        return np.stack(columns, axis=1)
+
+    def lines_to_index(self, points: ArrayLike) -> Float64Array:
+        """Carry (inline number, crossline number, sample coordinate) to fractional indices, shape (n, 3)."""
+        p = as_points(points, "points", dim=3, finite=False)
+        columns = [axis.index(p[:, k]) for k, axis in enumerate((self.inline, self.crossline, self.sample))]
+        return np.stack(columns, axis=1)
+
+    def azimuth_deg(self, directions: ArrayLike) -> Float64Array:
+        """Azimuth of directions given in index steps.
+
+        Parameters
+        ----------
+        directions : array of shape (n, 2) or (n, 3)
+            (inline, crossline[, sample]) components; the sample component does not matter.
+
+        Returns
+        -------
+        ndarray of shape (n,), float64
+            Degrees in [0, 360), clockwise from north; without a map, from the inline axis towards the crossline axis.
+        """
+        d = as_points(directions, "directions", finite=False)[:, :2]
+        if self.map_fit is not None:
+            east_north = d @ self.map_fit.matrix.T
+            return _degrees(east_north[:, 0], east_north[:, 1])
+        return _degrees(d[:, 1], d[:, 0])
+
+    def strike_deg(self, normals: ArrayLike) -> Float64Array:
+        """Strike of planes by the right-hand rule: looking along it, the plane dips to the right.
+
+        Normals are covectors: they go to the map by the inverse transpose of M, so that bins that are not square, and
+        sheared surveys, give the true strike.
+
+        Parameters
+        ----------
+        normals : array of shape (n, 3)
+            Normals in index coordinates, of any length; those that point down are turned up first.
+
+        Returns
+        -------
+        ndarray of shape (n,), float64
+            Degrees in [0, 360); NaN where the plane is level.
+        """
+        normal = as_points(normals, "normals", dim=3, finite=False)
+        horizontal = np.where(normal[:, 2:] > 0, -normal[:, :2], normal[:, :2])
+        if self.map_fit is not None:
+            dip_direction = np.linalg.solve(self.map_fit.matrix.T, horizontal.T).T
+            dip_azimuth = _degrees(dip_direction[:, 0], dip_direction[:, 1])
+        else:
+            dip_azimuth = _degrees(horizontal[:, 1], horizontal[:, 0])
+        level = np.hypot(horizontal[:, 0], horizontal[:, 1]) == 0
+        return np.where(level, np.nan, (dip_azimuth - 90.0) % 360.0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers and lists, for JSON and for a cube's attributes."""
+        out: dict[str, Any] = {
+            name: [axis.first, axis.step, axis.n]
+            for name, axis in (("inline", self.inline), ("crossline", self.crossline), ("sample", self.sample))
+        }
+        out["unit"] = self.unit
+        if self.map_fit is not None:
+            fit = self.map_fit
+            out["map"] = {
+                "origin": list(fit.origin),
+                "inline_step": list(fit.inline_step),
+                "crossline_step": list(fit.crossline_step),
+                "rms": fit.rms,
+            }
+        return out
+
+
+def _degrees(east: FloatArray, north: FloatArray) -> Float64Array:
+    # the second remainder turns 360.0, which -1e-15 % 360 rounds to, into 0
+    return np.degrees(np.arctan2(east, north)) % 360.0 % 360.0
+
+
+def _map_of(cube: Any, axes: list[Axis]) -> MapFit | None:
+    """Take the fit made when the cube was opened where it still applies, else fit the cube's own coordinates."""
+    stored = cube.attrs.get("survey") or {}
+    if "map" in stored:
+        (il0, dil, _), (xl0, dxl, _) = stored["inline"], stored["crossline"]
+        kept = stored["map"]
+        M = np.array([kept["inline_step"], kept["crossline_step"]], dtype=np.float64).T / [dil, dxl]
+        origin = np.array(kept["origin"]) + M @ [axes[0].first - il0, axes[1].first - xl0]
+        u, v = M[:, 0] * axes[0].step, M[:, 1] * axes[1].step
+        pairs = [(float(a), float(b)) for a, b in (origin, u, v)]
+        return MapFit(pairs[0], pairs[1], pairs[2], float(kept["rms"]))
+    if "cdp_x" not in cube.coords or "cdp_y" not in cube.coords:
+        return None
+    # a few hundred lines each way pin an affine map; the ends are among them
+    rows, columns = (np.unique(np.linspace(0, n - 1, min(n, 300)).astype(int)) for n in cube.shape[:2])
+    corner = cube.coords["cdp_x"][rows, columns].values, cube.coords["cdp_y"][rows, columns].values
+    ij = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
+    return fit_map(ij, np.stack([corner[0].ravel(), corner[1].ravel()], axis=1))

@@ -1,0 +1,98 @@
+"""Files at the door: refuse what cannot be read in one clear line, and write so that nothing is ever half-written."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from seismo3d.errors import FileAccessError
+
+
+def as_readable_file(path: str | os.PathLike[str]) -> Path:
+    """Return the path of an ordinary file that can be opened for reading, or refuse it."""
+    file = Path(path)
+    with refuse_os_errors(file, "read"):
+        if file.is_dir():
+            raise FileAccessError(f"{file} is a directory; expected a file.")
+        if file.exists() and not file.is_file():
+            raise FileAccessError(f"{file} is a pipe or a device; expected an ordinary file. Save it to disk first.")
+        with file.open("rb"):
+            pass
+    return file
+
+
+@contextmanager
+def refuse_os_errors(path: Path, verb: str) -> Iterator[None]:
+    """Turn the system's errors about one file into one clear line."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise FileAccessError(f"{path} does not exist. Check the path.") from error
+    except PermissionError as error:
+        raise FileAccessError(
+            f"{path} cannot be {_PARTICIPLE[verb]}: permission denied. Ask its owner for access."
+        ) from error
+    except FileAccessError:
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise FileAccessError(f"{path} cannot be {_PARTICIPLE[verb]}: {reason}.") from error
+
+
+_PARTICIPLE = {"read": "read", "write": "written"}
+
+
+@contextmanager
+def written_aside(path: str | os.PathLike[str], *, folder: bool = False) -> Iterator[Path]:
+    """Give a name beside ``path`` to write to, and move it into place at the end; on any error, leave no trace.
+
+    Parameters
+    ----------
+    path : path
+        The file, or the folder, to make; one that is there is replaced, and only at the end.
+    folder : bool
+        Whether it is a folder.
+
+    Raises
+    ------
+    FileAccessError
+        If it cannot be written: no such folder, no permission, no space left.
+    """
+    final = Path(path)
+    if not final.parent.is_dir():
+        raise FileAccessError(
+            f"{final.parent} is not a folder; expected one to write {final.name} into. Make it first."
+        )
+    if final.is_dir() and not folder:
+        raise FileAccessError(f"{final} is a directory; expected a file name.")
+    aside = final.parent / f".{final.name}.{os.getpid()}.part"
+    try:
+        with refuse_os_errors(final, "write"):
+            yield aside
+            _replace(aside, final, folder=folder)
+    finally:
+        _remove(aside)
+
+
+def _replace(aside: Path, final: Path, *, folder: bool) -> None:
+    if not folder or not final.exists():
+        aside.replace(final)
+        return
+    old = final.parent / f".{final.name}.{os.getpid()}.old"
+    final.replace(old)
+    try:
+        aside.replace(final)
+    except BaseException:
+        old.replace(final)
+        raise
+    _remove(old)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

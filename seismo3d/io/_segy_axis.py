@@ -1,0 +1,149 @@
+"""The sample axis of a SEG-Y file: time or depth, its interval and its start, and why."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from seismo3d._validate import as_number
+from seismo3d.errors import ParameterError
+from seismo3d.geometry.survey import Axis
+from seismo3d.io._segy_layout import SegyLayout, read_fields
+
+# what says depth (positive) or time (negative), and how much it weighs
+_HINTS: tuple[tuple[str, int, str], ...] = (
+    (
+        r"depth[- ]to[- ]time|(stretched|converted|scaled) (back )?to time",
+        -4,
+        "text header: converted to time",
+    ),
+    (r"time[- ]to[- ]depth|(stretched|converted|scaled) to depth", 4, "text header: converted to depth"),
+    (r"domain\s*[:=]?\s*depth|depth domain|z[- ]?domain\s*[:=]?\s*depth", 4, "text header: depth domain"),
+    (r"domain\s*[:=]?\s*(twt|time)|(twt|time) domain", -4, "text header: time domain"),
+    (
+        (
+            r"depth (min|max|range|interval|step)|"
+            r"(sample|z) (interval|rate|unit)s?\s*[:=]?\s*[\d.]*\s*(m|metre|meter|ft|feet)s?\b"
+        ),
+        2,
+        "text header: depth range",
+    ),
+    (
+        r"time (min|max|range)|(sample|z) (interval|rate|unit)s?\s*[:=]?\s*[\d.]*\s*(ms|msec|us)\b",
+        -2,
+        "text header: time range",
+    ),
+    (r"\bpsdm\b|depth[- ]migrat|pre-?stack depth", 2, "text header: depth migration"),
+    (r"\bpstm\b|time[- ]migrat|pre-?stack time", -2, "text header: time migration"),
+)
+_USUAL_INTERVAL_MS = 4.0
+_COARSE_MS = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class SampleAxis:
+    """The sample axis, and what it was judged by.
+
+    Attributes
+    ----------
+    axis : Axis
+        In ms or m.
+    domain, unit : str
+        "time" and "ms", or "depth" and "m".
+    reason : str
+        Why time, or why depth.
+    notes : tuple of str
+        Where headers were odd, what was decided.
+    """
+
+    axis: Axis
+    domain: str
+    unit: str
+    reason: str
+    notes: tuple[str, ...] = ()
+
+
+def sample_axis(
+    layout: SegyLayout, *, domain: str | None = None, interval: float | None = None, start: float | None = None
+) -> SampleAxis:
+    """Read the sample axis from the headers; what the caller gives wins.
+
+    Parameters
+    ----------
+    layout : SegyLayout
+        The file.
+    domain : {"time", "depth"}, optional
+        What the samples run along.
+    interval, start : float, optional
+        Sample interval and first sample, in ms or m.
+    """
+    if domain not in (None, "time", "depth"):
+        raise ParameterError(f"domain is {domain!r}; expected 'time' or 'depth'.")
+    notes: list[str] = []
+    step = as_number(interval, "interval", low=0, strict=True) if interval is not None else _interval(layout, notes)
+    first = as_number(start, "start") if start is not None else _start(layout, notes)
+    reason = "as given"
+    if domain is None:
+        domain, reason = judge_domain(layout, step)
+    axis = Axis(first, step, layout.n_samples)
+    return SampleAxis(axis, domain, "ms" if domain == "time" else "m", reason, tuple(notes))
+
+
+def judge_domain(layout: SegyLayout, interval: float, *, by_name: bool = True) -> tuple[str, str]:
+    """Tell time from depth by the textual header, the interval, and else the file's name; time where nothing speaks."""
+    text = re.sub(r"\s+", " ", layout.text.lower())
+    found = [(weight, words) for pattern, weight, words in _HINTS if re.search(pattern, text)]
+    if interval >= _COARSE_MS:
+        found.append((3, f"interval {interval:g} is too coarse for time in ms"))
+    total = sum(weight for weight, _ in found)
+    name = Path(layout.path).stem.lower() if by_name and total == 0 else ""
+    if re.search(r"depth|psdm|(^|[-_ .])z([-_ .]|$)", name):
+        found.append((1, "file name"))
+    elif re.search(r"time|twt|pstm", name):
+        found.append((-1, "file name"))
+    total = sum(weight for weight, _ in found)
+    if total > 0:
+        return "depth", "; ".join(words for weight, words in found if weight > 0)
+    reasons = "; ".join(words for weight, words in found if weight < 0)
+    return "time", reasons or "nothing says depth"
+
+
+def _interval(layout: SegyLayout, notes: list[str]) -> float:
+    in_trace = int(read_fields(layout, np.array([0]), [117])[117][0])
+    in_file = layout.interval_us
+    if in_file > 0:
+        if in_trace not in (0, in_file):
+            notes.append(
+                f"sample interval {in_file} us in the binary header, {in_trace} in the trace headers: "
+                "took the binary header's"
+            )
+        return in_file / 1000.0
+    if in_trace > 0:
+        notes.append(f"no sample interval in the binary header: took the trace headers' {in_trace} us")
+        return in_trace / 1000.0
+    notes.append(
+        f"no sample interval in the headers: took {_USUAL_INTERVAL_MS:g}, the usual one; give interval= to change it"
+    )
+    return _USUAL_INTERVAL_MS
+
+
+def _start(layout: SegyLayout, notes: list[str]) -> float:
+    rows = np.unique(np.linspace(0, layout.n_traces - 1, min(layout.n_traces, 64)).astype(np.int64))
+    fields = read_fields(layout, rows, [109, 215])
+    scalar = fields[215]
+    odd = ~np.isin(np.abs(scalar), (0, 1, 10, 100, 1000, 10000))
+    if odd.any():
+        notes.append(f"time scalar {int(scalar[odd][0])} (trace header byte 215) is not a power of ten: taken as 1")
+    factor = np.where((scalar == 0) | odd, 1.0, np.abs(scalar).astype(np.float64))
+    starts = np.where((scalar < 0) & ~odd, fields[109] / factor, fields[109] * factor)
+    values, counts = np.unique(starts, return_counts=True)
+    first = float(values[np.argmax(counts)])
+    if values.size > 1:
+        notes.append(
+            f"traces start at different times ({values[0]:g} to {values[-1]:g}, trace header byte 109): "
+            f"took the commonest, {first:g}, for all"
+        )
+    return first

@@ -1,0 +1,141 @@
+"""Samples and headers as SEG-Y stores them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, Int64Array
+from seismo3d.errors import GeometryError
+from seismo3d.geometry.survey import Axis
+from seismo3d.io._segy_layout import set_header_field
+
+_MAX_SHORT = 32767
+
+
+def encode(values: AnyArray, code: int, fill: float) -> AnyArray:
+    """Encode amplitudes to the 4-byte words of format 5 (IEEE) or 1 (IBM); what is not finite becomes ``fill``."""
+    real = np.ascontiguousarray(values, dtype=np.float32)
+    finite = np.isfinite(real)
+    if not finite.all():
+        real = np.where(finite, real, np.float32(fill))
+    return real.view(np.uint32) if code == 5 else ibm_words(real)
+
+
+def ibm_words(values: AnyArray) -> AnyArray:
+    """Encode finite float32 as IBM System/360 words: sign, base-16 exponent in excess 64, 24-bit fraction, rounded.
+
+    What is below the smallest normal float32, 1.2e-38, becomes zero.
+    """
+    bits = np.ascontiguousarray(values, dtype=np.float32).view(np.uint32)
+    binary = ((bits >> 23) & 0xFF).astype(np.int32)  # excess 126 of a fraction in [1/2, 1)
+    power = (binary - 126 + 3) >> 2  # rounded up to a power of 16
+    shift = (4 * power - (binary - 126)).astype(np.uint32)
+    fraction: AnyArray = (bits & 0x7FFFFF) | 0x800000
+    # half of the last bit that stays, added before the others fall off; a fraction that shifts has room for the carry
+    fraction = (fraction + ((np.uint32(1) << shift) >> 1)) >> shift
+    words = (bits & 0x80000000) | ((power + 64).astype(np.uint32) << 24) | fraction
+    words[binary == 0] = 0
+    return words
+
+
+def sample_header(volume: Any) -> tuple[int, int, int]:
+    """Return the header's interval (us), delay and its scalar for a cube's samples; refuse what SEG-Y cannot hold."""
+    axis = Axis.from_coordinates(volume[volume.dims[-1]].values, str(volume.dims[-1]))
+    if axis.n > 65535:
+        raise GeometryError(
+            f"cube has {axis.n} samples a trace; expected at most 65535, all that SEG-Y can count. Write Zarr instead."
+        )
+    interval = axis.step * 1000.0
+    if not 0.5 <= interval <= _MAX_SHORT or abs(interval - round(interval)) * axis.n > 500.0:
+        raise GeometryError(
+            f"cube has a sample interval of {axis.step:g}; expected 0.001 to 32.767 in whole thousandths, all that "
+            "SEG-Y can hold. Resample it, or write Zarr."
+        )
+    for scalar, factor in ((0, 1), (-10, 10), (-100, 100), (-1000, 1000)):
+        delay = axis.first * factor
+        if abs(delay - round(delay)) < 1e-6 and abs(delay) <= _MAX_SHORT:
+            return round(interval), round(delay), scalar
+    if abs(axis.first) > _MAX_SHORT:
+        raise GeometryError(
+            f"cube starts at {axis.first:g}; expected -32767 to 32767, all that SEG-Y can hold. Write Zarr."
+        )
+    return round(interval), round(axis.first), 0
+
+
+def fresh_file_header(volume: Any, code: int, title: str) -> bytes:
+    """Make the textual and the binary header."""
+    interval, _, _ = sample_header(volume)
+    binary = np.zeros(400, dtype=np.uint8)
+    for byte, value in (
+        (3217, interval),
+        (3221, volume.shape[-1]),
+        (3225, code),
+        (3229, 4),
+        (3255, 1),
+        (3501, 0x0100),
+        (3503, 1),
+    ):
+        binary[byte - 3201 : byte - 3199] = np.array([value], dtype=">u2").view(np.uint8)
+    lines = _text_lines(volume, title)
+    lines += [""] * (38 - len(lines)) + ["SEG Y REV1", "END TEXTUAL HEADER"]
+    text = "".join(f"C{number:2d} {line}"[:80].ljust(80) for number, line in enumerate(lines, start=1))
+    return text.encode("cp037", errors="replace") + binary.tobytes()
+
+
+def _text_lines(volume: Any, title: str) -> list[str]:
+    vertical = str(volume.dims[-1])
+    first, last = float(volume[vertical][0]), float(volume[vertical][-1])
+    unit = volume.attrs.get("sample_unit", "samples")
+    lines = [title or f"{volume.name or 'Amplitude'} written by seismo3d", f"Domain: {vertical}"]
+    for name in volume.dims[:-1]:
+        values = volume[name].values
+        lines.append(f"{str(name).capitalize()}s {values[0]} to {values[-1]}, {values.size} of them")
+    lines.append(f"{vertical.capitalize()} {first:g} to {last:g} {unit}, {volume.shape[-1]} samples")
+    lines.append("Trace header bytes: inline 189, crossline 193, CDP X 181, CDP Y 185,")
+    lines.append(f"  scalar 71 (negative divides), first sample 109 ({unit})")
+    return lines
+
+
+def fresh_heads(part: Any, keep: Int64Array, n_before: int) -> AnyArray:
+    """Make the trace headers of some traces of a block; ``keep`` are their numbers in it, inline by inline."""
+    interval, delay, delay_scalar = sample_header(part)
+    heads = np.zeros((keep.size, 240), dtype=np.uint8)
+    number = n_before + 1 + np.arange(keep.size)
+    fields: dict[int, Any] = {
+        1: number,
+        5: number,
+        29: 1,
+        109: delay,
+        115: part.shape[-1] % 65536,
+        117: interval,
+        215: delay_scalar,
+    }
+    if part.ndim == 3:
+        i, j = np.divmod(keep, part.shape[1])
+        fields |= {9: part["inline"].values[i], 21: part["crossline"].values[j]}
+        fields |= {189: fields[9], 193: fields[21]}
+    else:
+        fields[21] = part["cdp"].values[keep] if "cdp" in part.coords else number
+        for byte, name in ((189, "inline"), (193, "crossline")):
+            if name in part.coords:
+                fields[byte] = part[name].values[keep]
+    if "cdp_x" in part.coords and "cdp_y" in part.coords:
+        fields |= _coordinate_fields(part, keep)
+    for byte, value in fields.items():
+        set_header_field(heads, byte, value, little_endian=False)
+    return heads
+
+
+def _coordinate_fields(part: Any, keep: Int64Array) -> dict[int, Any]:
+    xy = [np.asarray(part[name].values, dtype=np.float64).ravel()[keep] for name in ("cdp_x", "cdp_y")]
+    xy = [np.where(np.isfinite(values), values, 0.0) for values in xy]
+    largest = max((float(np.abs(values).max()) for values in xy if values.size), default=0.0)
+    factor = next((f for f in (100, 10, 1) if largest * f < 2**31 - 1), None)
+    if factor is None:
+        raise GeometryError(
+            f"cube has map coordinates up to {largest:g} m; expected less than 2147483647, all that SEG-Y can hold."
+        )
+    x, y = (np.rint(values * factor).astype(np.int64) for values in xy)
+    return {71: -factor if factor > 1 else 1, 89: 1, 73: x, 77: y, 181: x, 185: y}

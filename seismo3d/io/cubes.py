@@ -1,0 +1,209 @@
+"""Open and convert cubes and sections, whatever the format of the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import Progress
+from seismo3d._validate import as_number
+from seismo3d.errors import FileAccessError, FormatError, ParameterError
+from seismo3d.io._as_cube import as_cube
+from seismo3d.io._files import as_readable_file, refuse_os_errors, written_aside
+
+__all__ = ["as_cube", "convert_cube", "open_cube", "write_npy"]
+
+LAZY_ABOVE = 2 * 2**30
+"""Size in memory, in bytes, above which a cube is opened lazily."""
+
+_SEGY_SUFFIXES = (".sgy", ".segy", ".seg")
+
+
+def open_cube(
+    path: Any,
+    *,
+    inline_byte: int | None = None,
+    crossline_byte: int | None = None,
+    x_byte: int | None = None,
+    y_byte: int | None = None,
+    domain: str | None = None,
+    interval: float | None = None,
+    start: float | None = None,
+    lazy: bool | None = None,
+    scan: str = "auto",
+    variable: str | None = None,
+) -> Any:
+    r"""Open a cube or a 2D line: SEG-Y, Zarr, NPY or NPZ.
+
+    Parameters
+    ----------
+    path : path
+        A SEG-Y file (any suffix), a Zarr folder, ``.npy`` or ``.npz``.
+    inline_byte, crossline_byte : int, optional
+        SEG-Y trace header bytes, from 1, of the line numbers. Without them 189 and 193, and where those hold no
+        geometry, the first pair that does (9 and 21, 17 and 21, ...); the attribute ``header_bytes`` says which.
+    x_byte, y_byte : int, optional
+        Header bytes of the map coordinates; without them 181 and 185, else 73 and 77, else 81 and 85.
+    domain : {"time", "depth"}, optional
+        What the samples run along; judged from the textual header, the interval and the file's name where it is not
+        given, and ``domain_reason`` says why.
+    interval, start : float, optional
+        Sample interval and first sample in ms or m, in place of the headers'.
+    lazy : bool, optional
+        True: backed by dask, in chunks of whole inlines, read when asked for. False: in memory. Without it, lazy
+        above 2 GiB. Values are identical.
+    scan : {"auto", "full"}
+        Whether to read every trace header of a large SEG-Y file. "auto" derives the geometry of a regular file from a
+        few hundred headers, and compares the headers of every trace as it is read.
+    variable : str, optional
+        The array to take from a Zarr group or an NPZ file with several.
+
+    Returns
+    -------
+    xarray.DataArray
+        Dims (inline, crossline, time or depth); a 2D line (trace, time or depth). Float32, or float64 where that is
+        needed to hold every value; missing traces NaN. Coordinates: line numbers, time in ms or depth in m, ``live``
+        (False on missing and on all-zero traces) and, where the file has them, ``cdp_x`` and ``cdp_y`` in metres.
+        Attributes: plain values that say where it came from, what was found, and ``survey``, the geometry.
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be read.
+    FormatError
+        If it is cut short, not what its name says, or not stacked.
+    """
+    if scan not in ("auto", "full"):
+        raise ParameterError(f"scan is {scan!r}; expected 'auto' or 'full'.")
+    file = Path(path)
+    limit = LAZY_ABOVE if lazy is None else (-1 if lazy else 2**63)
+    with refuse_os_errors(file, "read"):
+        is_zarr = file.suffix.lower() == ".zarr" or (file.is_dir() and _is_zarr(file))
+    if is_zarr:
+        from seismo3d.io.zarr_store import read_zarr
+
+        return read_zarr(file, variable=variable, lazy_above=limit)
+    if file.suffix.lower() in (".npy", ".npz"):
+        return _read_numpy(file, domain=domain, interval=interval, start=start, variable=variable, lazy_above=limit)
+    from seismo3d.io.segy import read_segy
+
+    return read_segy(
+        file,
+        inline_byte=inline_byte,
+        crossline_byte=crossline_byte,
+        x_byte=x_byte,
+        y_byte=y_byte,
+        domain=domain,
+        interval=interval,
+        start=start,
+        lazy_above=limit,
+        scan=scan,
+    )
+
+
+def convert_cube(source: Any, target: Any, *, progress: Progress | None = None, **options: Any) -> Path:
+    """Convert between SEG-Y, Zarr and NPY, a block of inlines at a time.
+
+    Parameters
+    ----------
+    source, target : path
+        The target's suffix tells its format: ``.sgy`` or ``.segy``, ``.zarr``, ``.npy``.
+    progress : callable, optional
+        Called with "write" and the share done.
+    **options
+        Given to :func:`open_cube`.
+
+    Returns
+    -------
+    Path
+        The target.
+    """
+    out = Path(target)
+    suffix = out.suffix.lower()
+    if suffix not in (*_SEGY_SUFFIXES, ".zarr", ".npy"):
+        raise ParameterError(
+            f"{out} has the suffix {suffix!r}; expected .sgy, .segy, .zarr or .npy, which tells the format."
+        )
+    if out.exists() and Path(source).exists() and out.samefile(source):
+        raise ParameterError(f"{out} is the input too; expected another name for the result.")
+    cube = open_cube(source, **({"lazy": True} | options))
+    if suffix == ".zarr":
+        from seismo3d.io.zarr_store import write_zarr
+
+        return write_zarr(out, cube, progress=progress)
+    if suffix == ".npy":
+        return write_npy(out, cube, progress=progress)
+    from seismo3d.io.segy import write_segy
+
+    return write_segy(out, cube, progress=progress)
+
+
+def write_npy(path: Any, cube: Any, *, progress: Progress | None = None) -> Path:
+    """Write the samples alone as NPY, a block of inlines at a time; NPY has no room for geometry."""
+    volume = as_cube(cube)
+    out = Path(path)
+    block = max(1, 64 * 2**20 // max(1, int(np.prod(volume.shape[1:], dtype=np.int64)) * volume.dtype.itemsize))
+    with written_aside(out) as aside, aside.open("wb") as stream:
+        header = {"descr": np.lib.format.dtype_to_descr(volume.dtype), "fortran_order": False, "shape": volume.shape}
+        np.lib.format.write_array_header_1_0(stream, header)
+        for first in range(0, volume.shape[0], block):
+            stream.write(np.ascontiguousarray(volume[first : first + block].data).tobytes())
+            if progress is not None:
+                progress("write", min(1.0, (first + block) / volume.shape[0]))
+    return out
+
+
+def _is_zarr(folder: Path) -> bool:
+    return any((folder / name).is_file() for name in ("zarr.json", ".zgroup", ".zattrs", ".zmetadata"))
+
+
+def _read_numpy(
+    file: Path,
+    *,
+    domain: str | None,
+    interval: float | None,
+    start: float | None,
+    variable: str | None,
+    lazy_above: int,
+) -> Any:
+    as_readable_file(file)
+    try:
+        with refuse_os_errors(file, "read"):
+            loaded = np.load(file, mmap_mode="r", allow_pickle=False)
+            array = loaded if isinstance(loaded, np.ndarray) else _from_npz(loaded, file, variable)
+    except FileAccessError:
+        raise
+    except (ValueError, EOFError, KeyError) as error:
+        if isinstance(error, FormatError | ParameterError):
+            raise
+        raise FormatError(
+            f"{file} cannot be read as {file.suffix}: {error}. It is cut short, or something else."
+        ) from error
+    data: Any = array
+    if array.nbytes > lazy_above:
+        import dask.array as da
+
+        inline_bytes = max(1, array[:1].nbytes)
+        chunks = (max(1, 32 * 2**20 // inline_bytes), *array.shape[1:])
+        data = da.from_array(array, chunks=chunks, name=False, lock=False)
+    else:
+        data = np.array(array)
+    first = 0.0 if start is None else as_number(start, "start")
+    cube = as_cube(data, domain=domain or "time", interval=interval, start=first, name=str(file))
+    return cube.assign_attrs(path=str(file), file_format=file.suffix[1:].upper())
+
+
+def _from_npz(archive: Any, file: Path, variable: str | None) -> Any:
+    if variable is not None:
+        if variable not in archive.files:
+            raise ParameterError(f"{file} has no array {variable!r}; expected one of {archive.files}.")
+        return archive[variable]
+    found = [name for name in archive.files if archive[name].ndim in (2, 3) and archive[name].dtype.kind in "fiu"]
+    cubes = [name for name in found if archive[name].ndim == 3] or found
+    if len(cubes) != 1:
+        raise FormatError(
+            f"{file} has {len(cubes)} arrays that could be the cube: {cubes}; expected one. Name it by variable."
+        )
+    return archive[cubes[0]]

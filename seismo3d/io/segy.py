@@ -1,0 +1,176 @@
+"""SEG-Y in and out: cubes and lines as DataArrays, results on the input's own geometry and headers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+
+from seismo3d._typing import AnyArray
+from seismo3d.geometry.survey import MapFit, SurveyGeometry, fit_map
+from seismo3d.io._segy_axis import SampleAxis, sample_axis
+from seismo3d.io._segy_find import Found, find_coordinates, find_grid
+from seismo3d.io._segy_layout import SegyLayout, read_fields, read_layout
+from seismo3d.io._segy_samples import SegyCube, SegyHeaders, read_coordinate
+from seismo3d.io._segy_write import write_segy
+
+__all__ = ["read_segy", "write_segy"]
+
+_CHUNK_BYTES = 32 * 2**20
+_SCANNED_BELOW = 100_000
+
+
+def read_segy(
+    path: Any,
+    *,
+    inline_byte: int | None = None,
+    crossline_byte: int | None = None,
+    x_byte: int | None = None,
+    y_byte: int | None = None,
+    domain: str | None = None,
+    interval: float | None = None,
+    start: float | None = None,
+    lazy_above: int = 2 * 2**30,
+    scan: str = "auto",
+) -> Any:
+    """Open a SEG-Y file; see :func:`seismo3d.open_cube` for the parameters and what comes back."""
+    layout = read_layout(path)
+    size = layout.n_traces * layout.n_samples * layout.dtype.itemsize
+    is_lazy = size > lazy_above
+    scan_all = scan == "full" or not is_lazy or layout.n_traces <= _SCANNED_BELOW
+    found = find_grid(layout, inline_byte=inline_byte, crossline_byte=crossline_byte, scan_all=scan_all)
+    xy_bytes = find_coordinates(layout, x_byte=x_byte, y_byte=y_byte)
+    axis = sample_axis(layout, domain=domain, interval=interval, start=start)
+    if found.is_line:
+        return _read_line(layout, found, axis, xy_bytes, is_lazy=is_lazy)
+    return _read_cube(layout, found, axis, xy_bytes, lazy_above=lazy_above)
+
+
+def _read_cube(
+    layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tuple[int, int] | None, *, lazy_above: int
+) -> Any:
+    import xarray as xr
+
+    grid = found.grid
+    source = SegyCube(layout, grid, check=found.is_sampled)
+    # missing traces make the cube larger than its file
+    is_lazy = int(np.prod(source.shape, dtype=np.int64)) * source.dtype.itemsize > lazy_above
+    data = _as_dask(source) if is_lazy else source[:]
+    coords: dict[str, Any] = {
+        "inline": grid.inline.coordinates().astype(np.int64),
+        "crossline": grid.crossline.coordinates().astype(np.int64),
+        axis.domain: (axis.domain, axis.axis.coordinates(), {"units": axis.unit}),
+        "live": (("inline", "crossline"), live_traces(data)),
+    }
+    if xy_bytes is not None:
+        for name, byte in zip(("cdp_x", "cdp_y"), xy_bytes):
+            header = SegyHeaders(layout, grid, byte)
+            coords[name] = (("inline", "crossline"), _as_dask(header) if is_lazy else header[:], {"units": "m"})
+    attrs = _attributes(layout, found, axis, xy_bytes)
+    survey = SurveyGeometry(grid.inline, grid.crossline, axis.axis, axis.unit, _fit_grid(layout, found, xy_bytes))
+    attrs["survey"] = survey.to_dict()
+    return xr.DataArray(data, dims=("inline", "crossline", axis.domain), coords=coords, name="amplitude", attrs=attrs)
+
+
+def _read_line(
+    layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tuple[int, int] | None, *, is_lazy: bool
+) -> Any:
+    import xarray as xr
+
+    source = SegyCube(layout, found.grid)
+    data = _as_dask(source)[:, 0] if is_lazy else source[:, 0]
+    coords: dict[str, Any] = {
+        "trace": np.arange(layout.n_traces, dtype=np.int64),
+        axis.domain: (axis.domain, axis.axis.coordinates(), {"units": axis.unit}),
+        "live": ("trace", live_traces(data)),
+    }
+    attrs = _attributes(layout, found, axis, xy_bytes)
+    rows = np.arange(layout.n_traces, dtype=np.int64)
+    if found.line_bytes is not None:
+        numbers = read_fields(layout, rows, list(found.line_bytes))
+        for name, byte in zip(("inline", "crossline"), found.line_bytes):
+            coords[name] = ("trace", numbers[byte])
+    cdp = read_fields(layout, rows, [21])[21]
+    if np.ptp(cdp) > 0:
+        coords["cdp"] = ("trace", cdp)
+    if xy_bytes is not None:
+        for name, byte in zip(("cdp_x", "cdp_y"), xy_bytes):
+            coords[name] = ("trace", read_coordinate(layout, rows, byte), {"units": "m"})
+    return xr.DataArray(data, dims=("trace", axis.domain), coords=coords, name="amplitude", attrs=attrs)
+
+
+def live_traces(data: Any) -> Any:
+    """Tell the live traces: those with a sample that is neither zero nor NaN. Lazy where the data are."""
+    if not isinstance(data, np.ndarray):
+        return ((data != 0) & (data == data)).any(axis=-1)  # NaN differs from itself
+    live = np.empty(data.shape[:-1], dtype=bool)
+    for k, line in enumerate(data):  # line by line: no temporary of the cube's size
+        live[k] = ((line != 0) & (line == line)).any(axis=-1)
+    return live
+
+
+def _attributes(layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tuple[int, int] | None) -> dict[str, Any]:
+    grid = found.grid
+    attrs: dict[str, Any] = {
+        "path": layout.path,
+        "segy_path": str(Path(layout.path).resolve()),
+        "file_format": "SEG-Y",
+        "sample_format": layout.format_words,
+        "sample_format_code": layout.format_code,
+        "little_endian": layout.little_endian,
+        "sample_unit": axis.unit,
+        "domain_reason": axis.reason,
+        "header_bytes": found.how,
+        "sorting": grid.sorting,
+        "n_traces": layout.n_traces,
+        "n_missing": grid.n_missing,
+        "n_duplicates": grid.n_duplicates,
+        "notes": [*found.notes, *axis.notes],
+        "text_header": layout.text,
+    }
+    if found.line_bytes is not None:
+        attrs["inline_byte"], attrs["crossline_byte"] = found.line_bytes
+    if xy_bytes is not None:
+        attrs["x_byte"], attrs["y_byte"] = xy_bytes
+    if layout.in_feet:
+        attrs["notes"].append("the binary header says feet: map coordinates, and depths, are as stored, not in metres")
+    if found.is_sampled:
+        attrs["notes"].append(
+            "a regular file: geometry read from a sample of the trace headers, checked as traces are read"
+        )
+    return attrs
+
+
+def _fit_grid(layout: SegyLayout, found: Found, xy_bytes: tuple[int, int] | None) -> MapFit | None:
+    """Fit the map from some thousand traces on evenly spread lines, both ends included."""
+    if xy_bytes is None:
+        return None
+    grid = found.grid
+    i = np.unique(np.linspace(0, grid.inline.n - 1, min(grid.inline.n, 32)).astype(np.int64))
+    j = np.unique(np.linspace(0, grid.crossline.n - 1, min(grid.crossline.n, 64)).astype(np.int64))
+    rows = np.stack([grid.rows(slice(int(k), int(k) + 1))[0, j] for k in i])
+    if found.grid.table is not None and (rows >= 0).sum() < 64:
+        bins = np.flatnonzero(found.grid.table.ravel() >= 0)
+        bins = bins[np.unique(np.linspace(0, bins.size - 1, min(bins.size, 2048)).astype(np.int64))]
+        ij, rows = np.stack(np.divmod(bins, grid.crossline.n), axis=1), found.grid.table.ravel()[bins]
+    else:
+        ij = np.stack(np.meshgrid(i, j, indexing="ij"), axis=-1).reshape(-1, 2)
+        rows = rows.ravel()
+    ij, rows = ij[rows >= 0], rows[rows >= 0]
+    xy: AnyArray = np.stack([read_coordinate(layout, rows, byte) for byte in xy_bytes], axis=1)
+    known = (xy != 0).any(axis=1)
+    return fit_map(ij[known], xy[known]) if known.any() else None
+
+
+def _as_dask(source: SegyCube | SegyHeaders) -> Any:
+    """Wrap a file's array: chunks of whole inlines, of about 32 MiB, each read by a handle of its own."""
+    import dask.array as da
+
+    inline_bytes = int(np.prod(source.shape[1:])) * source.dtype.itemsize
+    n = max(1, min(source.shape[0], _CHUNK_BYTES // max(inline_bytes, 1)))
+    empty = np.empty((0,) * source.ndim, source.dtype)
+    chunks = (n, *source.shape[1:])
+    # a name of its own: to hash a table of traces would take longer than to open the file
+    return da.from_array(source, chunks=chunks, name=f"segy-{uuid4().hex}", lock=False, meta=empty)

@@ -1,0 +1,140 @@
+"""What a cube is, in plain values: geometry, formats, amplitude range, dead and missing traces."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray
+from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.io._as_cube import as_cube
+
+_SAMPLED_ABOVE = 2 * 2**30
+_N_BLOCKS = 12
+
+
+def summarise(cube: Any) -> dict[str, Any]:
+    """Describe a cube or a section in values that JSON can hold.
+
+    Amplitudes of a cube above 2 GiB are those of a dozen inlines (traces, in a section) evenly spread over it, and
+    ``sampled`` says so; everything else is exact.
+
+    Parameters
+    ----------
+    cube : DataArray or array
+        As :func:`seismo3d.open_cube` gives it.
+
+    Returns
+    -------
+    dict
+        With the keys ``path``, ``file_format``, ``kind`` ("cube" or "line"), ``shape``, ``axes``, ``amplitude``,
+        ``traces``, ``map``, ``notes`` and, for SEG-Y, ``segy``.
+    """
+    volume = as_cube(cube)
+    attrs = volume.attrs
+    vertical = str(volume.dims[-1])
+    out: dict[str, Any] = {
+        "path": attrs.get("path"),
+        "file_format": attrs.get("file_format"),
+        "kind": "cube" if volume.ndim == 3 else "line",
+        "shape": list(volume.shape),
+        "size_bytes": int(volume.nbytes),
+        "dtype": str(volume.dtype),
+        "domain": vertical,
+        "domain_reason": attrs.get("domain_reason"),
+        "unit": attrs.get("sample_unit"),
+        "axes": {str(d): _axis(volume[d].values) for d in volume.dims},
+    }
+    parts, is_sampled = _parts(volume)
+    out["amplitude"] = _amplitude(parts, is_sampled=is_sampled)
+    out["traces"] = _traces(parts, attrs, is_sampled=is_sampled)
+    out["map"] = _map(volume)
+    if "segy_path" in attrs:
+        keys = (
+            "sample_format",
+            "header_bytes",
+            "inline_byte",
+            "crossline_byte",
+            "x_byte",
+            "y_byte",
+            "sorting",
+            "n_traces",
+        )
+        out["segy"] = {key: attrs.get(key) for key in keys}
+    out["notes"] = list(attrs.get("notes", []))
+    return out
+
+
+def _axis(values: AnyArray) -> dict[str, Any]:
+    step = float(np.median(np.diff(values))) if values.size > 1 else None
+    return {"first": _plain(values[0]), "last": _plain(values[-1]), "step": _plain(step), "n": int(values.size)}
+
+
+def _plain(value: Any) -> Any:
+    if value is None:
+        return None
+    number = float(value)
+    return int(number) if number.is_integer() else number
+
+
+def _parts(volume: Any) -> tuple[list[AnyArray], bool]:
+    """Blocks of the cube along its first axis: all of it, or a dozen lines where it is large."""
+    n = volume.shape[0]
+    if volume.nbytes > _SAMPLED_ABOVE:
+        lines = np.unique(np.linspace(0, n - 1, _N_BLOCKS).astype(int))
+        return [np.asarray(volume[int(k) : int(k) + 1].data) for k in lines], True
+    block = max(1, 64 * 2**20 // max(1, volume[:1].nbytes))
+    return [np.asarray(volume[k : k + block].data) for k in range(0, n, block)], False
+
+
+def _amplitude(parts: list[AnyArray], *, is_sampled: bool) -> dict[str, Any]:
+    n = n_bad = 0
+    low, high, total, squares = np.inf, -np.inf, 0.0, 0.0
+    for part in parts:
+        finite = np.isfinite(part)
+        values = part[finite].astype(np.float64)
+        # NaN throughout a trace is a missing trace, not a bad sample
+        n_bad += int((~finite).sum() - (~finite.any(axis=-1)).sum() * part.shape[-1])
+        if values.size:
+            n, low, high = n + values.size, min(low, float(values.min())), max(high, float(values.max()))
+            total, squares = total + float(values.sum()), squares + float((values**2).sum())
+    if n == 0:
+        return {"min": None, "max": None, "mean": None, "rms": None, "n_not_finite": n_bad, "sampled": is_sampled}
+    out = {"min": low, "max": high, "mean": total / n, "rms": float(np.sqrt(squares / n))}
+    return out | {"n_not_finite": n_bad, "sampled": is_sampled}
+
+
+def _traces(parts: list[AnyArray], attrs: dict[str, Any], *, is_sampled: bool) -> dict[str, Any]:
+    missing = sum(int(np.isnan(part).all(axis=-1).sum()) for part in parts)
+    dead = sum(int((part == 0).all(axis=-1).sum()) for part in parts)
+    total = sum(part[..., 0].size for part in parts)
+    return {
+        "bins_looked_at": total,
+        "missing": int(attrs.get("n_missing", missing)) if is_sampled else missing,
+        "dead": dead,
+        "duplicate": int(attrs.get("n_duplicates", 0)),
+        "sampled": is_sampled,
+    }
+
+
+def _map(volume: Any) -> dict[str, Any] | None:
+    if volume.ndim == 2:
+        if "cdp_x" not in volume.coords:
+            return None
+        x, y = (np.asarray(volume[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y"))
+        length = float(np.hypot(np.diff(x), np.diff(y)).sum())
+        return {"first": [float(x[0]), float(y[0])], "last": [float(x[-1]), float(y[-1])], "length_m": length}
+    survey = SurveyGeometry.from_cube(volume)
+    if survey.map_fit is None:
+        return None
+    n_il, n_xl = volume.shape[:2]
+    corners = survey.index_to_map([[0, 0, 0], [0, n_xl - 1, 0], [n_il - 1, n_xl - 1, 0], [n_il - 1, 0, 0]])[:, :2]
+    return {
+        "bin_size_m": list(survey.bin_size),
+        "inline_axis_azimuth_deg": survey.inline_axis_azimuth_deg,
+        "crossline_axis_azimuth_deg": survey.crossline_axis_azimuth_deg,
+        "right_handed": survey.is_right_handed,
+        "fit_rms_m": survey.map_fit.rms,
+        "corners": corners.tolist(),
+    }

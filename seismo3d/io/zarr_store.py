@@ -1,0 +1,116 @@
+"""Cubes in Zarr: bricks that can be read along any axis, with coordinates and attributes beside them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import Progress
+from seismo3d.errors import FileAccessError, FormatError, ParameterError
+from seismo3d.io._as_cube import as_cube
+from seismo3d.io._files import refuse_os_errors, written_aside
+
+_BRICK = 64
+_SLAB_BYTES = 512 * 2**20
+
+
+def write_zarr(path: Any, cube: Any, *, brick: int = _BRICK, progress: Progress | None = None) -> Path:
+    """Write a cube or a section as a Zarr group, a slab of bricks at a time; it appears complete, or not at all.
+
+    Parameters
+    ----------
+    path : path
+        The folder to make; a Zarr group that is there is replaced, any other folder is refused.
+    cube : DataArray or array
+        In memory or lazy.
+    brick : int
+        Edge of a brick, the unit of reading, in samples.
+    progress : callable, optional
+        Called with "write" and the share done.
+
+    Raises
+    ------
+    FileAccessError
+        If the folder cannot be written, or is there and is no Zarr group.
+    """
+    volume = as_cube(cube)
+    out = Path(path)
+    if brick < 1:
+        raise ParameterError(f"brick is {brick}; expected at least 1.")
+    if out.is_file() or (out.is_dir() and not (out / "zarr.json").is_file()):
+        raise FileAccessError(f"{out} is there and is no Zarr group; expected a free name. Remove it, or name another.")
+    name = str(volume.name or "amplitude")
+    volume = volume.rename(name)
+    slab_bytes = int(np.prod(volume.shape[1:], dtype=np.int64)) * volume.dtype.itemsize
+    edge = int(max(1, min(brick, volume.shape[0], _SLAB_BYTES // max(1, slab_bytes))))
+    chunks = (edge, *(min(brick, n) for n in volume.shape[1:]))
+    with written_aside(out, folder=True) as aside:
+        _make_group(aside, volume, name, chunks)
+        first_dim = str(volume.dims[0])
+        for start in range(0, volume.shape[0], edge):
+            part = volume[start : start + edge].compute()
+            _write_slab(aside, part, name, first_dim, start)
+            if progress is not None:
+                progress("write", min(1.0, (start + edge) / volume.shape[0]))
+    return out
+
+
+def read_zarr(path: Any, *, variable: str | None = None, lazy_above: int = 2 * 2**30) -> Any:
+    """Open a cube or a section from a Zarr group; lazy above a size, with the store's own chunks.
+
+    Raises
+    ------
+    FileAccessError, FormatError
+        If it cannot be read, or holds no such array.
+    """
+    import xarray as xr
+
+    store = Path(path)
+    if not store.exists():
+        raise FileAccessError(f"{store} does not exist. Check the path.")
+    if not store.is_dir():
+        raise FormatError(f"{store} is a file; expected a folder that holds a Zarr group.")
+    try:
+        with refuse_os_errors(store, "read"):
+            dataset = xr.open_zarr(store, chunks={}, consolidated=False)
+    except (ValueError, KeyError, TypeError) as error:
+        raise FormatError(f"{store} is no Zarr group that can be read: {error}".splitlines()[0]) from error
+    names = [str(n) for n, v in dataset.data_vars.items() if v.ndim in (2, 3) and set(v.dims) & {"time", "depth"}]
+    chosen = variable or (names[0] if len(names) == 1 else None)
+    if chosen is None or chosen not in dataset.data_vars:
+        raise FormatError(f"{store} holds {names or 'no cube'}; expected one. Name it by variable.")
+    cube = dataset[chosen]
+    cube.encoding = {}
+    coords = {n: c.compute() for n, c in cube.coords.items() if c.nbytes < 2**30}
+    cube = as_cube(cube.assign_coords(coords), name=str(store)).assign_attrs(path=str(store), file_format="Zarr")
+    return cube if cube.nbytes > lazy_above else cube.compute()
+
+
+def _make_group(aside: Path, volume: Any, name: str, chunks: tuple[int, ...]) -> None:
+    """Write everything but the samples and the coordinates that vary along the first axis."""
+    import dask.array as da
+    import xarray as xr
+
+    empty = xr.DataArray(
+        da.zeros(volume.shape, chunks=chunks, dtype=volume.dtype), dims=volume.dims, attrs=volume.attrs
+    )
+    for key, coord in volume.coords.items():
+        is_lateral = volume.dims[0] in coord.dims and key not in volume.dims
+        data = da.zeros(coord.shape, chunks=chunks[: coord.ndim], dtype=coord.dtype) if is_lateral else coord.data
+        empty = empty.assign_coords({key: (coord.dims, data, coord.attrs)})
+    dataset = empty.to_dataset(name=name)
+    encoding: dict[str, Any] = {name: {"chunks": chunks, "fill_value": None}}
+    dataset.to_zarr(aside, mode="w", compute=False, consolidated=False, zarr_format=3, encoding=encoding)
+
+
+def _write_slab(aside: Path, part: Any, name: str, first_dim: str, start: int) -> None:
+    import zarr
+
+    group: Any = zarr.open_group(aside, mode="r+")
+    stop = start + part.shape[0]
+    group[name][start:stop] = part.values
+    for key, coord in part.coords.items():
+        if first_dim in coord.dims and key not in part.dims:
+            group[str(key)][start:stop] = coord.values

@@ -1,0 +1,221 @@
+from __future__ import annotations
+
+import json
+import resource
+
+import dask.array as da
+import numpy as np
+import pytest
+import xarray as xr
+
+import seismo3d as s3
+from seismo3d.errors import FileAccessError, FormatError, ParameterError, ShapeError
+from seismo3d.io.cubes import convert_cube, write_npy
+from seismo3d.io.summary import summarise
+from seismo3d.io.zarr_store import write_zarr
+
+
+@pytest.fixture
+def segy(tmp_path, maker, rng):
+    heads = maker.headers(range(10, 20, 2), range(3, 9))
+    heads = [h | {181: 3 * h[193] + h[189], 185: 7 * h[189] - h[193], 71: 1} for h in heads]
+    values = rng.integers(-900, 900, (29, 8))
+    values[6] = 0
+    return maker.write(tmp_path / "in.sgy", values, [*heads[:12], *heads[13:]], code=3)
+
+
+def same(a, b):
+    xr.testing.assert_identical(a.drop_attrs(), b.drop_attrs())
+
+
+def test_as_cube_takes_arrays_and_cubes_and_turns_axes():
+    values = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
+    cube = s3.as_cube(values, domain="depth", interval=5, start=100)
+    assert cube.dims == ("inline", "crossline", "depth")
+    assert cube.depth.values.tolist() == [100, 105, 110, 115]
+    assert cube.attrs["sample_unit"] == "m"
+    assert s3.as_cube(values).attrs["sample_unit"] == "samples"
+    assert s3.as_cube(values[0]).dims == ("trace", "time")
+    xr.testing.assert_identical(s3.as_cube(cube.transpose("depth", "crossline", "inline")), cube)
+    lazy = s3.as_cube(da.from_array(values, chunks=(1, 3, 4)))
+    assert lazy.chunks is not None
+    plain = xr.DataArray(values, dims=("inline", "crossline", "time"))
+    assert s3.as_cube(plain).time.values.tolist() == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        (np.zeros(4), r"cube has shape \(4,\)"),
+        (np.zeros((2, 0, 3)), "it is empty"),
+        (np.array([["a", "b"]]), "expected real numbers"),
+        (np.zeros((2, 2), dtype=complex), "expected real numbers"),
+        (xr.DataArray(np.zeros((2, 2)), dims=("x", "time")), "expected .inline, crossline, time or depth."),
+        (xr.Dataset({"a": ("x", [1])}), "Select one of"),
+    ],
+)
+def test_as_cube_refuses(bad, words):
+    with pytest.raises(ShapeError, match=words):
+        s3.as_cube(bad)
+
+
+@pytest.mark.parametrize("lazy", [False, True])
+def test_zarr_round_trip(segy, tmp_path, lazy):
+    cube = s3.open_cube(segy, lazy=lazy)
+    write_zarr(tmp_path / "a.zarr", cube, brick=3)
+    back = s3.open_cube(tmp_path / "a.zarr")
+    same(back, cube.compute())
+    assert json.loads(json.dumps(back.attrs)) == back.attrs
+    assert {k for k in cube.attrs if cube.attrs[k] != back.attrs[k]} == {"path", "file_format"}
+    opened = s3.open_cube(tmp_path / "a.zarr", lazy=True)
+    assert opened.data.chunksize == (3, 3, 3)
+    same(opened.compute(), cube.compute())
+    write_zarr(tmp_path / "a.zarr", cube.isel(inline=slice(0, 2)))
+    assert s3.open_cube(tmp_path / "a.zarr").sizes["inline"] == 2
+
+
+def test_sections_and_integers_in_zarr(tmp_path):
+    section = s3.as_cube(np.arange(12, dtype=np.int32).reshape(3, 4), interval=2.0)
+    same(s3.open_cube(write_zarr(tmp_path / "a.zarr", section)), section)
+
+
+def test_attributes_survive_plain_xarray(segy, tmp_path):
+    cube = s3.open_cube(segy)
+    cube.to_dataset().to_zarr(tmp_path / "b.zarr", consolidated=False)
+    assert s3.open_cube(tmp_path / "b.zarr").attrs["survey"] == cube.attrs["survey"]
+
+
+def test_segy_to_zarr_to_segy_is_the_same_file_again(segy, tmp_path):
+    convert_cube(segy, tmp_path / "a.zarr")
+    convert_cube(tmp_path / "a.zarr", tmp_path / "b.sgy")
+    convert_cube(tmp_path / "b.sgy", tmp_path / "c.sgy")
+    assert (tmp_path / "b.sgy").read_bytes() == (tmp_path / "c.sgy").read_bytes()
+    same(s3.open_cube(tmp_path / "b.sgy"), s3.open_cube(segy))
+
+
+def test_zarr_to_segy_without_the_original_file(segy, tmp_path):
+    cube = s3.open_cube(segy)
+    convert_cube(segy, tmp_path / "a.zarr")
+    segy.unlink()
+    same(s3.open_cube(convert_cube(tmp_path / "a.zarr", tmp_path / "b.sgy")), cube)
+
+
+def test_npy_and_npz(segy, tmp_path):
+    cube = s3.open_cube(segy)
+    convert_cube(segy, tmp_path / "a.npy")
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), cube.values)
+    for lazy in (False, True):
+        back = s3.open_cube(tmp_path / "a.npy", interval=4.0, lazy=lazy)
+        np.testing.assert_array_equal(back.values, cube.values)
+        assert (back.chunks is not None) is lazy
+    np.savez(tmp_path / "b.npz", seismic=cube.values, lines=np.arange(3))
+    assert s3.open_cube(tmp_path / "b.npz").shape == cube.shape
+    np.savez(tmp_path / "c.npz", a=cube.values, b=cube.values)
+    with pytest.raises(FormatError, match=r"2 arrays that could be the cube: \['a', 'b'\]"):
+        s3.open_cube(tmp_path / "c.npz")
+    assert s3.open_cube(tmp_path / "c.npz", variable="b").shape == cube.shape
+    with pytest.raises(ParameterError, match="no array 'z'"):
+        s3.open_cube(tmp_path / "c.npz", variable="z")
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npz"])
+@pytest.mark.parametrize("content", [b"", b"not numpy at all", b"\x93NUMPY\x01\x00v\x00{"])
+def test_broken_numpy_files(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(FormatError, match="cannot be read as") as error:
+        s3.open_cube(tmp_path / name)
+    assert "\n" not in str(error.value)
+
+
+def test_pickles_are_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    with pytest.raises(FormatError, match="cannot be read as"):
+        s3.open_cube(tmp_path / "a.npy")
+
+
+def test_broken_zarr(tmp_path):
+    with pytest.raises(FileAccessError, match="does not exist"):
+        s3.open_cube(tmp_path / "no.zarr")
+    (tmp_path / "file.zarr").write_text("x")
+    with pytest.raises(FormatError, match="is a file; expected a folder"):
+        s3.open_cube(tmp_path / "file.zarr")
+    (tmp_path / "empty.zarr").mkdir()
+    with pytest.raises((FormatError, FileAccessError), match=r"empty\.zarr"):
+        s3.open_cube(tmp_path / "empty.zarr")
+    (tmp_path / "bad.zarr").mkdir()
+    (tmp_path / "bad.zarr" / "zarr.json").write_text("{")
+    with pytest.raises(FormatError, match="no Zarr group that can be read"):
+        s3.open_cube(tmp_path / "bad.zarr")
+    xr.Dataset({"a": ("x", [1, 2])}).to_zarr(tmp_path / "other.zarr", consolidated=False)
+    with pytest.raises(FormatError, match="holds no cube"):
+        s3.open_cube(tmp_path / "other.zarr")
+
+
+def test_folders_that_are_no_zarr_are_not_overwritten(segy, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "precious").write_text("x")
+    with pytest.raises(FileAccessError, match="is there and is no Zarr group"):
+        write_zarr(tmp_path / "mine", s3.open_cube(segy))
+    assert (tmp_path / "mine" / "precious").read_text() == "x"
+
+
+@pytest.mark.parametrize("suffix", [".zarr", ".npy", ".sgy"])
+def test_an_interrupted_conversion_leaves_nothing(segy, tmp_path, suffix):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        convert_cube(segy, tmp_path / f"out{suffix}", progress=interrupt)
+    assert [p.name for p in tmp_path.iterdir()] == ["in.sgy"]
+
+
+@pytest.mark.parametrize("suffix", [".zarr", ".npy"])
+def test_a_full_disk_leaves_nothing(segy, tmp_path, suffix):
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    cube = s3.open_cube(segy)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (150, hard))
+    try:
+        with pytest.raises(FileAccessError, match="cannot be written"):
+            (write_zarr if suffix == ".zarr" else write_npy)(tmp_path / f"out{suffix}", cube)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert [p.name for p in tmp_path.iterdir()] == ["in.sgy"]
+
+
+def test_convert_refuses_what_it_cannot_do(segy, tmp_path):
+    with pytest.raises(ParameterError, match=r"expected \.sgy, \.segy, \.zarr or \.npy"):
+        convert_cube(segy, tmp_path / "a.txt")
+    with pytest.raises(ParameterError, match="is the input too"):
+        convert_cube(segy, segy)
+    with pytest.raises(FileAccessError, match="does not exist"):
+        convert_cube(tmp_path / "no.sgy", tmp_path / "a.zarr")
+    with pytest.raises(ParameterError, match="scan is 'no'"):
+        s3.open_cube(segy, scan="no")
+
+
+def test_summary_counts_and_measures(segy):
+    cube = s3.open_cube(segy)
+    got = summarise(cube)
+    assert got["traces"] == {"bins_looked_at": 30, "missing": 1, "dead": 1, "duplicate": 0, "sampled": False}
+    finite = cube.values[np.isfinite(cube.values)].astype(np.float64)
+    assert got["amplitude"]["min"] == finite.min()
+    assert got["amplitude"]["rms"] == pytest.approx(np.sqrt((finite**2).mean()), rel=1e-12)
+    assert got["axes"]["inline"] == {"first": 10, "last": 18, "step": 2, "n": 5}
+    assert got["map"]["bin_size_m"] == pytest.approx([2 * np.hypot(1, 7), np.hypot(3, 1)])
+    assert got["map"]["corners"][0] == pytest.approx([19, 67])
+    assert json.loads(json.dumps(got)) == got
+
+
+def test_summary_of_a_large_cube_is_sampled(monkeypatch, segy):
+    monkeypatch.setattr("seismo3d.io.summary._SAMPLED_ABOVE", 100)
+    got = summarise(s3.open_cube(segy, lazy=True))
+    assert got["amplitude"]["sampled"]
+    assert got["traces"]["missing"] == 1
+
+
+def test_summary_of_bad_samples():
+    values = np.ones((2, 2, 3))
+    values[0, 0, 1] = np.inf
+    values[1, 1] = np.nan
+    assert summarise(values)["amplitude"]["n_not_finite"] == 1
+    assert summarise(np.full((2, 3), np.nan))["amplitude"]["max"] is None

@@ -1,0 +1,203 @@
+from __future__ import annotations
+
+import resource
+
+import numpy as np
+import pytest
+import segyio
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import seismo3d as s3
+from seismo3d.errors import FileAccessError, GeometryError, ParameterError
+from seismo3d.io._segy_encode import encode, ibm_words
+from seismo3d.io._segy_layout import read_layout
+from seismo3d.io._segy_samples import decode
+
+
+def headers_of(path, order="big"):
+    with segyio.open(path, ignore_geometry=True, endian=order) as file:
+        return [dict(h) for h in file.header], file.text[0], dict(file.bin)
+
+
+@pytest.fixture
+def awkward(tmp_path, maker, rng):
+    """Crossline-sorted, steps of 2, one missing, one duplicate, one dead trace, coordinates with a scalar, int16."""
+    heads = maker.headers(range(10, 20, 2), range(3, 9), by="crossline")
+    heads = [h | {181: 5 * h[193], 185: 7 * h[189], 71: -10, 109: 120, 1: k, 25: 7} for k, h in enumerate(heads)]
+    heads = [*heads[:11], *heads[12:], heads[4] | {25: 8}]
+    values = rng.integers(-900, 900, (30, 8))
+    values[6] = 0
+    return maker.write(tmp_path / "in.sgy", values, heads, code=3, text="C 1 AN AWKWARD FILE")
+
+
+@pytest.mark.parametrize("lazy", [False, True])
+@pytest.mark.parametrize("code", [1, 5])
+def test_results_go_out_on_the_inputs_own_headers(awkward, tmp_path, lazy, code):
+    cube = s3.open_cube(awkward, lazy=lazy)
+    result = s3.write_segy(tmp_path / "out.sgy", cube * 2, like=awkward, sample_format=code)
+    back = s3.open_cube(result)
+    np.testing.assert_array_equal(back.values, cube.values * 2)
+    before, after = headers_of(awkward), headers_of(result)
+    assert before[0] == after[0]
+    assert before[1] == after[1]
+    assert {k for k in before[2] if before[2][k] != after[2][k]} == {segyio.BinField.Format}
+    for name in cube.coords:
+        np.testing.assert_array_equal(back[name].values, cube[name].values)
+
+
+def test_the_input_is_found_by_itself(awkward, tmp_path):
+    cube = s3.open_cube(awkward)
+    back = s3.open_cube(s3.write_segy(tmp_path / "out.sgy", cube))
+    assert (back.attrs["n_duplicates"], back.attrs["sorting"]) == (1, "unsorted")
+    assert back.attrs["text_header"] == cube.attrs["text_header"]
+
+
+def test_a_bare_array_takes_the_geometry_of_like(awkward, tmp_path, rng):
+    values = rng.standard_normal((5, 6, 8)).astype(np.float32)
+    back = s3.open_cube(s3.write_segy(tmp_path / "out.sgy", values, like=awkward, sample_format=5))
+    live = np.isfinite(back.values).all(axis=2)
+    np.testing.assert_array_equal(back.values[live], values[live])
+    assert int((~live).sum()) == 1
+    with pytest.raises(GeometryError, match=r"array has shape \(5, 7, 8\).*5 x 6 lines"):
+        s3.write_segy(tmp_path / "no.sgy", np.zeros((5, 7, 8)), like=awkward)
+
+
+def test_a_part_of_the_cube_keeps_its_headers(awkward, tmp_path):
+    cube = s3.open_cube(awkward)
+    part = cube.isel(inline=slice(1, 4), crossline=[5, 1, 2], time=slice(2, 6))
+    back = s3.open_cube(s3.write_segy(tmp_path / "part.sgy", part, like=awkward))
+    np.testing.assert_array_equal(back.values, part.sortby("crossline").reindex(crossline=back.crossline).values)
+    np.testing.assert_array_equal(back.time, part.time)
+    other = cube.assign_coords(inline=cube.inline + 1)
+    with pytest.raises(GeometryError, match="not all are among the 5 of"):
+        s3.write_segy(tmp_path / "no.sgy", other, like=awkward)
+
+
+def test_little_endian_stays_little_endian(tmp_path, maker):
+    source = maker.write(tmp_path / "a.sgy", np.arange(18).reshape(6, 3), maker.headers([1, 2], [1, 2, 3]), order="<")
+    cube = s3.open_cube(source)
+    for code in (1, 5):
+        out = s3.write_segy(tmp_path / "b.sgy", cube, sample_format=code)
+        with segyio.open(out, endian="little") as file:
+            np.testing.assert_array_equal(segyio.tools.cube(file), cube.values)
+        np.testing.assert_array_equal(s3.open_cube(out).values, cube.values)
+
+
+@pytest.mark.parametrize("lazy", [False, True])
+def test_without_like_the_headers_are_made(awkward, tmp_path, lazy):
+    cube = s3.open_cube(awkward, lazy=lazy)
+    out = s3.write_segy(tmp_path / "out.sgy", cube, like=None, title="Likelihood of faults")
+    back = s3.open_cube(out)
+    np.testing.assert_array_equal(back.values, cube.values)
+    for name in ("inline", "crossline", "time", "cdp_x", "cdp_y", "live"):
+        np.testing.assert_array_equal(back[name].values, cube[name].values)
+    assert "Likelihood of faults" in back.attrs["text_header"]
+    assert back.attrs["n_duplicates"] == 0
+    with segyio.open(out, strict=False) as file:
+        assert file.tracecount == 29
+        assert file.header[3][segyio.TraceField.INLINE_3D] == 10
+
+
+def test_depth_line_and_odd_axes_survive(tmp_path):
+    section = s3.as_cube(np.arange(12.0).reshape(3, 4), domain="depth", interval=2.5, start=-7.25)
+    section = section.assign_coords(cdp_x=("trace", [1.25, 2.5, 3.75]), cdp_y=("trace", [0.0, 1.0, 2.0]))
+    back = s3.open_cube(s3.write_segy(tmp_path / "a.sgy", section))
+    assert back.dims == ("trace", "depth")
+    np.testing.assert_array_equal(back.values, section.values)
+    np.testing.assert_allclose(back.depth, section.depth)
+    np.testing.assert_allclose(back.cdp_x, section.cdp_x, atol=0.005)  # centimetres are stored
+
+
+def test_a_domain_that_was_given_is_written_down(tmp_path, maker):
+    source = maker.write(tmp_path / "a.sgy", np.ones((6, 3)), maker.headers([1, 2], [1, 2, 3]))
+    cube = s3.open_cube(source, domain="depth")
+    assert s3.open_cube(s3.write_segy(tmp_path / "b.sgy", cube)).dims[2] == "depth"
+
+
+def test_what_is_not_finite_becomes_the_fill(tmp_path, awkward):
+    cube = s3.open_cube(awkward)
+    throw = cube.where(cube > 0)
+    assert (~np.isfinite(throw.values[cube.live.values])).any()
+    for like in (awkward, None):
+        back = s3.open_cube(s3.write_segy(tmp_path / "t.sgy", throw, like=like, fill=-9.0))
+        assert (back.values[0, 0] == np.where(cube.values[0, 0] > 0, cube.values[0, 0], -9.0)).all()
+        np.testing.assert_array_equal(back.values[cube.live.values], throw.fillna(-9.0).values[cube.live.values])
+
+
+@given(
+    arrays(np.float32, 20, elements=st.floats(width=32, allow_nan=False, allow_infinity=False, allow_subnormal=False))
+)
+@settings(max_examples=60, deadline=None)
+def test_ibm_words_are_nearest(values):
+    words = ibm_words(values).astype(np.int64)
+    exact = (words & 0xFFFFFF) / 2.0**24 * 16.0 ** (((words >> 24) & 127) - 64) * np.where(words >> 31, -1, 1)
+    # a base-16 fraction of 24 bits is at least 1/16: half of its last bit is at most 2^-21 of the value
+    np.testing.assert_allclose(exact, values, rtol=2.0**-21, atol=0)
+
+
+def test_ibm_words_are_what_segyio_reads(tmp_path, rng):
+    values = (rng.standard_normal((4, 50)) * 10.0 ** rng.integers(-9, 9, (4, 50))).astype(np.float32)
+    out = s3.write_segy(tmp_path / "a.sgy", values, like=None, sample_format=1)
+    with segyio.open(out, ignore_geometry=True) as file:
+        np.testing.assert_allclose(file.trace.raw[:], values, rtol=2.0**-21)
+    layout = read_layout(out)
+    np.testing.assert_array_equal(decode(encode(values, 1, 0.0), layout), decode(layout.map_traces()["data"], layout))
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, OSError(28, "No space left on device"), ValueError("x")])
+def test_nothing_half_written_stays(awkward, tmp_path, stop):
+    old = tmp_path / "out.sgy"
+    old.write_bytes(b"an older result")
+
+    def interrupt(*_):
+        raise stop
+
+    with pytest.raises((KeyboardInterrupt, FileAccessError, ValueError)):
+        s3.write_segy(old, s3.open_cube(awkward), progress=interrupt)
+    assert old.read_bytes() == b"an older result"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["in.sgy", "out.sgy"]
+
+
+def test_a_full_disk_is_one_line_and_leaves_nothing(awkward, tmp_path):
+    # a limit on the size of files makes the system refuse the write, as a full disk does
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    cube = s3.open_cube(awkward)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4000, hard))
+    try:
+        with pytest.raises(FileAccessError, match=r"out\.sgy cannot be written: File too large"):
+            s3.write_segy(tmp_path / "out.sgy", cube)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert [p.name for p in tmp_path.iterdir()] == ["in.sgy"]
+
+
+def test_refusals(awkward, tmp_path):
+    cube = s3.open_cube(awkward)
+    with pytest.raises(ParameterError, match="is the file that the cube was read from"):
+        s3.write_segy(awkward, cube)
+    with pytest.raises(ParameterError, match="sample_format is 3"):
+        s3.write_segy(tmp_path / "a.sgy", cube, sample_format=3)
+    with pytest.raises(FileAccessError, match="is not a folder"):
+        s3.write_segy(tmp_path / "no" / "a.sgy", cube)
+    with pytest.raises(FileAccessError, match="is a directory"):
+        s3.write_segy(tmp_path, cube)
+    with pytest.raises(GeometryError, match="sample interval of 50"):
+        s3.write_segy(tmp_path / "a.sgy", s3.as_cube(np.ones((2, 2, 2)), interval=50.0))
+    with pytest.raises(GeometryError, match="There is nothing to write"):
+        s3.write_segy(tmp_path / "a.sgy", np.full((2, 2, 2), np.nan))
+    assert [p.name for p in tmp_path.iterdir()] == ["in.sgy"]
+
+
+@pytest.mark.parametrize(
+    "name", ["f3.sgy", "ex1_missing_traces_75x71x26.segy", "31_81_PR.sgy", "volve10-migvel-depth-sub3d.sgy"]
+)
+def test_real_files_come_back(real_data, tmp_path, name):
+    source = real_data / "seismic" / "segy" / name
+    cube = s3.open_cube(source)
+    back = s3.open_cube(s3.write_segy(tmp_path / "a.sgy", cube))
+    assert back.dims == cube.dims
+    np.testing.assert_array_equal(back.values, cube.values)
+    before, after = headers_of(source)[0], headers_of(tmp_path / "a.sgy")[0]
+    assert before == after
