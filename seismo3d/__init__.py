@@ -5,6 +5,7 @@ The flow of data, top to bottom::
     open_cube          SEG-Y, Zarr or NPY -> cube (xarray.DataArray: inline, crossline, time or depth)
     trace_faults       cube -> FaultSet (likelihood, labels, throw, surfaces)
     FaultSet.save      surfaces and volumes to a folder
+    Scan, register     any two scans -> Registration (transform, covariance, certificate)
     plot               sections, time slices and 3D scenes
 
 Every name is imported when it is first used, so that ``import seismo3d`` stays light.
@@ -21,15 +22,37 @@ if TYPE_CHECKING:
     from seismo3d import plot, synthetic
     from seismo3d.io.cubes import as_cube, open_cube
     from seismo3d.io.segy import write_segy
+    from seismo3d.registration.align import align_pairs
+    from seismo3d.registration.constraints import Constraints
+    from seismo3d.registration.register import register
+    from seismo3d.registration.result import Registration
+    from seismo3d.scan import Scan
 
 _PUBLIC = {
+    "Constraints": "seismo3d.registration.constraints",
+    "Registration": "seismo3d.registration.result",
+    "Scan": "seismo3d.scan",
+    "align_pairs": "seismo3d.registration.align",
     "as_cube": "seismo3d.io.cubes",
     "open_cube": "seismo3d.io.cubes",
+    "register": "seismo3d.registration.register",
     "write_segy": "seismo3d.io.segy",
 }
 _MODULES = ("plot", "synthetic")
 
-__all__ = ["__version__", "as_cube", "open_cube", "plot", "synthetic", "write_segy"]
+__all__ = [
+    "Constraints",
+    "Registration",
+    "Scan",
+    "__version__",
+    "align_pairs",
+    "as_cube",
+    "open_cube",
+    "plot",
+    "register",
+    "synthetic",
+    "write_segy",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -85,7 +85,9 @@ class LoopResult:
     settled : bool
         The last step was below the tolerance.
     energies : tuple of float
-        Mean square residual of the matched points after each pass, in the frame.
+        Mean square residual of the matched points at each pass, in the frame.
+    path : tuple of (A, t)
+        Where each of those passes was made.
     """
 
     A: Float64Array
@@ -94,6 +96,7 @@ class LoopResult:
     cutoff: float
     settled: bool
     energies: tuple[float, ...]
+    path: tuple[tuple[Float64Array, Float64Array], ...] = ()
 
 
 def run_levels(
@@ -123,12 +126,12 @@ def run_levels(
     settings : LoopSettings
     """
     A, t = start.A, start.t
-    energies: list[float] = []
+    trail: list[tuple[float, Float64Array, Float64Array]] = []
     result = None
     for level in range(len(target) - 1, -1, -1):
         coarsest = level == len(target) - 1
         result = _run_level(
-            target[level], source[level], features, A, t, prior, limits, model, settings, energies,
+            target[level], source[level], features, A, t, prior, limits, model, settings, trail,
             wide=coarsest and settings.wide_search, finest=level == 0,
         )  # fmt: skip
         A, t = result.A, result.t
@@ -149,7 +152,7 @@ def _run_level(
     limits: Limits,
     model: str,
     settings: LoopSettings,
-    energies: list[float],
+    trail: list[tuple[float, Float64Array, Float64Array]],
     *,
     wide: bool,
     finest: bool,
@@ -178,7 +181,7 @@ def _run_level(
         joint = new
         surface = joint.surface
         if surface is not None:
-            energies.append(surface.mean_square)
+            trail.append((surface.mean_square, A, t))
             fresh = max(TUKEY * surface.spread, 0.05 * target.size, 1e-7)
             if not 0.8 < fresh / cutoff < 1.25:
                 cutoff = min(fresh, 2.0 * target.size)
@@ -204,7 +207,7 @@ def _run_level(
             A, t = moved_from(base, mixed, model)
     if joint is None:
         raise ValueError("max_iterations must be positive")
-    return LoopResult(A, t, joint, cutoff, settled, tuple(energies))
+    return LoopResult(A, t, joint, cutoff, settled, tuple(e for e, _, _ in trail), tuple((B, u) for _, B, u in trail))
 
 
 def draw(surface: Float32Array, most: int) -> Float32Array:

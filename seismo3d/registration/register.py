@@ -41,6 +41,9 @@ N_POSES = 24
 N_FINALISTS = 4
 LEAST_AGREEING = 6
 """Features that must agree with a pose for it to lead."""
+MANY_AGREEING = 20
+MOST_AGREE = 0.5
+"""Number and share of features that must agree for no other start to be tried."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,9 +140,7 @@ def register(
     task, first = _prepare(
         target, source, model, start, stages, matches, alpha, voxel_size, constraints, settings, n_threads
     )
-    found, stage = _run(task, first), "local"
-    if task.features is not None:
-        found = _lead_by_features(task, found)
+    found, stage = _run_local(task, first), "local"
     if "global" in stages and (overlap_of(found) < GOOD_OVERLAP or "local" not in stages):
         found, stage = _search(task, found, stage)
     if "polish" in stages:
@@ -249,22 +250,22 @@ def _run(task: _Task, start: Prior) -> LoopResult:
     )
 
 
-def _lead_by_features(task: _Task, found: LoopResult) -> LoopResult:
-    """Run the loop from where most features agree too, with those features alone; keep the better of both answers."""
+def _run_local(task: _Task, start: Prior) -> LoopResult:
+    """Run the loop from where most features agree, if many do; else from the start too, and keep the better answer."""
     if task.features is None:
-        return found
+        return _run(task, start)
     reach = _feature_reach(task.pair)
-    best, best_cost = found, _joint_cost(task, found)
+    led: list[LoopResult] = []
     for A, t in poses_by_features(task.features, n_poses=2, reach=reach):
         agree = task.features.agreeing(A, t, 2.0 * reach)
-        if agree.target.shape[0] < LEAST_AGREEING:
+        share = len(agree.target) / len(task.features.target)
+        if len(agree.target) < LEAST_AGREEING:
             continue
-        led = replace(task, features=agree, settings=replace(task.settings, wide_search=False))
-        trial = _run(led, Prior(A * _scale_of(task.prior.A), t))
-        cost = _joint_cost(task, trial)
-        if cost < best_cost:
-            best, best_cost = trial, cost
-    return best
+        with_these = replace(task, features=agree, settings=replace(task.settings, wide_search=False))
+        led.append(_run(with_these, Prior(A * _scale_of(task.prior.A), t)))
+        if len(agree.target) >= MANY_AGREEING and share >= MOST_AGREE:
+            return led[-1]
+    return min([*led, _run(task, start)], key=lambda found: _joint_cost(task, found))
 
 
 def _feature_reach(pair: DensePair) -> float:
@@ -378,6 +379,7 @@ def _assemble(task: _Task, found: LoopResult, stage: str) -> Registration:
         model=task.model,
         scale=freeze(_scale_of(found.A)),
         energies=tuple(e * frame.size**2 for e in found.energies),
+        path=tuple(frame.leave(A, t) for A, t in found.path),
         stage=stage,
         find_inliers=_inlier_finder(task, found),
     )

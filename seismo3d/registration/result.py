@@ -68,6 +68,8 @@ class Registration:
         Factors of scale: the lengths of the columns of the linear part.
     energies : tuple of float
         Mean square residual after each step of the loop, the input's units squared; empty for the exact solve alone.
+    path : tuple of ndarray of shape (d+1, d+1)
+        Transforms at which those energies were measured.
     stage : str
         ``"exact"`` (given pairs), ``"local"`` or ``"global"``: the stage whose answer this is.
     find_inliers : callable
@@ -85,6 +87,7 @@ class Registration:
     model: str
     scale: Float64Array
     energies: tuple[float, ...] = ()
+    path: tuple[Float64Array, ...] = ()
     stage: str = "exact"
     find_inliers: Callable[[], BoolArray] = field(default=lambda: np.zeros(0, dtype=bool), repr=False)
 
