@@ -4,20 +4,28 @@ bounded.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d.geometry.voxels import VoxelMap
+from seismo3d.registration._kernels_newton import parameter_jacobian
 from seismo3d.registration.acceleration import Accelerator
+from seismo3d.registration.constraints import model_number
 from seismo3d.registration.matching import Pass, match_surface
+from seismo3d.registration.quadratic import stack
 from seismo3d.registration.robust import TUKEY
 from seismo3d.registration.solvers import Limits, Prior, moved_from, offsets_from, walk
 from seismo3d.registration.terms import FeaturePass, FeatureTerm, weigh_features
 
 NEAR_SHARE = 0.5
 """Share of elements with a partner within half a voxel from which the start counts as near."""
+
+
+NORMAL_NOISE = 2.0
+"""Curvature that noise of the normals feigns, in medians of the squared sine between matched normals."""
+LEAST_RATIO = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +68,9 @@ class LoopSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joint:
-    """The fused form at one transform, the factors of both terms in it, and the robust cost that steps are judged
-    by.
+    """The fused form at one transform, the factors of both terms in it, and the robust cost of the pairs.
+
+    Directions whose curvature is below ``ratio`` times the largest are not seen.
     """
 
     form: Float64Array
@@ -69,6 +78,7 @@ class Joint:
     cost: float
     surface: Pass | None
     features: FeaturePass | None
+    ratio: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,7 +182,7 @@ def _run_level(
             search = joint = plain = None
         widened = search is not None
         given, radius = search.partners(A, t, iteration) if search else (None, 1.5 * target.size)
-        new = _evaluate(target, drawn, features, A, t, radius, cutoff, given, settings)
+        new = _evaluate(target, drawn, features, A, t, radius, cutoff, given, settings, model)
         if plain is not None and joint is not None and new.cost > 1.0005 * joint.cost + 1e-9:
             A, t = plain  # the extrapolation went uphill: take the plain step instead
             plain = None
@@ -186,7 +196,7 @@ def _run_level(
             if not 0.8 < fresh / cutoff < 1.25:
                 cutoff = min(fresh, 2.0 * target.size)
                 memory.forget()
-        step = walk(joint.form, A, t, model=model, prior=prior, limits=limits, ratio=settings.observability)
+        step = walk(joint.form, A, t, model=model, prior=prior, limits=limits, ratio=joint.ratio)
         move = offsets_from(Prior(A, t), step.A, step.t, model)
         if np.abs(move).max() < (tolerance if not widened else 4 * tolerance) or stall.reached(joint.cost, cutoff):
             A, t = step.A, step.t
@@ -268,6 +278,7 @@ def _evaluate(
     cutoff: float,
     given: Int32Array | None,
     settings: LoopSettings,
+    model: str,
 ) -> Joint:
     extra = {} if given is None else {"given": given}
     surface = match_surface(
@@ -282,7 +293,11 @@ def _evaluate(
         **extra,
     )
     seen = None if features is None else weigh_features(features, A, t)
-    return fuse(surface, seen, settings.alpha, target.size)
+    ratio = max(settings.observability, NORMAL_NOISE * normal_noise(surface, source, A))
+    if seen is not None and settings.alpha is None and surface.weight > 0.0:
+        surface = replace(surface, form=seen_part(surface.form, A, t, model, ratio))
+        ratio = 0.0
+    return replace(fuse(surface, seen, settings.alpha, target.size), ratio=max(ratio, LEAST_RATIO))
 
 
 def fuse(surface: Pass | None, features: FeaturePass | None, alpha: float | None, voxel_size: float) -> Joint:
@@ -305,6 +320,40 @@ def fuse(surface: Pass | None, features: FeaturePass | None, alpha: float | None
     outside = 1.0 - features.weight / n_features
     cost = surface.cost + outside
     return Joint(form, shares, cost, surface, features)
+
+
+def normal_noise(surface: Pass, source: Float32Array, A: Float64Array) -> float:
+    """Return the median squared sine of the angle between matched normals: information that noise feigns.
+
+    A plane with noisy normals seems to hold what slides along it, by as much as its normals waver.
+    """
+    d = A.shape[0]
+    turned = source[:, 4 : 4 + d] @ A.T.astype(np.float32)
+    length2 = (turned * turned).sum(axis=1)
+    usable = np.isfinite(surface.residuals) & (length2 > 0.0)
+    if not usable.any():
+        return 0.0
+    cosine = (turned[usable] * surface.normals[usable, :d]).sum(axis=1)
+    return float(np.median(np.maximum(0.0, 1.0 - cosine * cosine / length2[usable])))
+
+
+def seen_part(form: Float64Array, A: Float64Array, t: Float64Array, model: str, ratio: float) -> Float64Array:
+    """Return the surfaces' form without what noise feigns: directions of weak curvature at (A, t) are taken out of it.
+
+    Features then lead along those directions alone.
+    """
+    J = parameter_jacobian(A, model_number(model))
+    n = J.shape[0]
+    values, vectors = np.linalg.eigh(J.T @ form[:n, :n] @ J)
+    weak = values <= ratio * values[-1]
+    if not weak.any():
+        return form
+    strong = vectors[:, ~weak]
+    keep = J @ strong @ strong.T @ np.linalg.pinv(J)
+    P = np.eye(n + 1)
+    P[:n, :n] = keep
+    P[:n, n] = (np.eye(n) - keep) @ stack(A, t)[:n]
+    return np.asarray(P.T @ form @ P)
 
 
 def surface_variance(surface: Pass, voxel_size: float) -> float:

@@ -356,7 +356,7 @@ def _inverse(A: Float64Array, t: Float64Array) -> tuple[Float64Array, Float64Arr
 def _assemble(task: _Task, found: LoopResult, stage: str) -> Registration:
     """Turn the loop's last state into a result in the input's units."""
     frame, joint = task.pair.frame, found.joint
-    ratio = task.settings.observability
+    ratio = joint.ratio
     Q, meat, weight = _bread_and_meat(task, found)
     sure = assess(Q, meat, found.A, found.t, model=task.model, frame=frame, ratio=ratio, limits=task.limits)
     overlap = overlap_of(found)
