@@ -25,6 +25,7 @@ from seismo3d.registration.initial import poses_by_features
 from seismo3d.registration.matching import match_surface, surface_meat
 from seismo3d.registration.observability import assess
 from seismo3d.registration.polish import polish
+from seismo3d.registration.raster_matches import match_rasters
 from seismo3d.registration.result import Registration
 from seismo3d.registration.shape_matches import poses_by_shape
 from seismo3d.registration.solvers import Limits, Prior, solve_form
@@ -78,8 +79,9 @@ def register(
 
     Works in stages. ``local``: the fused loop from the start, coarse to fine, on voxel maps of both scans: nearest
     surface elements, robust weights, the exact solve of the joint error of Eq. (16) of [1]_, Anderson acceleration.
-    ``global``, only where the local answer's overlap is not good: poses from matched features, or from local shape
-    where there are none, run through the same loop; the best of all answers wins. ``polish``, only where both scans
+    ``global``, only where the local answer's overlap is not good: poses from matched features, those of
+    :func:`seismo3d.match` on the scans' images or volumes where none are given, or from local shape, run through the
+    same loop; the best of all answers wins. ``polish``, only where both scans
     hold the same samples: exact pairs of points.
 
     Parameters
@@ -142,7 +144,9 @@ def register(
     )
     found, stage = _run_local(task, first), "local"
     if "global" in stages and (overlap_of(found) < GOOD_OVERLAP or "local" not in stages):
-        found, stage = _search(task, found, stage)
+        task, found, stage = _led_by_rasters(task, found, stage)
+        if overlap_of(found) < GOOD_OVERLAP or stage == "local":
+            found, stage = _search(task, found, stage)
     if "polish" in stages:
         polished = polish(
             task.target.points, task.source.points, task.pair.frame, found, task.model, task.prior, task.limits
@@ -280,6 +284,21 @@ def _joint_cost(task: _Task, found: LoopResult) -> float:
         return cost
     agree = task.features.agreeing(found.A, found.t, _feature_reach(task.pair))
     return cost + 1.0 - len(agree.target) / len(task.features.target)
+
+
+def _led_by_rasters(task: _Task, found: LoopResult, stage: str) -> tuple[_Task, LoopResult, str]:
+    """Match the grids that the scans were made from, where no matches were given; keep them where they lead further."""
+    matches = match_rasters(task.target, task.source) if task.features is None else None
+    if matches is None:
+        return task, found, stage
+    features = feature_term(matches, task.target, task.source, task.pair.frame, 0.05 * task.pair.voxel_size)
+    led = replace(task, features=features)
+    if features is None:
+        return task, found, stage
+    answer = _run_local(led, task.prior)
+    if _joint_cost(led, answer) < _joint_cost(led, found) - 1e-3:
+        return led, answer, "global"
+    return task, found, stage
 
 
 def _search(task: _Task, found: LoopResult, stage: str) -> tuple[LoopResult, str]:
