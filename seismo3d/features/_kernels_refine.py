@@ -1,4 +1,4 @@
-"""Compiled loops of the refinement and of the check by neighbours. Arrays in, arrays out, no checks."""
+"""Compiled loops of the refinement. Arrays in, arrays out, no checks."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _template(
 
 
 @numba.njit(cache=True, nogil=True)
-def _cholesky_solve(H: Float64Array, b: Float64Array) -> None:
+def cholesky_solve(H: Float64Array, b: Float64Array) -> None:
     """Solve H x = b in place, for a small symmetric positive definite H."""
     n = b.size
     for j in range(n):
@@ -86,6 +86,107 @@ def _cholesky_solve(H: Float64Array, b: Float64Array) -> None:
         for k in range(i + 1, n):
             b[i] -= H[k, i] * b[k]
         b[i] /= H[i, i]
+
+
+@numba.njit(cache=True, nogil=True)
+def _normal_matrix(slopes: Float32Array, weight: Float32Array, normal: Float64Array) -> None:
+    for a in range(6):
+        for b in range(a + 1):
+            total = np.float32(0.0)
+            for i in range(weight.size):
+                total += weight[i] * slopes[a, i] * slopes[b, i]
+            normal[a, b] = normal[b, a] = total
+    for a in range(6):
+        normal[a, a] *= 1.001
+
+
+@numba.njit(cache=True, nogil=True)
+def _compare(
+    values: Float32Array,
+    layout: Int64Array,
+    pose: Float64Array,
+    grid: Float32Array,
+    weight: Float32Array,
+    patch: Float32Array,
+    residual: Float32Array,
+) -> float:
+    """Sample the moved patch, write its difference from the template; their correlation, -1 where it is flat."""
+    start, rows, columns = layout[0], layout[1], layout[2]
+    total, square, dot = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    for i in range(weight.size):
+        u, v = grid[i, 0], grid[i, 1]
+        x, y = pose[0] + pose[2] * u + pose[3] * v, pose[1] + pose[4] * u + pose[5] * v
+        residual[i] = _sample(values, start, rows, columns, x, y)
+        total += weight[i] * residual[i]
+    for i in range(weight.size):
+        residual[i] -= total
+        square += weight[i] * residual[i] * residual[i]
+    if square < 1e-6:
+        return -1.0
+    inverse = np.float32(1.0) / np.sqrt(square)
+    for i in range(weight.size):
+        residual[i] *= inverse
+        dot += weight[i] * residual[i] * patch[i]
+        residual[i] -= patch[i]
+    return float(dot)
+
+
+@numba.njit(cache=True, nogil=True)
+def _compose(pose: Float64Array, step: Float64Array) -> bool:
+    """Undo the step (d, I + D) before a pose (c, M): M <- M (I + D)^-1, c <- c - M d; False where that folds."""
+    d00, d01, d10, d11 = 1.0 + step[2], step[3], step[4], 1.0 + step[5]
+    det = d00 * d11 - d01 * d10
+    if det < 0.25 or det > 4.0:
+        return False
+    m00, m01, m10, m11 = pose[2], pose[3], pose[4], pose[5]
+    pose[2], pose[3] = (m00 * d11 - m01 * d10) / det, (m01 * d00 - m00 * d01) / det
+    pose[4], pose[5] = (m10 * d11 - m11 * d10) / det, (m11 * d00 - m10 * d01) / det
+    pose[0] -= pose[2] * step[0] + pose[3] * step[1]
+    pose[1] -= pose[4] * step[0] + pose[5] * step[1]
+    return True
+
+
+@numba.njit(cache=True, nogil=True)
+def _track(
+    values: Float32Array,
+    layout: Int64Array,
+    pose: Float64Array,
+    grid: Float32Array,
+    weight: Float32Array,
+    patch: Float32Array,
+    slopes: Float32Array,
+    n_iterations: int,
+    reach: float,
+) -> float:
+    """Move a pose until the patch there looks like the template; correlation, -1 where lost."""
+    normal, factor, step = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
+    residual = np.empty(weight.size, np.float32)
+    _normal_matrix(slopes, weight, normal)
+    half = 0.5 * grid.max()
+    x, y = pose[0], pose[1]
+    for k in range(n_iterations + 1):
+        wide, high = half * (abs(pose[2]) + abs(pose[3])), half * (abs(pose[4]) + abs(pose[5]))
+        if not _inside(layout[2], layout[1], pose[0], pose[1], wide, high):
+            return -1.0
+        if (pose[0] - x) ** 2 + (pose[1] - y) ** 2 > reach * reach:
+            return -1.0
+        correlation = _compare(values, layout, pose, grid, weight, patch, residual)
+        if correlation < 0.0 or k == n_iterations:
+            return correlation
+        for a in range(6):
+            total = np.float32(0.0)
+            for i in range(weight.size):
+                total += weight[i] * slopes[a, i] * residual[i]
+            step[a] = total
+        factor[:] = normal
+        cholesky_solve(factor, step)
+        if not _compose(pose, step):
+            return -1.0
+        moved = step[0] ** 2 + step[1] ** 2
+        sheared = step[2] ** 2 + step[3] ** 2 + step[4] ** 2 + step[5] ** 2
+        if k > 0 and moved < 1e-5 and sheared < 1e-5:
+            return correlation
+    return -1.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -110,164 +211,20 @@ def refine_affine(
     """
     n, m = centre_t.shape[0], grid.shape[0]
     correlation = np.full(n, -1.0)
-    patch, moved = np.empty(m, np.float32), np.empty(m, np.float32)
-    slopes = np.empty((6, m), np.float32)
-    normal, factor, step = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
-    radius = grid.max()
+    patch, slopes = np.empty(m, np.float32), np.empty((6, m), np.float32)
+    half = 0.5 * grid.max()
+    pose = np.empty(6)
     for p in range(n):
-        st, rt, ct = layout_t[level_t[p], 0], layout_t[level_t[p], 1], layout_t[level_t[p], 2]
-        ss, rs, cs = layout_s[level_s[p], 0], layout_s[level_s[p], 1], layout_s[level_s[p], 2]
-        tx, ty = centre_t[p, 0], centre_t[p, 1]
-        if not _inside(ct, rt, tx, ty, 0.5 * radius, 0.5 * radius):
+        start, rows, columns = layout_t[level_t[p], 0], layout_t[level_t[p], 1], layout_t[level_t[p], 2]
+        x, y = centre_t[p, 0], centre_t[p, 1]
+        if not _inside(columns, rows, x, y, half, half):
             continue
-        if _template(values_t, st, rt, ct, tx, ty, grid, weight, patch, slopes) == 0.0:
+        if _template(values_t, start, rows, columns, x, y, grid, weight, patch, slopes) == 0.0:
             continue
-        for a in range(6):
-            for b in range(a + 1):
-                total = np.float32(0.0)
-                for i in range(m):
-                    total += weight[i] * slopes[a, i] * slopes[b, i]
-                normal[a, b] = normal[b, a] = total
-        for a in range(6):
-            normal[a, a] *= 1.001
-        x, y = centre_s[p, 0], centre_s[p, 1]
-        m00, m01, m10, m11 = linear[p, 0, 0], linear[p, 0, 1], linear[p, 1, 0], linear[p, 1, 1]
-        start_x, start_y, value = x, y, -1.0
-        for k in range(n_iterations + 1):
-            wide, high = 0.5 * radius * (abs(m00) + abs(m01)), 0.5 * radius * (abs(m10) + abs(m11))
-            if not _inside(cs, rs, x, y, wide, high) or (x - start_x) ** 2 + (y - start_y) ** 2 > reach * reach:
-                value = -1.0
-                break
-            total, square = np.float32(0.0), np.float32(0.0)
-            for i in range(m):
-                u, v = grid[i, 0], grid[i, 1]
-                moved[i] = _sample(values_s, ss, rs, cs, x + m00 * u + m01 * v, y + m10 * u + m11 * v)
-                total += weight[i] * moved[i]
-            for i in range(m):
-                moved[i] -= total
-                square += weight[i] * moved[i] * moved[i]
-            if square < 1e-6:
-                value = -1.0
-                break
-            inverse = np.float32(1.0) / np.sqrt(square)
-            dot = np.float32(0.0)
-            for i in range(m):
-                moved[i] = moved[i] * inverse
-                dot += weight[i] * moved[i] * patch[i]
-                moved[i] -= patch[i]
-            value = float(dot)
-            if k == n_iterations:
-                break
-            for a in range(6):
-                total = np.float32(0.0)
-                for i in range(m):
-                    total += weight[i] * slopes[a, i] * moved[i]
-                step[a] = total
-            factor[:] = normal
-            _cholesky_solve(factor, step)
-            # Compose with the inverse of the step I + D, d: M <- M (I + D)^-1, c <- c - M (I + D)^-1 d.
-            d00, d01, d10, d11 = 1.0 + step[2], step[3], step[4], 1.0 + step[5]
-            det = d00 * d11 - d01 * d10
-            if det < 0.25 or det > 4.0:
-                value = -1.0
-                break
-            n00, n01 = (m00 * d11 - m01 * d10) / det, (m01 * d00 - m00 * d01) / det
-            n10, n11 = (m10 * d11 - m11 * d10) / det, (m11 * d00 - m10 * d01) / det
-            m00, m01, m10, m11 = n00, n01, n10, n11
-            x -= m00 * step[0] + m01 * step[1]
-            y -= m10 * step[0] + m11 * step[1]
-            if (
-                step[0] ** 2 + step[1] ** 2 < 1e-5
-                and (step[2] ** 2 + step[3] ** 2 + step[4] ** 2 + step[5] ** 2) < 1e-5
-                and k > 0
-            ):
-                break
-        correlation[p] = value
-        centre_s[p, 0], centre_s[p, 1] = x, y
-        linear[p, 0, 0], linear[p, 0, 1], linear[p, 1, 0], linear[p, 1, 1] = m00, m01, m10, m11
+        pose[:2] = centre_s[p]
+        pose[2:4], pose[4:] = linear[p, 0], linear[p, 1]
+        layout = layout_s[level_s[p]]
+        correlation[p] = _track(values_s, layout, pose, grid, weight, patch, slopes, n_iterations, reach)
+        centre_s[p] = pose[:2]
+        linear[p, 0], linear[p, 1] = pose[2:4], pose[4:]
     return correlation
-
-
-@numba.njit(cache=True, nogil=True)
-def count_agreeing(
-    target: Float64Array,
-    source: Float64Array,
-    linear: Float64Array,
-    neighbours: Int64Array,
-    slack: float,
-    growth: float,
-) -> Int64Array:
-    """Count neighbours of each match that lie where its affine map says, and it where theirs says."""
-    n = target.shape[0]
-    count = np.zeros(n, np.int64)
-    for i in range(n):
-        for j in neighbours[i]:
-            if j < 0:
-                continue
-            dx, dy = target[j, 0] - target[i, 0], target[j, 1] - target[i, 1]
-            ex, ey = source[j, 0] - source[i, 0], source[j, 1] - source[i, 1]
-            if dx * dx + dy * dy < 1.0:
-                continue  # the same place on another level is no second witness
-            limit = (slack + growth * np.sqrt(dx * dx + dy * dy)) ** 2
-            ax = linear[i, 0, 0] * dx + linear[i, 0, 1] * dy - ex
-            ay = linear[i, 1, 0] * dx + linear[i, 1, 1] * dy - ey
-            bx = linear[j, 0, 0] * dx + linear[j, 0, 1] * dy - ex
-            by = linear[j, 1, 0] * dx + linear[j, 1, 1] * dy - ey
-            scale = abs(linear[i, 0, 0] * linear[i, 1, 1] - linear[i, 0, 1] * linear[i, 1, 0])
-            if ax * ax + ay * ay <= limit * scale and bx * bx + by * by <= limit * scale:
-                count[i] += 1
-    return count
-
-
-@numba.njit(cache=True, nogil=True)
-def local_misfit(target: Float64Array, source: Float64Array, neighbours: Int64Array) -> Float64Array:
-    """Distance from an affine fit to the neighbours, reweighted three times (Cauchy, scale from the mean distance)."""
-    n, k = neighbours.shape
-    misfit = np.zeros(n)
-    weight, distance = np.empty(k), np.empty(k)
-    for i in range(n):
-        used = 0
-        for c in range(k):
-            weight[c] = 1.0 if neighbours[i, c] >= 0 else 0.0
-            used += neighbours[i, c] >= 0
-        if used < 6:
-            continue
-        for _ in range(4):
-            normal = np.zeros((3, 3))
-            right = np.zeros((2, 3))
-            for c in range(k):
-                j = neighbours[i, c]
-                if j < 0:
-                    continue
-                u, v = target[j, 0] - target[i, 0], target[j, 1] - target[i, 1]
-                row = (1.0, u, v)
-                for a in range(3):
-                    for b in range(3):
-                        normal[a, b] += weight[c] * row[a] * row[b]
-                    for s in range(2):
-                        right[s, a] += weight[c] * row[a] * (source[j, s] - source[i, s])
-            for a in range(3):
-                normal[a, a] += 1e-6 * (1.0 if a == 0 else normal[0, 0])
-            solved = np.empty((2, 3))
-            for s in range(2):
-                factor = normal.copy()
-                solved[s] = right[s]
-                _cholesky_solve(factor, solved[s])
-            for c in range(k):
-                j = neighbours[i, c]
-                if j < 0:
-                    continue
-                u, v = target[j, 0] - target[i, 0], target[j, 1] - target[i, 1]
-                ex = solved[0, 0] + solved[0, 1] * u + solved[0, 2] * v - (source[j, 0] - source[i, 0])
-                ey = solved[1, 0] + solved[1, 1] * u + solved[1, 2] * v - (source[j, 1] - source[i, 1])
-                distance[c] = np.sqrt(ex * ex + ey * ey)
-            scale = 0.0
-            for c in range(k):
-                if neighbours[i, c] >= 0:
-                    scale += min(distance[c], 3.0) / used
-            scale = max(scale, 0.1)
-            for c in range(k):
-                if neighbours[i, c] >= 0:
-                    weight[c] = 1.0 / (1.0 + (distance[c] / scale) ** 2)
-            misfit[i] = np.sqrt(solved[0, 0] ** 2 + solved[1, 0] ** 2)
-    return misfit

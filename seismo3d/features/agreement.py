@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array, Int64Array
-from seismo3d.features import _kernels_refine
+from seismo3d.features import _kernels_agreement
 from seismo3d.features.pairs import Pairs
 
 
@@ -38,7 +38,7 @@ def count_agreeing(pairs: Pairs, *, n_neighbours: int = 16, slack: float = 3.0, 
         return np.zeros(len(pairs), dtype=np.int64)
     neighbours = _neighbours(pairs.target, n_neighbours)
     return np.asarray(
-        _kernels_refine.count_agreeing(pairs.target, pairs.source, pairs.linear, neighbours, slack, growth)
+        _kernels_agreement.count_agreeing(pairs.target, pairs.source, pairs.linear, neighbours, slack, growth)
     )
 
 
@@ -53,7 +53,7 @@ def local_misfit(pairs: Pairs, *, n_neighbours: int = 12) -> Float64Array:
     if len(pairs) < 7:
         return np.zeros(len(pairs))
     neighbours = _neighbours(pairs.target, n_neighbours)
-    return np.asarray(_kernels_refine.local_misfit(pairs.target, pairs.source, neighbours))
+    return np.asarray(_kernels_agreement.local_misfit(pairs.target, pairs.source, neighbours))
 
 
 def keep_distinct(pairs: Pairs, *, distance: float = 1.0, apart: float = 3.0) -> BoolArray:

@@ -13,6 +13,10 @@ MIN_SIDE = 16
 """Images and volumes with a shorter side have no room for a window."""
 
 
+_LIMIT = 2000.0
+"""Grey levels beyond this, twelve times the spread, are spikes and cut off."""
+
+
 def as_grid(values: Any, name: str) -> AnyArray:
     """Return an image (rows, columns) or a volume (inline, crossline, sample) as an array; colour becomes grey.
 
@@ -87,7 +91,7 @@ def as_grey(grid: AnyArray, mask: ArrayLike | None, name: str) -> tuple[Float32A
         centred = _filled(centred, valid)
     centred = centred - centred.dtype.type(low)
     centred *= centred.dtype.type(factor)
-    return centred.astype(np.float32, copy=False), valid
+    return np.clip(centred, -_LIMIT, _LIMIT).astype(np.float32), valid
 
 
 def _filled(grid: AnyArray, valid: BoolArray) -> AnyArray:

@@ -124,13 +124,16 @@ def _strongest(
     """Find the strongest corners and blobs of a level, ``n`` together; blobs that sit on a corner are left out."""
     import cv2
 
-    points, strength = _peaks(_kernels.corner_strength(*central_differences(image)), min_contrast**2, allowed, n)
+    corner = _kernels.corner_strength(*central_differences(image))
+    points, strength = _peaks(corner, min_contrast**2, allowed, n)
     strength = np.sqrt(strength)
     n_blobs = round(n * blob_share)
     if n_blobs == 0:
         return points, strength
     difference = cv2.absdiff(image, cv2.GaussianBlur(image, (0, 0), 1.4))
-    others, heights = _peaks(difference, 0.5 * min_contrast, allowed, 3 * n_blobs)
+    round_enough = corner > min_contrast**2  # on a stripe a place is known across it only
+    where = round_enough if allowed is None else round_enough & allowed
+    others, heights = _peaks(difference, 0.5 * min_contrast, where, 3 * n_blobs)
     corners = points[: n - min(n_blobs, len(others))]
     if len(corners) and len(others):
         apart = cKDTree(corners).query(others)[0] > 2.0

@@ -13,6 +13,8 @@ from seismo3d.features import _kernels_volume
 
 _NO_MASK = np.ones((1, 1, 1), dtype=np.bool_)
 _BORDER = 5
+_LEAST_SHARE = 1e-3
+"""Of the tensor's trace: with less along the weakest direction, a place is on a flat layer or an edge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,8 @@ def detect_corners(volume: Float32Array, valid: BoolArray | None, *, n_points: i
     tensor = _kernels_volume.halved_tensor(volume, _NO_MASK if valid is None else valid)
     local = np.stack([ndimage.gaussian_filter(t, 1.0, mode="constant", truncate=3.0) for t in tensor])
     strength = _kernels_volume.smallest_eigenvalue(local)
-    peak = (strength == ndimage.maximum_filter(strength, size=3)) & (strength > 1e-6 * float(strength.max(initial=0.0)))
+    total = local[0] + local[3] + local[5]
+    peak = (strength == ndimage.maximum_filter(strength, size=3)) & (strength > _LEAST_SHARE * total)
     if valid is not None:
         halves = tuple(slice(0, 2 * n, 2) for n in strength.shape)
         peak &= ndimage.binary_erosion(valid[halves], iterations=2, border_value=1)

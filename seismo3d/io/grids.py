@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -56,13 +57,14 @@ def _read_picture(path: Path) -> AnyArray:
 
 def _read_array(path: Path) -> AnyArray:
     try:
-        read = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
+        with path.open("rb") as file:
+            read = np.load(file, allow_pickle=False)
+            if isinstance(read, np.ndarray):
+                return read
+            names = list(read.files)
+            if len(names) == 1:
+                return np.asarray(read[names[0]])
+    except (ValueError, EOFError, OSError, BadZipFile) as error:
         raise FormatError(f"{path} is no NumPy file of numbers, or is cut short: {error}.") from error
-    if isinstance(read, np.ndarray):
-        return read
-    with read:
-        if len(read.files) != 1:
-            names = ", ".join(read.files) or "none"
-            raise FormatError(f"{path} holds the arrays {names}; expected one. Save the one that is meant as .npy.")
-        return np.asarray(read[read.files[0]])
+    held = ", ".join(names) or "none"
+    raise FormatError(f"{path} holds the arrays {held}; expected one. Save the one that is meant as .npy.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seismo3d.features import _kernels, _kernels_refine, _kernels_volume, cyclic
+from seismo3d.features import _kernels, _kernels_agreement, _kernels_volume, cyclic
 from seismo3d.features.descriptors import WindowLayout, describe_points
 from seismo3d.features.gradients import central_differences, quantise_gradients
 from seismo3d.features.keypoints import Keypoints, detect_keypoints
@@ -171,7 +171,7 @@ def test_agreement_counts_neighbours(rng):
     linear = np.repeat(np.eye(2)[None], 6, axis=0)
     neighbours = np.array([[j for j in range(6) if j != i] for i in range(6)])
     np.testing.assert_array_equal(
-        _kernels_refine.count_agreeing(target, source, linear, neighbours, 1.0, 0.01), [4] * 5 + [0]
+        _kernels_agreement.count_agreeing(target, source, linear, neighbours, 1.0, 0.01), [4] * 5 + [0]
     )
 
 
@@ -180,6 +180,6 @@ def test_local_misfit_is_the_distance_from_the_neighbours_map(rng):
     source = target @ np.array([[1.1, 0.2], [-0.1, 0.9]]).T + [4.0, -2.0]
     source[0] += [3.0, 4.0]
     neighbours = np.array([[j for j in range(13) if j != i] for i in range(13)])
-    misfit = _kernels_refine.local_misfit(target, source, neighbours)
+    misfit = _kernels_agreement.local_misfit(target, source, neighbours)
     assert misfit[0] == pytest.approx(5.0, abs=0.01)
     assert misfit[1:].max() < 0.5  # one of twelve neighbours is off: it hardly counts

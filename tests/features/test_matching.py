@@ -153,6 +153,8 @@ def test_mask_equals_nan(photo):
         np.tile(np.arange(80.0), (64, 1)),
         np.pad([[1.0]], ((30, 33), (40, 39))),
         np.full((20, 20, 20), 2.0),
+        np.tile(np.sin(np.arange(90) / 5.0), (80, 1)),
+        np.tile(np.sin(np.arange(40) / 3.0), (40, 40, 1)),
         np.zeros((64, 80), dtype=bool),
     ],
 )
@@ -162,6 +164,14 @@ def test_nothing_to_see_gives_no_matches(image):
     assert len(found) == 0
     assert found.points_target.shape == (0, image.ndim)
     assert found.A_target_source.shape == (0, image.ndim, image.ndim)
+
+
+def test_spikes_do_no_harm(photo):
+    spiked = photo.astype(np.float64)
+    spiked[50, 60], spiked[200, 10], spiked[7, 300] = 1e12, -1e12, np.inf
+    found = match(spiked, photo, n_points=200)
+    assert len(found) > 100
+    assert np.abs(found.points_target - found.points_source).max() < 1.0
 
 
 def test_noise_is_not_matched(rng):

@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+import seismo3d as s3
+from seismo3d.errors import FileAccessError, FormatError
+from seismo3d.io.grids import read_grid
+
+
+def test_pictures_keep_their_depth(tmp_path, rng):
+    eight = rng.integers(0, 256, (20, 30)).astype(np.uint8)
+    sixteen = rng.integers(0, 65536, (20, 30)).astype(np.uint16)
+    for name, image in (("a.png", eight), ("b.png", sixteen), ("c.tif", sixteen)):
+        cv2.imwrite(str(tmp_path / name), image)
+        read = read_grid(tmp_path / name)
+        assert read.dtype == image.dtype
+        np.testing.assert_array_equal(read, image)
+
+
+def test_colour_becomes_grey(tmp_path):
+    colour = np.zeros((4, 5, 3), np.uint8)
+    colour[..., 1] = 100  # green counts 0.587
+    cv2.imwrite(str(tmp_path / "a.png"), colour)
+    assert (np.abs(read_grid(tmp_path / "a.png").astype(int) - 58.7) < 1).all()
+
+
+def test_arrays_and_cubes(tmp_path):
+    cube = np.arange(4 * 5 * 6, dtype=np.float32).reshape(4, 5, 6)
+    np.save(tmp_path / "a.npy", cube)
+    np.savez(tmp_path / "b.npz", cube=cube)
+    path = s3.write_segy(tmp_path / "c.sgy", s3.as_cube(cube, interval=4.0))
+    for name in ("a.npy", "b.npz", path):
+        np.testing.assert_array_equal(read_grid(tmp_path / name), cube)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "error", "words"),
+    [
+        ("none.png", None, FileAccessError, "does not exist"),
+        ("bad.png", b"text", FormatError, "cannot be read as a picture"),
+        ("bad.npy", b"text", FormatError, "no NumPy file"),
+        ("cut.npz", b"PK\x03\x04", FormatError, "no NumPy file"),
+    ],
+)
+def test_refuses(tmp_path, name, content, error, words):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(error, match=words):
+        read_grid(tmp_path / name)
