@@ -6,6 +6,7 @@ The flow of data, top to bottom::
     trace_faults       cube -> FaultSet (likelihood, labels, throw, surfaces)
     FaultSet.save      surfaces and volumes to a folder
     Scan, register     any two scans -> Registration (transform, covariance, certificate)
+    match              images, sections or cubes -> Matches (places in common, with angle and scale)
     plot               sections, time slices and 3D scenes
 
 Every name is imported when it is first used, so that ``import seismo3d`` stays light.

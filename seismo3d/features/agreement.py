@@ -9,6 +9,8 @@ from seismo3d._typing import BoolArray, Float64Array, Int64Array
 from seismo3d.features import _kernels_agreement
 from seismo3d.features.pairs import Pairs
 
+_MANY = 50
+
 
 def _neighbours(points: Float64Array, n: int) -> Int64Array:
     """Nearest other points (len, n) of each; -1 where there are fewer."""
@@ -66,3 +68,26 @@ def keep_distinct(pairs: Pairs, *, distance: float = 1.0, apart: float = 3.0) ->
         if keep[i] and keep[j] and np.square(pairs.target[i] - pairs.target[j]).sum() > apart**2:
             keep[i if pairs.correlation[i] < pairs.correlation[j] else j] = False
     return keep
+
+
+def count_apart(points: Float64Array, reach: Float64Array) -> int:
+    """Count points of which none lies within the reach of another: patches that overlap are one witness, not two.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n, 2), float64
+        Places; earlier ones are taken first.
+    reach : ndarray of shape (n,), float64
+        Of each, in the same units.
+
+    Returns
+    -------
+    int
+    """
+    taken: list[int] = []
+    for k in range(len(points)):
+        if all(np.square(points[k] - points[j]).sum() > max(reach[k], reach[j]) ** 2 for j in taken):
+            taken.append(k)
+            if len(taken) >= _MANY:
+                break
+    return len(taken)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array
-from seismo3d.features.agreement import count_agreeing
+from seismo3d.features.agreement import count_agreeing, count_apart
 from seismo3d.features.cyclic import match_descriptors
 from seismo3d.features.descriptors import WindowLayout, describe_points
 from seismo3d.features.growth import check_pairs, grow_pairs, polish_pairs, refine_pairs
@@ -105,7 +105,7 @@ def match_images(
     if settings.tilts == "always" or (settings.tilts == "auto" and len(seeds) < settings.enough):
         seeds = _seeds_by_tilts(first, second, one, other, settings)
     n_points = (len(first.keypoints.points), len(second.keypoints.points))
-    if len(seeds) <= settings.min_agreeing:
+    if _witnesses(first, seeds) <= settings.min_agreeing:
         return no_pairs(), n_points
     # What is found beside first matches has to be about as alike as they are: noise and change of light are theirs too.
     alike = float(np.clip(np.percentile(seeds.correlation, 20.0), settings.min_correlation, 0.95))
@@ -159,6 +159,16 @@ def _first_matches(first: _View, second: _View, settings: PlanarSettings) -> Pai
 def _refined(first: _View, second: _View, pairs: Pairs, settings: PlanarSettings) -> Pairs:
     refined = refine_pairs(first.pyramid, second.pyramid, first.keypoints.level[pairs.row], pairs)
     return refined.take(refined.correlation >= settings.min_correlation)
+
+
+def _witnesses(first: _View, pairs: Pairs) -> int:
+    """Count matches whose patches, at the coarser of the levels that fit, do not overlap much."""
+    order = np.argsort(-pairs.correlation, kind="stable")
+    pairs = pairs.take(order)
+    shrink = np.sqrt(np.abs(np.linalg.det(pairs.linear)))  # source pixels to a target pixel
+    fine = np.maximum(1.0, 1.0 / np.maximum(shrink, 1e-6))  # a source without finer levels is compared on coarser ones
+    level = np.where(pairs.row >= 0, first.keypoints.level[pairs.row], 0)
+    return count_apart(pairs.target, 6.0 * np.maximum(first.pyramid.size[level, 0], fine))
 
 
 def _agreeing(pairs: Pairs, settings: PlanarSettings) -> Pairs:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from seismo3d.features import _kernels, _kernels_agreement, _kernels_volume, cyclic
+from seismo3d.features.agreement import count_apart
 from seismo3d.features.descriptors import WindowLayout, describe_points
 from seismo3d.features.gradients import central_differences, quantise_gradients
 from seismo3d.features.keypoints import Keypoints, detect_keypoints
@@ -183,3 +184,11 @@ def test_local_misfit_is_the_distance_from_the_neighbours_map(rng):
     misfit = _kernels_agreement.local_misfit(target, source, neighbours)
     assert misfit[0] == pytest.approx(5.0, abs=0.01)
     assert misfit[1:].max() < 0.5  # one of twelve neighbours is off: it hardly counts
+
+
+def test_overlapping_patches_are_one_witness():
+    points = np.array([[0.0, 0.0], [1.0, 1.0], [10.0, 0.0], [10.0, 30.0]])
+    assert count_apart(points, np.full(4, 5.0)) == 3
+    assert count_apart(points, np.full(4, 0.5)) == 4
+    assert count_apart(points, np.full(4, 100.0)) == 1
+    assert count_apart(points[:0], np.empty(0)) == 0

@@ -180,7 +180,8 @@ def test_noise_is_not_matched(rng):
 
 
 @pytest.mark.parametrize(
-    ("one", "other"), [("camera", "coins"), ("brick", "grass"), ("page", "text"), ("moon", "gravel")]
+    ("one", "other"),
+    [("camera", "coins"), ("brick", "grass"), ("page", "text"), ("moon", "gravel"), ("camera", "chelsea")],
 )
 def test_unrelated_images_are_not_matched(one, other):
     found = match(getattr(data, one)(), getattr(data, other)())

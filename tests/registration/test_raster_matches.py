@@ -38,7 +38,7 @@ def test_volumes_displaced_far_are_registered_without_given_matches():
     earth = fault_cube("clean", seed=7, shape=(96, 96, 96)).signal
     R = Rotation.from_rotvec([10.0, 20.0, 60.0], degrees=True).as_matrix()
     centre = np.full(3, 31.5)
-    t = centre + [2.0, -3.0, 1.0] - R @ centre
+    t = centre + np.array([2.0, -3.0, 1.0]) - R @ centre
     source = ndimage.affine_transform(earth, R, t + 16.0, output_shape=(64, 64, 64), order=3, mode="nearest")
     found = register(Scan.from_volume(earth[16:80, 16:80, 16:80]), Scan.from_volume(source))
     T = found.T_target_source
