@@ -5,6 +5,7 @@ The flow of data, top to bottom::
     open_cube          SEG-Y, Zarr or NPY -> cube (xarray.DataArray: inline, crossline, time or depth)
     trace_faults       cube -> FaultSet (likelihood, labels, throw, surfaces)
     FaultSet.save      surfaces and volumes to a folder
+    Scan, register     any two scans -> Registration (transform, covariance, certificate)
     match              images, sections or cubes -> Matches (places in common, with angle and scale)
     plot               sections, time slices and 3D scenes
 
@@ -23,28 +24,43 @@ if TYPE_CHECKING:
     from seismo3d.features.matching import Matches, match
     from seismo3d.io.cubes import as_cube, open_cube
     from seismo3d.io.segy import write_segy
+    from seismo3d.registration.align import align_pairs
+    from seismo3d.registration.constraints import Constraints
+    from seismo3d.registration.register import register
+    from seismo3d.registration.result import Registration
+    from seismo3d.scan import Scan
     from seismo3d.seismic.faults import trace_faults
     from seismo3d.seismic.faultset import FaultSet
 
 _PUBLIC = {
+    "Constraints": "seismo3d.registration.constraints",
     "FaultSet": "seismo3d.seismic.faultset",
     "Matches": "seismo3d.features.matching",
+    "Registration": "seismo3d.registration.result",
+    "Scan": "seismo3d.scan",
+    "align_pairs": "seismo3d.registration.align",
     "as_cube": "seismo3d.io.cubes",
     "match": "seismo3d.features.matching",
     "open_cube": "seismo3d.io.cubes",
+    "register": "seismo3d.registration.register",
     "trace_faults": "seismo3d.seismic.faults",
     "write_segy": "seismo3d.io.segy",
 }
 _MODULES = ("plot", "synthetic")
 
 __all__ = [
+    "Constraints",
     "FaultSet",
     "Matches",
+    "Registration",
+    "Scan",
     "__version__",
+    "align_pairs",
     "as_cube",
     "match",
     "open_cube",
     "plot",
+    "register",
     "synthetic",
     "trace_faults",
     "write_segy",

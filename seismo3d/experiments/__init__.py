@@ -1,1 +1,1 @@
-"""Measurements that anyone can repeat: how well the methods do on data whose answer is known."""
+"""Experiments that anyone can run: the paper's tables and figures, and the measurements behind the documentation."""

@@ -1,0 +1,105 @@
+"""``seismo3d register``: align two scans and print the transform."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from seismo3d.registration.result import Registration
+
+
+def run(
+    target: Path = typer.Argument(help="Point file: PLY, PCD, XYZ, CSV, LAS, LAZ, NPY or NPZ.", show_default=False),
+    source: Path = typer.Argument(help="Point file to carry onto the target.", show_default=False),
+    output: Path | None = typer.Option(None, "--output", "-o", help="Write the moved source: .ply, .xyz or .npy."),
+    model: str = typer.Option("rigid", help="translation, rigid, similarity, scaled or affine."),
+    start: Path | None = typer.Option(None, help="Text file with a matrix to start from. [default: the identity]"),
+    stages: str = typer.Option("local,global,polish", help="Stages that may run, with commas."),
+    voxel_size: float | None = typer.Option(None, help="Edge of the finest voxels. [default: from the source]"),
+    json: bool = typer.Option(False, "--json", help="Print JSON."),
+) -> None:
+    """Align two scans; print the transform that carries SOURCE onto TARGET, how sure it is, and what cannot be seen."""
+    from seismo3d.io.points import write_points
+    from seismo3d.registration.register import register
+    from seismo3d.scan import Scan
+
+    fixed, moving = Scan.from_file(target), Scan.from_file(source)
+    found = register(
+        fixed,
+        moving,
+        model=model,
+        start=None if start is None else _read_matrix(start),
+        stages=tuple(name.strip() for name in stages.split(",") if name.strip()),
+        voxel_size=voxel_size,
+    )
+    if output is not None:
+        write_points(output, found.apply(moving.points))
+    if json:
+        from json import dumps
+
+        typer.echo(dumps(_as_dict(found), indent=2))
+        return
+    for row in found.T_target_source:
+        typer.echo(" ".join(f"{value:.12g}" for value in row))
+    for name, value in _lines(found):
+        typer.echo(f"# {name:<14}{value}")
+
+
+def _read_matrix(path: Path) -> Any:
+    import numpy as np
+
+    from seismo3d.errors import FileAccessError, FormatError
+
+    try:
+        return np.loadtxt(path)
+    except OSError as error:
+        raise FileAccessError(f"{path} cannot be read: {error}.") from error
+    except ValueError as error:
+        raise FormatError(f"{path} is not a matrix of numbers: {error}.") from error
+
+
+def _lines(found: Registration) -> list[tuple[str, str]]:
+    import numpy as np
+
+    spread = np.sqrt(np.diag(found.covariance))
+    lines = [
+        ("state", f"{found.state} ({found.stage} stage)"),
+        ("overlap", f"{found.overlap:.3f}"),
+        ("rmse", f"{found.rmse:.6g}"),
+        ("angle", f"{np.degrees(found.angle):.4f} deg"),
+        ("sigma", " ".join(f"{value:.3g}" for value in spread)),
+    ]
+    if found.certificate is not None:
+        words = "holds" if found.certificate.holds else "does not hold"
+        lines.append(("certificate", f"{words}, relative gap {found.certificate.relative_gap:.2g}"))
+    for direction in found.unobservable:
+        turn, shift = (" ".join(f"{v:.3f}" for v in part) for part in (direction.rotation, direction.translation))
+        lines.append(("unobservable", f"rotation ({turn}) translation ({shift})"))
+    return lines
+
+
+def _as_dict(found: Registration) -> dict[str, Any]:
+    import numpy as np
+
+    certificate = found.certificate
+    return {
+        "T_target_source": found.T_target_source.tolist(),
+        "state": found.state,
+        "stage": found.stage,
+        "model": found.model,
+        "overlap": found.overlap,
+        "rmse": found.rmse,
+        "scale": found.scale.tolist(),
+        "covariance": np.where(np.isfinite(found.covariance), found.covariance, None).tolist(),
+        "information": found.information.tolist(),
+        "certificate": None
+        if certificate is None
+        else {"gap": certificate.gap, "relative_gap": certificate.relative_gap, "holds": certificate.holds},
+        "unobservable": [
+            {"rotation": d.rotation.tolist(), "translation": d.translation.tolist(), "scale": d.scale.tolist()}
+            for d in found.unobservable
+        ],
+    }

@@ -1,0 +1,108 @@
+"""The pinhole camera with lens distortion: pixels to rays and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, ArrayLike, Float64Array
+from seismo3d._validate import as_number, as_points, as_real_array
+from seismo3d.errors import ParameterError
+
+
+@dataclass(frozen=True, slots=True)
+class PinholeCamera:
+    """Intrinsics of a camera whose depth images are registered to its colour images.
+
+    The camera's frame has x to the right, y down and z forwards, in metres; pixels are (column, row).
+
+    Attributes
+    ----------
+    fx, fy, cx, cy : float
+        Focal lengths and principal point in pixels.
+    distortion : tuple of float
+        Brown's coefficients k1, k2, p1, p2, k3; missing ones are zero.
+    depth_scale : float
+        Value of a depth image that stands for one metre.
+    width, height : int
+        Size of the images in pixels; 0 where it is not known.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...] = ()
+    depth_scale: float = 1.0
+    width: int = 0
+    height: int = 0
+
+    def __post_init__(self) -> None:
+        as_number(self.fx, "fx", low=0.0, strict=True)
+        as_number(self.fy, "fy", low=0.0, strict=True)
+        as_number(self.depth_scale, "depth_scale", low=0.0, strict=True)
+        if len(self.distortion) > 5:
+            raise ParameterError(
+                f"distortion has {len(self.distortion)} coefficients; expected at most 5: k1 k2 p1 p2 k3."
+            )
+
+    def rays(self, pixels: ArrayLike) -> Float64Array:
+        """Return the points at depth 1 that pixels (column, row) look at; shape (n, 2) in, (n, 2) out."""
+        p = as_points(pixels, "pixels", dim=2)
+        distorted = (p - [self.cx, self.cy]) / [self.fx, self.fy]
+        if not any(self.distortion):
+            return distorted
+        xy = distorted.copy()
+        for _ in range(12):
+            factor, shift = self._bend(xy)
+            xy = (distorted - shift) / factor
+        return xy
+
+    def project(self, points: ArrayLike) -> Float64Array:
+        """Return the pixels (column, row) of points in the camera's frame, NaN behind it; shape (n, 3) in, (n, 2)
+        out.
+        """
+        p = as_points(points, "points", dim=3)
+        depth = np.where(p[:, 2] > 1e-9, p[:, 2], np.nan)
+        xy = p[:, :2] / depth[:, None]
+        if any(self.distortion):
+            factor, shift = self._bend(xy)
+            xy = xy * factor + shift
+        return np.asarray(xy * [self.fx, self.fy] + [self.cx, self.cy])
+
+    def back_project(self, depth: ArrayLike) -> Float64Array:
+        """Return the points of a depth image of shape (rows, columns), NaN where depth is 0 or not finite.
+
+        Depth is in the image's own values; ``depth_scale`` of them are a metre. The answer has shape (rows, columns,
+        3).
+        """
+        image = np.asarray(as_real_array(depth, "depth", ndim=2), dtype=np.float64) / self.depth_scale
+        rows, columns = image.shape
+        grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+        xy = self.rays(grid.astype(np.float64)).reshape(rows, columns, 2)
+        z = np.where(np.isfinite(image) & (image > 0.0), image, np.nan)
+        return np.concatenate([xy * z[:, :, None], z[:, :, None]], axis=2)
+
+    def _bend(self, xy: Float64Array) -> tuple[Float64Array, Float64Array]:
+        k1, k2, p1, p2, k3 = (*self.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
+        x, y = xy[:, 0], xy[:, 1]
+        r2 = x * x + y * y
+        factor = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        shift = np.stack([2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y], axis=1)
+        return factor[:, None], shift
+
+
+def as_camera(camera: object) -> PinholeCamera:
+    """Return a camera from a camera, a dict of its fields, or any object that has them."""
+    if isinstance(camera, PinholeCamera):
+        return camera
+    values: dict[str, AnyArray | float] = {}
+    for name in ("fx", "fy", "cx", "cy", "distortion", "depth_scale", "width", "height"):
+        value = camera.get(name) if isinstance(camera, dict) else getattr(camera, name, None)
+        if value is not None:
+            values[name] = tuple(float(v) for v in value) if name == "distortion" else value
+    missing = [name for name in ("fx", "fy", "cx", "cy") if name not in values]
+    if missing:
+        raise ParameterError(f"camera has no {', '.join(missing)}; expected a PinholeCamera or its fields.")
+    return PinholeCamera(**values)  # type: ignore[arg-type]

@@ -1,0 +1,225 @@
+"""One pass of the fused loop: nearest surface element, robust weight and sums of the quadratic form, pair by pair."""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
+from seismo3d.geometry._kernels_voxels import nearest_voxel
+
+BLOCK = 1024
+"""Source points a block: sums are added block by block, so that the result does not depend on threads."""
+
+N_EXTRA = 5
+"""Sums behind those of the form: weights, robust cost, matched points, weighted squares,
+slopes of the influence function."""
+
+
+@nb.njit(cache=True, nogil=True)
+def n_sums(d: int) -> int:
+    """Length of a block's row of sums."""
+    return (d + 1) * (d + 2) // 2 * (d * (d + 1) // 2) + (d + 1) * d + 1 + N_EXTRA
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _add_pair_in_space(
+    row: Float64Array,
+    products: Float64Array,
+    squares: Float64Array,
+    h: Float64Array,
+    n: Float64Array,
+    w: float,
+    level: float,
+) -> None:
+    """Add a pair to the packed sums of :func:`~seismo3d.registration._kernels_form.add_plane_pair`, unrolled."""
+    x, y, z = h[0], h[1], h[2]
+    products[0], products[1], products[2], products[3] = x * x, x * y, x * z, x
+    products[4], products[5], products[6] = y * y, y * z, y
+    products[7], products[8], products[9] = z * z, z, 1.0
+    squares[0], squares[1], squares[2] = w * n[0] * n[0], w * n[0] * n[1], w * n[0] * n[2]
+    squares[3], squares[4], squares[5] = w * n[1] * n[1], w * n[1] * n[2], w * n[2] * n[2]
+    for a in range(10):
+        for b in range(6):
+            row[6 * a + b] += products[a] * squares[b]
+    for a in range(4):
+        wl = w * level * h[a]
+        row[60 + 3 * a] += wl * n[0]
+        row[61 + 3 * a] += wl * n[1]
+        row[62 + 3 * a] += wl * n[2]
+    row[72] += w * level * level
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _add_pair_in_plane(row: Float64Array, h: Float64Array, n: Float64Array, w: float, level: float) -> None:
+    """Add a pair of the plane to the packed sums."""
+    k = 0
+    for a in range(3):
+        for b in range(a, 3):
+            wab = w * h[a] * h[b]
+            row[k] += wab * n[0] * n[0]
+            row[k + 1] += wab * n[0] * n[1]
+            row[k + 2] += wab * n[1] * n[1]
+            k += 3
+    for a in range(3):
+        wl = w * level * h[a]
+        row[k] += wl * n[0]
+        row[k + 1] += wl * n[1]
+        k += 2
+    row[k] += w * level * level
+
+
+@nb.njit(cache=True, nogil=True)
+def match_blocks(
+    first: int,
+    last: int,
+    source: Float32Array,
+    A: Float64Array,
+    t: Float64Array,
+    origin: Float64Array,
+    inverse_size: float,
+    table_keys: Int64Array,
+    table: Int32Array,
+    shift: int,
+    target: Float32Array,
+    given: Int32Array,
+    radius2: float,
+    cutoff: float,
+    least_cosine: float,
+    symmetric: bool,
+    sums: Float64Array,
+    residuals: Float32Array,
+    distances2: Float32Array,
+    partners: Int32Array,
+    normals: Float32Array,
+) -> None:
+    """Match the source elements of blocks first to last - 1 and add up the form of their plane pairs.
+
+    ``given`` holds the partners where they are known (a search that was done elsewhere), or is empty. Points without a
+    partner have partner -1 and residual NaN, and count with the full robust cost of 1.
+    """
+    d = A.shape[0]
+    n_form = n_sums(d) - N_EXTRA
+    h = np.ones(d + 1)
+    normal = np.empty(3)
+    moved = np.zeros(3)
+    turned = np.zeros(3)
+    products = np.empty(10)
+    squares = np.empty(6)
+    inverse_cutoff2 = 1.0 / (cutoff * cutoff)
+    searching = given.shape[0] == 0
+    for block in range(first, last):
+        row = sums[block]
+        row[:] = 0.0
+        for i in range(block * BLOCK, min((block + 1) * BLOCK, source.shape[0])):
+            for k in range(d):
+                moved[k] = t[k]
+                turned[k] = 0.0
+                for c in range(d):
+                    moved[k] += A[k, c] * source[i, c]
+                    turned[k] += A[k, c] * source[i, 4 + c]
+            residuals[i] = np.nan
+            partners[i] = -1
+            distances2[i] = np.nan
+            if searching:
+                j = nearest_voxel(
+                    moved[0], moved[1], moved[2], origin, inverse_size, d, table_keys, table, shift, target, radius2
+                )
+            else:
+                j = given[i]
+            if j < 0:
+                row[n_form + 1] += 1.0
+                continue
+            quality_s, quality = source[i, 3], target[j, 3]
+            if quality < 0.0:
+                partners[i] = j
+                row[n_form + 1] += 1.0
+                continue
+            cosine = turned[0] * target[j, 4] + turned[1] * target[j, 5] + turned[2] * target[j, 6]
+            length2 = turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2
+            crossed = cosine * cosine < least_cosine * least_cosine * length2
+            if quality_s > 0.0 and quality > 0.0 and crossed:
+                row[n_form + 1] += 1.0
+                continue
+            sign = 1.0 if cosine >= 0.0 else -1.0
+            use_source = (symmetric and quality_s > 0.0) or quality <= 0.0
+            for k in range(3):
+                normal[k] = target[j, 4 + k] if quality > 0.0 else 0.0
+                if use_source:
+                    normal[k] += sign * turned[k]
+            if use_source:
+                length = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+                if length <= 1e-12 or (quality <= 0.0 and quality_s <= 0.0):
+                    row[n_form + 1] += 1.0
+                    continue
+                for k in range(3):
+                    normal[k] /= length
+                quality = max(quality, quality_s)
+            r = 0.0
+            distance2 = 0.0
+            level = 0.0
+            for k in range(d):
+                offset = moved[k] - target[j, k]
+                r += normal[k] * offset
+                distance2 += offset * offset
+                level += normal[k] * target[j, k]
+                h[k] = source[i, k]
+            residuals[i] = r
+            distances2[i] = distance2
+            for k in range(3):
+                normals[i, k] = normal[k]
+            partners[i] = j
+            row[n_form + 2] += 1.0
+            u = 1.0 - r * r * inverse_cutoff2
+            if u <= 0.0:
+                row[n_form + 1] += 1.0
+                continue
+            row[n_form + 1] += 1.0 - u * u * u
+            base = quality * source[i, 7] * target[j, 7]
+            w = base * u * u
+            row[n_form + 4] += base * u * (5.0 * u - 4.0)
+            row[n_form] += w
+            row[n_form + 3] += w * r * r
+            if d == 3:
+                _add_pair_in_space(row, products, squares, h, normal, w, level)
+            else:
+                _add_pair_in_plane(row, h, normal, w, level)
+
+
+@nb.njit(cache=True, nogil=True)
+def clustered_scores(
+    source: Float32Array,
+    target: Float32Array,
+    residuals: Float32Array,
+    partners: Int32Array,
+    normals: Float32Array,
+    cutoff: float,
+    clusters: Int32Array,
+    n_clusters: int,
+    d: int,
+) -> Float64Array:
+    """Return the sum over clusters of s s', s the sum of a cluster's weighted residuals times their rows in [vec(A); t]."""
+    m = d * d + d
+    scores = np.zeros((n_clusters, m))
+    for i in range(source.shape[0]):
+        r = residuals[i]
+        u = 1.0 - r * r / (cutoff * cutoff)
+        if not u > 0.0:
+            continue
+        j = partners[i]
+        quality = target[j, 3] if target[j, 3] > 0.0 else source[i, 3]
+        w = quality * source[i, 7] * target[j, 7] * u * u * r
+        row = scores[clusters[j]]
+        for a in range(d + 1):
+            h = source[i, a] if a < d else 1.0
+            for c in range(d):
+                row[a * d + c] += w * h * normals[i, c]
+    meat = np.zeros((m + 1, m + 1))
+    for k in range(n_clusters):
+        for a in range(m):
+            if scores[k, a] != 0.0:
+                for b in range(m):
+                    meat[a, b] += scores[k, a] * scores[k, b]
+    return meat

@@ -1,0 +1,91 @@
+"""Bounds on single degrees of freedom of a transform."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import Float64Array
+from seismo3d.errors import ParameterError
+from seismo3d.registration.result import MODELS
+
+Bound = float | tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Constraints:
+    """Fix or bound any degree of freedom, relative to the start (the identity where none is given).
+
+    Each entry is None (free), one number (at most so far from the start, either way; 0 fixes it), or a pair (low,
+    high).
+
+    Attributes
+    ----------
+    rotation : tuple of length 3 (in space) or 1 (in the plane), or None
+        Components of the rotation vector about the target's axes, in radians.
+    translation : tuple of length d, or None
+        Displacement of the source's centre along the target's axes, in the input's units.
+    scale : tuple (low, high), or None
+        Factors of scale, for the models ``similarity`` and ``scaled``. None keeps the default of a tenth to ten times.
+
+    Examples
+    --------
+    Only turn about the vertical axis, and never leave the plane:
+
+    >>> level = Constraints(rotation=(0, 0, None), translation=(None, None, 0))
+    """
+
+    rotation: tuple[Bound, ...] | None = None
+    translation: tuple[Bound, ...] | None = None
+    scale: tuple[float, float] | None = None
+
+    def limits(self, model: str, dim: int, size: float) -> tuple[Float64Array, Float64Array]:
+        """Return the lowest and highest parameters, translation in units of ``size``; scale as logarithms."""
+        if model == "affine":
+            if self != Constraints():
+                raise ParameterError(
+                    "constraints are given with model 'affine'; expected a model with rotation and scale."
+                )
+            n = dim * dim + dim
+            return np.full(n, -math.inf), np.full(n, math.inf)
+        n_rotation = 0 if model == "translation" else (3 if dim == 3 else 1)
+        if model == "translation" and self.rotation is not None:
+            raise ParameterError("constraints fix rotation with model 'translation'; that model has none. Drop them.")
+        rotation = _pairs(self.rotation, n_rotation, "rotation", 1.0)
+        translation = _pairs(self.translation, dim, "translation", size)
+        n_scale = {"similarity": 1, "scaled": dim}.get(model, 0)
+        if self.scale is not None and n_scale == 0:
+            raise ParameterError(f"constraints bound scale with model {model!r}; expected 'similarity' or 'scaled'.")
+        low, high = self.scale or (0.1, 10.0)
+        if not 0.0 < low <= high < math.inf:
+            raise ParameterError(f"scale is bounded by ({low:g}, {high:g}); expected 0 < low <= high.")
+        rows = rotation + translation + [(math.log(low), math.log(high))] * n_scale
+        table = np.array(rows, dtype=np.float64).reshape(-1, 2)
+        return np.ascontiguousarray(table[:, 0]), np.ascontiguousarray(table[:, 1])
+
+
+def model_number(model: str) -> int:
+    """Return the number of a model in the kernels, or refuse its name."""
+    if model not in MODELS:
+        raise ParameterError(f"model is {model!r}; expected one of {', '.join(MODELS)}.")
+    return MODELS.index(model)
+
+
+def _pairs(bounds: tuple[Bound, ...] | None, count: int, name: str, unit: float) -> list[tuple[float, float]]:
+    if bounds is None:
+        return [(-math.inf, math.inf)] * count
+    if len(bounds) != count:
+        raise ParameterError(f"{name} has {len(bounds)} bounds; expected {count}, one an axis, None where it is free.")
+    pairs = []
+    for bound in bounds:
+        low, high = (-math.inf, math.inf)
+        if isinstance(bound, tuple):
+            low, high = bound
+        elif bound is not None:
+            low, high = -abs(bound), abs(bound)
+        if not low <= 0.0 <= high:
+            raise ParameterError(f"{name} is bounded by ({low:g}, {high:g}); expected a range that holds the start, 0.")
+        pairs.append((low / unit, high / unit))
+    return pairs

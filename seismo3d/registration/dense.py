@@ -1,0 +1,126 @@
+"""Both scans as voxel maps in one frame, level by level."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Future
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import Float64Array
+from seismo3d.errors import GeometryError
+from seismo3d.geometry.voxels import VoxelMap, check_voxel_size, survey, voxel_levels
+from seismo3d.registration.matching import pool
+from seismo3d.registration.quadratic import Frame
+from seismo3d.scan import Scan
+
+N_PROBES = 400
+LEAST_QUALITY = 0.5
+"""Median quality of the normals that the finest level must have."""
+COARSEST = 0.08
+"""Least size of the coarsest voxels, in shares of the source's root mean square radius."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DensePair:
+    """Two scans ready to be matched.
+
+    Attributes
+    ----------
+    frame : Frame
+    target, source : list of VoxelMap
+        Levels in the frame, finest first; source levels have as many as the target's.
+    voxel_size : float
+        Edge of the finest voxels in the input's units.
+    """
+
+    frame: Frame
+    target: list[VoxelMap]
+    source: list[VoxelMap]
+    voxel_size: float
+
+
+def prepare_pair(
+    target: Scan,
+    source: Scan,
+    *,
+    voxel_size: float | None,
+    n_threads: int,
+    symmetric: bool,
+) -> DensePair:
+    """Voxelise both scans on as many levels as it takes to reach coarse voxels.
+
+    Parameters
+    ----------
+    target, source : Scan
+    voxel_size : float or None
+        Edge of the finest voxels; None takes it from the source's size and number of points.
+    n_threads : int
+        With more than one the scans are prepared side by side.
+    symmetric : bool
+        Estimate the source's normals on its finest level too.
+    """
+    d = source.dim
+    tables = _both(survey, (target.points, "target"), (source.points, "source"), n_threads)
+    size = math.sqrt(tables[1][3].sum() / len(source))
+    if not size > 0.0:
+        raise GeometryError("all source points coincide; expected points that are apart.")
+    frame = Frame(tables[1][2], tables[0][2], size)
+    edge = default_voxel_size(len(source), d, size) if voxel_size is None else voxel_size
+    for table in tables:
+        check_voxel_size(edge, float((table[1] - table[0]).max()))
+    n_levels = max(1, math.ceil(math.log2(max(COARSEST * size / edge, 1.0))) + 1)
+
+    def levels(scan: Scan, table: Float64Array, fine: str) -> list[VoxelMap]:
+        return voxel_levels(
+            scan.points,
+            center=table[2],
+            factor=1.0 / size,
+            voxel_size=edge / size,
+            n_levels=n_levels,
+            low=(table[0] - table[2]) / size,
+            fine_normals=fine,
+            normals=scan.normals,
+            weights=scan.weights,
+        )
+
+    maps = _both(
+        levels,
+        (target, tables[0], "asked"),
+        (source, tables[1], "all" if symmetric else "parents"),
+        n_threads,
+    )
+    if voxel_size is None:
+        skip = _too_noisy(maps[0])
+        maps = (maps[0][skip:], maps[1][skip:])
+        edge *= 2**skip
+    return DensePair(frame, maps[0], maps[1], edge)
+
+
+def _too_noisy(levels: list[VoxelMap]) -> int:
+    """Count the finest levels on which noise, next to the voxels' size, spoils the normals; one level always stays."""
+    for skip, level in enumerate(levels[:-1]):
+        rows = np.arange(0, len(level.keys), max(1, len(level.keys) // N_PROBES))
+        if (level.surface[rows, 3] < 0.0).any():
+            level.complete(rows)
+        spanning = level.surface[rows, 3]
+        if np.median(spanning) >= LEAST_QUALITY:
+            return skip
+    return len(levels) - 1
+
+
+def default_voxel_size(n_points: int, dim: int, size: float) -> float:
+    """Return voxels of a fiftieth of the scan's radius (a hundredth in the plane), larger where points are few."""
+    if dim == 2:
+        return max(0.01 * size, 8.0 * size / n_points)
+    return max(0.02 * size, 3.0 * size / math.sqrt(n_points))
+
+
+def _both(function, first: tuple, second: tuple, n_threads: int) -> tuple:  # type: ignore[no-untyped-def, type-arg]
+    """Call a function with two sets of arguments, side by side where there are two threads."""
+    if n_threads == 1:
+        return function(*first), function(*second)
+    other: Future = pool(n_threads - 1).submit(function, *first)  # type: ignore[type-arg]
+    own = function(*second)
+    return other.result(), own

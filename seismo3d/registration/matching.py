@@ -1,0 +1,210 @@
+"""Correspondences and sums of one pass over the source, on any number of threads with the same result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from seismo3d._typing import Float32Array, Float64Array, Int32Array
+from seismo3d.geometry.voxels import VoxelMap
+from seismo3d.registration import _kernels_form as form_kernels
+from seismo3d.registration import _kernels_match as kernels
+from seismo3d.registration.robust import robust_scale
+
+MOST_UNKNOWN = 0.02
+"""Share of partners without a normal yet up to which a pass counts as it is."""
+PART = 256
+PATCH_LEVELS = 1
+_NONE_GIVEN = np.empty(0, dtype=np.int32)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pass:
+    """What one pass over the source yields.
+
+    Attributes
+    ----------
+    form : ndarray, float64
+        Q of the weighted plane pairs (not divided by the weights).
+    weight : float
+        Sum of weights.
+    cost : float
+        Mean robust cost of a source point, 0 to 1; unmatched points cost 1.
+    matched : float
+        Share of source points with a partner.
+    squares : float
+        Sum of weighted squared residuals.
+    slope : float
+        Sum of the slopes of Tukey's influence function, with the elements' own weights.
+    spread : float
+        Robust standard deviation of the residuals.
+    mean_square : float
+        Mean square residual of the matched points.
+    residuals, distances2 : ndarray of shape (n,), float32
+        Signed residual along the normal and squared distance; NaN where there is no partner.
+    partners : ndarray of shape (n,), int32
+        Row of the target's surface, or -1.
+    normals : ndarray of shape (n, 3), float32
+        Direction that the residual was measured along.
+    """
+
+    form: Float64Array
+    weight: float
+    cost: float
+    matched: float
+    squares: float
+    slope: float
+    spread: float
+    mean_square: float
+    residuals: Float32Array
+    distances2: Float32Array
+    partners: Int32Array
+    normals: Float32Array
+
+
+@cache
+def pool(n_threads: int) -> ThreadPoolExecutor:
+    """Return the threads that passes run on; they are kept."""
+    return ThreadPoolExecutor(n_threads, thread_name_prefix="seismo3d-register")
+
+
+def match_surface(
+    source: Float32Array,
+    target: VoxelMap,
+    A: Float64Array,
+    t: Float64Array,
+    *,
+    radius: float,
+    cutoff: float,
+    least_cosine: float = 0.5,
+    symmetric: bool = False,
+    n_threads: int = 1,
+    given: Int32Array = _NONE_GIVEN,
+) -> Pass:
+    """Match source elements, moved by (A, t), with the nearest target elements and gather their form.
+
+    Parameters
+    ----------
+    source : ndarray of shape (n, 8), float32
+        Surface elements as in :class:`~seismo3d.geometry.voxels.VoxelMap`, in the registration's frame.
+    target : VoxelMap
+    A, t : ndarray
+        The current transform in the frame.
+    radius : float
+        Pairs farther apart are not made.
+    cutoff : float
+        Residual at which Tukey's weight reaches zero.
+    least_cosine : float
+        Pairs whose normals differ more are not made.
+    symmetric : bool
+        Measure along the mean of both normals instead of the target's.
+    n_threads : int
+    given : ndarray of shape (n,), int32
+        Known partners; empty to search.
+    """
+    n, d = len(source), t.size
+    n_blocks = -(-n // kernels.BLOCK)
+    sums = np.empty((n_blocks, kernels.n_sums(d)))
+    residuals = np.empty(n, dtype=np.float32)
+    distances2 = np.empty(n, dtype=np.float32)
+    partners = np.empty(n, dtype=np.int32)
+    normals = np.empty((n, 3), dtype=np.float32)
+
+    def run(first: int, last: int) -> None:
+        kernels.match_blocks(
+            first,
+            last,
+            source,
+            A,
+            t,
+            target.origin,
+            1.0 / target.size,
+            target.table_keys,
+            target.table,
+            target.shift,
+            target.surface,
+            given,
+            radius * radius,
+            cutoff,
+            least_cosine,
+            symmetric,
+            sums,
+            residuals,
+            distances2,
+            partners,
+            normals,
+        )
+
+    for _ in range(2):
+        _share_out(run, n_blocks, n_threads)
+        unknown = np.unique(partners[(partners >= 0) & np.isnan(residuals)])
+        if unknown.size:
+            rows = unknown.astype(np.int64)
+            parts = -(-len(rows) // PART)
+            _share_out(lambda a, b: target.complete(rows[a * PART : b * PART]), parts, n_threads)  # noqa: B023
+        if unknown.size <= MOST_UNKNOWN * n:
+            break
+    total = sums.sum(axis=0)
+    weight, cost, matched, squares, slope = (float(v) for v in total[-kernels.N_EXTRA :])
+    form = form_kernels.unpack_planes(total[: -kernels.N_EXTRA], d)
+    seen = residuals[np.isfinite(residuals)]
+    mean_square = float(seen @ seen) / len(seen) if len(seen) else 0.0
+    return Pass(
+        form,
+        weight,
+        cost / n,
+        matched / n,
+        squares,
+        slope,
+        robust_scale(seen),
+        mean_square,
+        residuals,
+        distances2,
+        partners,
+        normals,
+    )
+
+
+def _share_out(run: Callable[[int, int], object], n_parts: int, n_threads: int) -> None:
+    """Run parts 0 to n_parts - 1 in ranges, one range a thread."""
+    if n_threads == 1 or n_parts < 4:
+        run(0, n_parts)
+        return
+    edges = [n_parts * k // n_threads for k in range(n_threads + 1)]
+    others = [pool(n_threads - 1).submit(run, a, b) for a, b in zip(edges[1:-1], edges[2:]) if b > a]
+    if edges[1] > 0:
+        run(edges[0], edges[1])
+    for other in others:
+        other.result()
+
+
+def surface_meat(seen: Pass, source: Float32Array, target: list[VoxelMap], cutoff: float) -> Float64Array:
+    """Return the covariance of the form's half gradient, from sums of residuals over patches of the target.
+
+    Neighbouring residuals share the noise of target elements and of normals: patches of four voxels' width, two levels up,
+    are taken as independent of each other, single residuals are not.
+    """
+    level = target[0]
+    clusters = np.arange(len(level.keys), dtype=np.int32)
+    n_clusters = len(clusters)
+    for finer, coarser in zip(target[:PATCH_LEVELS], target[1:]):
+        if finer.parents is not None:
+            clusters = finer.parents[clusters]
+            n_clusters = len(coarser.keys)
+    return np.asarray(
+        kernels.clustered_scores(
+            source,
+            level.surface,
+            seen.residuals,
+            seen.partners,
+            seen.normals,
+            cutoff,
+            clusters,
+            n_clusters,
+            level.dim,
+        )
+    )

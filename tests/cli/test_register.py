@@ -1,0 +1,56 @@
+"""seismo3d register, run as a user runs it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from seismo3d.cli import main
+from seismo3d.cli.app import app
+from seismo3d.geometry.rotations import exp_rotation, make_transform, transform_points
+from seismo3d.io.points import read_points, write_points
+
+
+@pytest.fixture
+def files(tmp_path, rng):
+    u, v = rng.uniform(-1, 1, size=(2, 3000))
+    hill = np.column_stack([u, v, 0.3 * np.sin(4 * u) * np.cos(3 * v)])
+    T = make_transform(exp_rotation([0.0, 0.1, 0.2]), [0.1, 0.0, 0.05])
+    target = write_points(tmp_path / "target.ply", transform_points(T, hill))
+    source = write_points(tmp_path / "source.xyz", hill)
+    return target, source, T
+
+
+def test_prints_the_matrix_and_writes_the_moved_scan(files, tmp_path):
+    target, source, T = files
+    done = CliRunner().invoke(app, ["register", str(target), str(source), "-o", str(tmp_path / "moved.ply")])
+    assert done.exit_code == 0, done.output
+    rows = [line for line in done.stdout.splitlines() if not line.startswith("#")]
+    np.testing.assert_allclose(np.array([row.split() for row in rows], dtype=float), T, atol=1e-6)
+    np.testing.assert_allclose(
+        read_points(tmp_path / "moved.ply").points, read_points(target).points, atol=1e-5
+    )  # the text file keeps nine digits
+
+
+def test_json_is_valid_and_whole(files):
+    target, source, T = files
+    done = CliRunner().invoke(app, ["register", str(target), str(source), "--json", "--model", "similarity"])
+    answer = json.loads(done.stdout)
+    np.testing.assert_allclose(answer["T_target_source"], T, atol=1e-6)
+    assert answer["state"] == "converged"
+    assert answer["certificate"] is None
+
+
+def test_bad_input_is_one_line_and_exit_code_2(files, tmp_path, capsys):
+    target, _, _ = files
+    broken = tmp_path / "broken.ply"
+    broken.write_text("no header")
+    with pytest.raises(SystemExit) as left:
+        main(["register", str(target), str(broken)])
+    assert left.value.code == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert "PLY header" in lines[0]
