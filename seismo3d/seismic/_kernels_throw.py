@@ -31,7 +31,7 @@ def _read(volume, valid, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def read_sides(volume, valid, p, q, w, origin, along, across, first_s, first_sample, near, far, sides, known):  # type: ignore[no-untyped-def]
+def read_sides(volume, valid, p, q, w, origin, along, across, first_s, first_sample, near, far, clear, sides, known):  # type: ignore[no-untyped-def]
     """Write both sides of a sheet, one value a sample: the mean of traces `near` to `far` off, carried along their dips.
 
     `w` holds the sheet's position at every (row, sample); sides[0] lies against `across`, sides[1] along it.
@@ -55,9 +55,13 @@ def read_sides(volume, valid, p, q, w, origin, along, across, first_s, first_sam
                     x = origin[0] + s * along[0] + (w[r, k] + d) * across[0]
                     y = origin[1] + s * along[1] + (w[r, k] + d) * across[1]
                     z = float(first_sample + k)
-                    i, j, kk = int(np.rint(x)), int(np.rint(y)), int(np.rint(z))
-                    if i < 0 or j < 0 or kk < 0 or i >= n0 or j >= n1 or kk >= n2:
+                    if x < 0.0 or y < 0.0 or x > n0 - 1 or y > n1 - 1:
                         continue
+                    # slopes beside the fault are bent by it: they are read farther off
+                    away = float(clear) if side == 1 else -float(clear)
+                    i = min(max(int(np.rint(x + away * across[0])), 0), n0 - 1)
+                    j = min(max(int(np.rint(y + away * across[1])), 0), n1 - 1)
+                    kk = min(first_sample + k, n2 - 1)
                     slope = p[i, j, kk] * across[0] + q[i, j, kk] * across[1]
                     value, weight = _read(volume, valid, x, y, z + d * slope)
                     total += value
@@ -163,3 +167,15 @@ def pick_shifts(total, cost, shift, fit):  # type: ignore[no-untyped-def]
                     refined += np.float32(0.5) * (before - after) / bend
             shift[r, k] = refined - n // 2
             fit[r, k] = np.float32(1.0) - cost[r, k, best]
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def bar_far_shifts(cost, usual, band):  # type: ignore[no-untyped-def]
+    """Raise the cost, in place, of shifts farther than `band` from the usual one, the more the farther."""
+    n_rows, n_samples, n = cost.shape
+    for r in prange(n_rows):
+        for k in range(n_samples):
+            for c in range(n):
+                far = abs(c - n // 2 - usual[r, k]) - band
+                if far > 0:
+                    cost[r, k, c] += np.float32(0.1) * far

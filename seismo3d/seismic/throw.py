@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import filter_crosslines, filter_samples, gaussian_taps
-from seismo3d.seismic._kernels_throw import finish_costs, pick_shifts, read_sides, shift_costs, sum_paths
+from seismo3d.seismic._kernels_throw import bar_far_shifts, finish_costs, pick_shifts, read_sides, shift_costs, sum_paths
 from seismo3d.seismic.linking import Sheet
 
 
@@ -21,19 +21,26 @@ class ThrowSettings:
     ----------
     near, far : int
         Traces off the surface between which each side is averaged.
+    clear : int
+        Traces farther off at which their slopes are read.
     longest : int
         Largest throw looked for, either way.
     along_strike, down : float
         Widths of the Gaussian window over which the sides are compared.
+    neighbourhood, band : int, float
+        Size of the neighbourhood, and how far a throw may lie from its median.
     step, jump : float
         Cost, as a misfit ratio, of a throw that changes by a sample from a place to the next, and by more.
     """
 
     near: int = 2
     far: int = 4
+    clear: int = 8
     longest: int = 48
     along_strike: float = 6.0
     down: float = 12.0
+    neighbourhood: int = 100
+    band: float = 8.0
     step: float = 0.1
     jump: float = 1.0
 
@@ -96,13 +103,13 @@ def measure_throw(
     sides, known = np.zeros((2, *w.shape), np.float32), np.zeros((2, *w.shape), np.float32)
     read_sides(
         volume, valid, *slopes, w, sheet.origin, sheet.along, sheet.across, sheet.first_s, sheet.first_sample,
-        settings.near, settings.far, sides, known,
+        settings.near, settings.far, settings.clear, sides, known,
     )  # fmt: skip
     cost = _smoothed_costs(sides, known, settings)
-    total = np.zeros_like(cost)
-    sum_paths(cost, np.float32(settings.step), np.float32(settings.jump), total)
-    shift, fit = np.empty(w.shape, np.float32), np.empty(w.shape, np.float32)
-    pick_shifts(total, cost, shift, fit)
+    shift, fit = _cheapest(cost, settings)
+    trusted = np.isfinite(w) & (known.min(axis=0) > 0)
+    bar_far_shifts(cost, _usual(shift, trusted, settings), np.float32(settings.band))
+    shift, fit = _cheapest(cost, settings)
     hanging_side = 1 if np.nanmean(np.gradient(sheet.w, axis=1)) >= 0 else -1 if sheet.w.shape[1] > 1 else 1
     measured = np.isfinite(w) & (ndimage.uniform_filter(known.min(axis=0), 5) > 0.1)
     columns = np.arange(sheet.w.shape[1]) * sheet.step
@@ -142,6 +149,29 @@ def _smoothed_costs(sides: Float32Array, known: Float32Array, settings: ThrowSet
     out = np.empty((n_rows, n_samples, n_shifts), np.float32)
     finish_costs(cost, weight, energy, np.float32(1.0), out)
     return out
+
+
+def _cheapest(cost: Float32Array, settings: ThrowSettings) -> tuple[Float32Array, Float32Array]:
+    """Return the shift of the cheapest paths at every place, and its fit."""
+    total = np.zeros_like(cost)
+    sum_paths(cost, np.float32(settings.step), np.float32(settings.jump), total)
+    shift, fit = np.empty(cost.shape[:2], np.float32), np.empty(cost.shape[:2], np.float32)
+    pick_shifts(total, cost, shift, fit)
+    return shift, fit
+
+
+def _usual(shift: Float32Array, trusted: BoolArray, settings: ThrowSettings) -> Float32Array:
+    """Median shift of a wide neighbourhood: where the sides match a reflector too high or too low, the others outvote it."""
+    step = 4
+    coarse = np.where(trusted, shift, np.nan)[::step, ::step]
+    coarse = _spread(coarse.astype(np.float32), np.isfinite(coarse))
+    if not np.isfinite(coarse).all():
+        return np.zeros_like(shift)
+    size = max(3, settings.neighbourhood // step)
+    median = ndimage.median_filter(coarse, size=size, mode="nearest")
+    rows = np.minimum(np.arange(shift.shape[0]) // step, median.shape[0] - 1)
+    columns = np.minimum(np.arange(shift.shape[1]) // step, median.shape[1] - 1)
+    return median[np.ix_(rows, columns)].astype(np.float32)
 
 
 def _spread(values: Float32Array, known: BoolArray) -> Float32Array:
