@@ -139,7 +139,7 @@ def find_ridges(best, arg, normals, least, offset):  # type: ignore[no-untyped-d
                 before = _at(best, i - nx, j - ny, k)
                 after = _at(best, i + nx, j + ny, k)
                 # a crest needs both its flanks: at the cube's edge it could not be told from a rise towards it
-                if before >= 0.0 and after >= 0.0 and value >= before and value > after:
+                if before > -np.inf and after > -np.inf and value >= before and value > after:
                     keep[i, j, k] = True
                     bend = before - 2.0 * value + after
                     offset[i, j, k] = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
@@ -148,10 +148,10 @@ def find_ridges(best, arg, normals, least, offset):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True, inline="always")
 def _at(volume, x, y, k):  # type: ignore[no-untyped-def]
-    """Bilinear value in a time slice, -1 outside."""
+    """Bilinear value in a time slice, minus infinity outside."""
     n0, n1 = volume.shape[0], volume.shape[1]
     if x < 0.0 or y < 0.0 or x > n0 - 1 or y > n1 - 1:
-        return np.float32(-1.0)
+        return np.float32(-np.inf)
     i = min(int(x), max(n0 - 2, 0))
     j = min(int(y), max(n1 - 2, 0))
     fx = np.float32(x - i)

@@ -31,6 +31,8 @@ from seismo3d.seismic.whitening import whiten
 # samples of one value, and traces of the same values, from which on they are no data
 _LONGEST_RUN = 12
 _LEAST_REPEATS = 4
+# traces that a section's one trace stands for, where a surface's size is asked for
+_SECTION_WIDTH = 16.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,8 @@ class FaultSettings:
     ----------
     least_score : tuple of (float, float)
         Support that a ridge needs, without noise and in noise, in standard deviations of the cube's own evidence.
+    end_score : tuple of (float, float)
+        The same, averaged over the surface nearby: below it a surface ends.
     least_area : float
         Smallest surface, in traces times samples.
     least_strength : float
@@ -53,11 +57,12 @@ class FaultSettings:
         Settings of the stages.
     """
 
-    least_score: tuple[float, float] = (0.5, 0.3)
+    least_score: tuple[float, float] = (0.55, 0.3)
+    end_score: tuple[float, float] = (0.7, 0.3)
     least_area: float = 400.0
-    least_strength: float = 36.0
+    least_strength: float = 38.0
     least_height: float = 24.0
-    least_throw: float = 0.6
+    least_throw: float = 1.0
     dip: DipSettings = field(default_factory=DipSettings)
     misfit: MisfitSettings = field(default_factory=MisfitSettings)
     scan: ScanSettings = field(default_factory=ScanSettings)
@@ -113,20 +118,21 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     evidence = measure_misfit(volume, valid, *slopes, settings=settings.misfit)
     report("scan", 0.0)
     support = scan_planes(evidence, settings=settings.scan, progress=progress)
-    low, high = settings.least_score
-    ridges = thin(support, evidence, least=low + evidence.noisiness * (high - low))
+    ridges = thin(support, evidence, least=_at_noise(settings.least_score, evidence))
     del support
     report("link", 0.0)
+    width = _SECTION_WIDTH if 1 in volume.shape[:2] else 1.0
     sheets = _choose(link_sheets(
         ridges, evidence.along_inlines.shape, step=evidence.step,
-        least_points=max(4, int(0.5 * settings.least_area / evidence.step)), settings=settings.link,
-    ), settings)  # fmt: skip
+        least_points=max(4, int(0.5 * settings.least_area / width / evidence.step)),
+        end_score=_at_noise(settings.end_score, evidence), settings=settings.link,
+    ), settings, width)  # fmt: skip
     throws = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
         throws.append(measure_throw(volume, valid, slopes, sheet, settings=settings.throw))
     report("surfaces", 0.0)
-    moved = [np.nanmedian(np.abs(t.throw)) >= settings.least_throw for t in throws]
+    moved = [_median_throw(t) >= settings.least_throw for t in throws]
     sheets, throws = list(compress(sheets, moved)), list(compress(throws, moved))
     surfaces = _surfaces(sheets, throws, geometry, sampling)
     labels, throw = _draw(sheets, throws, volume.shape)
@@ -137,6 +143,16 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
                     ((likelihood, "likelihood"), (labels, "labels"), (throw, "throw"))),
         settings=asdict(settings),
     )  # fmt: skip
+
+
+def _median_throw(throw: SheetThrow) -> float:
+    """Median size of the throw; 0 where no side has data."""
+    known = np.abs(throw.throw[np.isfinite(throw.throw)])
+    return float(np.median(known)) if known.size else 0.0
+
+
+def _at_noise(pair: tuple[float, float], evidence: Evidence) -> float:
+    return pair[0] + evidence.noisiness * (pair[1] - pair[0])
 
 
 def to_likelihood(score: Float32Array) -> Float32Array:
@@ -189,13 +205,13 @@ def _repeated(amplitudes: Float32Array, valid: BoolArray) -> BoolArray:
     return kept
 
 
-def _choose(sheets: list[Sheet], settings: FaultSettings) -> list[Sheet]:
+def _choose(sheets: list[Sheet], settings: FaultSettings, width: float) -> list[Sheet]:
     """Keep the sheets that are large and strong enough to be faults."""
     return [
         sheet
         for sheet in sheets
-        if sheet.area >= settings.least_area
-        and np.nanmean(sheet.score) * np.sqrt(sheet.area) >= settings.least_strength
+        if width * sheet.area >= settings.least_area
+        and np.nanmean(sheet.score) * np.sqrt(width * sheet.area) >= settings.least_strength
         and np.ptp(np.flatnonzero(sheet.inside.any(axis=0))) * sheet.step >= settings.least_height
     ]
 

@@ -30,8 +30,6 @@ class LinkSettings:
         Farthest a surface's strike may turn away from that of its best point.
     fold : float
         Farthest a point may lie off its surface at the same place; what lies farther belongs to another one.
-    least_score : float
-        Support, averaged over the surface nearby, below which a surface ends.
     fragment : int
         Surfaces of fewer points are not joined to others.
     gap : int
@@ -51,7 +49,6 @@ class LinkSettings:
     off_plane: float = 1.4
     turn_deg: float = 50.0
     fold: float = 2.5
-    least_score: float = 0.4
     fragment: int = 20
     gap: int = 5
     contacts: int = 12
@@ -116,7 +113,7 @@ class Sheet:
 
 
 def link_sheets(
-    ridges: RidgePoints, shape: tuple[int, int, int], *, step: int, least_points: int, settings: LinkSettings | None = None
+    ridges: RidgePoints, shape: tuple[int, int, int], *, step: int, least_points: int, end_score: float = 0.0, settings: LinkSettings | None = None
 ) -> list[Sheet]:
     """Link ridge points into sheets, largest first.
 
@@ -133,6 +130,8 @@ def link_sheets(
         Samples a step of that grid.
     least_points : int
         Smaller sets are left out.
+    end_score : float
+        Support, averaged over the surface nearby, below which a surface ends.
     settings : LinkSettings, optional
         When points belong together.
 
@@ -144,11 +143,11 @@ def link_sheets(
     sheets: list[Sheet] = []
     for parts in _grow(ridges, shape, settings):
         whole = np.concatenate(parts)
-        sheet, share = _fit_sheet(ridges, whole, step, settings)
+        sheet, share = _fit_sheet(ridges, whole, step, end_score, settings)
         if len(parts) == 1 or share > settings.joint_share:
             sheets += [sheet] if len(whole) >= least_points else []
         else:  # no one height field: what seemed to continue is two faults that meet
-            sheets += [_fit_sheet(ridges, part, step, settings)[0] for part in parts if len(part) >= least_points]
+            sheets += [_fit_sheet(ridges, part, step, end_score, settings)[0] for part in parts if len(part) >= least_points]
     return sorted(sheets, key=lambda sheet: -sheet.area)
 
 
@@ -203,7 +202,7 @@ def _join(label: IntArray, contacts: IntArray, least: int) -> IntArray:
     return group
 
 
-def _fit_sheet(ridges: RidgePoints, members: IntArray, step: int, settings: LinkSettings) -> tuple[Sheet, float]:
+def _fit_sheet(ridges: RidgePoints, members: IntArray, step: int, end_score: float, settings: LinkSettings) -> tuple[Sheet, float]:
     """Fit a height field to the points of one surface, leaving out those that lie off it; and the share that lies on it."""
     positions = ridges.positions[members].astype(np.float64)
     weight = np.maximum(ridges.score[members], 1e-3).astype(np.float64)
@@ -224,7 +223,7 @@ def _fit_sheet(ridges: RidgePoints, members: IntArray, step: int, settings: Link
             break
         on_sheet = keep
     score, _ = _smoothed(cells, weight, on_sheet.astype(np.float64), shape, settings.smoothing)
-    strong = on_sheet & (score[cells] >= settings.least_score)
+    strong = on_sheet & (score[cells] >= end_score)
     inside = _bridge(cells, strong, shape, settings.closing) & (count > 1e-6)
     sheet = Sheet(
         origin, across, first_column * step, step, first_s,
@@ -237,7 +236,10 @@ def _mean_normal(planes: Float32Array, weight: Float64Array) -> Float64Array:
     """Mean axis of horizontal normals whose signs mean nothing: the mean of the doubled angles, halved."""
     angle = 2.0 * np.arctan2(planes[:, 1].astype(np.float64), planes[:, 0].astype(np.float64))
     mean = 0.5 * np.arctan2((weight * np.sin(angle)).sum(), (weight * np.cos(angle)).sum())
-    return np.array([np.cos(mean), np.sin(mean)])
+    normal = np.array([np.cos(mean), np.sin(mean)])
+    # along an axis exactly: rounding must not carry a section's places off its one trace
+    normal[np.abs(normal) < 1e-9] = 0.0
+    return normal / np.hypot(*normal)
 
 
 def _smoothed(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import gaussian_taps, filter_crosslines, filter_inlines, filter_samples, smooth
@@ -13,6 +14,7 @@ from seismo3d.seismic._kernels_misfit import clear_unknown, divide_thinned, log_
 
 _LEAST_MEAN = 0.6
 _LEAST_SPREAD = 0.8
+_LEAST_LINE = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +29,8 @@ class MisfitSettings:
         Width of the Gaussian that smooths the misfit along the trace.
     lateral : float
         Width of the Gaussian that smooths the evidence over neighbouring traces.
+    footprint : float
+        Most that is taken out of the evidence for acquisition footprint.
     background : tuple of (float, float)
         Lateral and vertical width of the window of the local background.
     levelling : float
@@ -46,6 +50,7 @@ class MisfitSettings:
     reach: tuple[int, int] = (2, 6)
     vertical: float = 1.5
     lateral: float = 1.25
+    footprint: float = 0.25
     background: tuple[float, float] = (16.0, 16.0)
     levelling: float = 0.5
     energy: tuple[float, float] = (2.0, 4.0)
@@ -126,30 +131,44 @@ def measure_misfit(
     # where there is next to no evidence, its own scatter must not be taken for faults
     mean, spread = max(mean, _LEAST_MEAN), max(spread, _LEAST_SPREAD * (1.0 - noisiness))
     background = float(np.log1p(noise / softness))
-    filled = [
-        _level(_spread_laterally(_fill_unknown(ratio, weight, background), settings.lateral), settings)
-        for ratio, weight in zip(ratios, known, strict=True)
-    ]
+    filled = [_fill_unknown(ratio, weight, background) for ratio, weight in zip(ratios, known, strict=True)]
+    for axis, values in enumerate(filled):
+        _remove_footprint(values, axis, settings)
+        _spread_laterally(values, settings.lateral)
+        _level(values, settings)
     return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
 
 
-def _spread_laterally(evidence: Float32Array, sigma: float) -> Float32Array:
+def _remove_footprint(evidence: Float32Array, axis: int, settings: MisfitSettings) -> None:
+    """Take out what an acquisition footprint adds: evidence that a whole line has more, or less, of than its neighbours.
+
+    The median over a line does not see a fault that crosses it, and at most `footprint` is taken out, a fraction of what
+    a fault shows, so that one that runs along the line is left standing.
+    """
+    n_along = evidence.shape[1 - axis]
+    if n_along < _LEAST_LINE:
+        return
+    median = np.median(evidence, axis=1 - axis)
+    median = ndimage.gaussian_filter1d(median, 12.0 / settings.step, axis=1)
+    excess = median - ndimage.gaussian_filter1d(median, 8.0, axis=0)
+    evidence -= np.expand_dims(np.clip(excess, -settings.footprint, settings.footprint), 1 - axis).astype(np.float32)
+
+
+def _spread_laterally(evidence: Float32Array, sigma: float) -> None:
     """Smooth over neighbouring traces: a wavelet ties samples of a trace together, and nothing else ties traces."""
     taps = gaussian_taps(sigma)
     other = np.empty_like(evidence)
     filter_crosslines(evidence, taps, other)
     filter_inlines(other, taps, evidence)
-    return evidence
 
 
-def _level(evidence: Float32Array, settings: MisfitSettings) -> Float32Array:
+def _level(evidence: Float32Array, settings: MisfitSettings) -> None:
     """Take out part of the wide local mean: chaotic and noisy zones have more evidence everywhere, not only at faults."""
     lateral, vertical = settings.background
     mean = smooth(evidence, (lateral, lateral, vertical / settings.step))
     mean -= mean.mean()
     mean *= np.float32(settings.levelling)
     evidence -= mean
-    return evidence
 
 
 def _moments(ratios: list[Float32Array], known: list[Float32Array]) -> tuple[float, float]:
@@ -175,7 +194,7 @@ def _ratios(
     shape = (*volume.shape[:2], -(-volume.shape[2] // settings.step))
     ratios = [np.zeros(shape, np.float32) for _ in range(2)]
     known = [np.zeros(shape, np.float32) for _ in range(2)]
-    floor = np.float32(0.01 * _mean_energy(volume, valid))
+    floor = np.float32(max(0.01 * _mean_energy(volume, valid), 1e-20))
     halo = reach + len(gaussian_taps(settings.energy[0])) // 2 + 1
     for start in range(0, len(volume), settings.slab):
         stop = min(start + settings.slab, len(volume))

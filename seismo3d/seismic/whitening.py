@@ -54,9 +54,8 @@ def whitening_taps(volume: Float32Array, valid: BoolArray) -> Float32Array:
     first, second = _neighbours(volume, valid)
     if len(first) == 0:
         return identity
-    taper = np.hanning(volume.shape[2] + 2)[1:-1]
     n_fft = 4 * (2 * half + 1)
-    spectra = [_short_spectra(traces * taper, n_fft) for traces in (first, second)]
+    spectra = [_short_spectra(traces, n_fft) for traces in (first, second)]
     power = 0.5 * sum((np.abs(s) ** 2).mean(axis=0) for s in spectra)
     cross = (spectra[0] * spectra[1].conj()).real.mean(axis=0)
     if not power.max() > 0.0:
@@ -88,12 +87,13 @@ def _neighbours(volume: Float32Array, valid: BoolArray) -> tuple[Float64Array, F
 
 
 def _short_spectra(traces: Float64Array, n_fft: int) -> np.ndarray:
-    """Spectra of traces cut or padded to n_fft samples; longer traces give several pieces each."""
-    n = traces.shape[1]
-    if n <= n_fft:
-        return np.fft.rfft(traces, n_fft, axis=1)
-    pieces = n // n_fft
-    return np.fft.rfft(traces[:, : pieces * n_fft].reshape(-1, n_fft), axis=1)
+    """Spectra of tapered pieces of n_fft samples, spread evenly over the traces and overlapping; or of short traces whole."""
+    length = min(traces.shape[1], n_fft)
+    taper = np.hanning(length + 2)[1:-1]
+    n_pieces = 1 if length < n_fft else int(np.ceil(2 * (traces.shape[1] - length) / length)) + 1
+    starts = np.rint(np.linspace(0, traces.shape[1] - length, n_pieces)).astype(int)
+    pieces = np.concatenate([traces[:, start : start + length] for start in starts])
+    return np.fft.rfft(pieces * taper, n_fft, axis=1)
 
 
 def _smooth_spectrum(values: Float64Array) -> Float64Array:
