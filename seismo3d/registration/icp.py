@@ -23,8 +23,10 @@ NEAR_SHARE = 0.5
 """Share of elements with a partner within half a voxel from which the start counts as near."""
 
 
-NORMAL_NOISE = 2.0
+NORMAL_NOISE = 3.0
 """Curvature that noise of the normals feigns, in medians of the squared sine between matched normals."""
+MOST_FEIGNED = 0.01
+"""Most of it: far from the solution normals differ because pairs are wrong."""
 LEAST_RATIO = 1e-7
 
 
@@ -293,7 +295,9 @@ def _evaluate(
         **extra,
     )
     seen = None if features is None else weigh_features(features, A, t)
-    ratio = max(settings.observability, NORMAL_NOISE * normal_noise(surface, source, A))
+    ratio = settings.observability
+    if surface.matched > 0.6 and np.nanmedian(surface.distances2) < (0.7 * target.size) ** 2:
+        ratio = max(ratio, feigned(surface, source, A))
     if seen is not None and settings.alpha is None and surface.weight > 0.0:
         surface = replace(surface, form=seen_part(surface.form, A, t, model, ratio))
         ratio = 0.0
@@ -335,6 +339,11 @@ def normal_noise(surface: Pass, source: Float32Array, A: Float64Array) -> float:
         return 0.0
     cosine = (turned[usable] * surface.normals[usable, :d]).sum(axis=1)
     return float(np.median(np.maximum(0.0, 1.0 - cosine * cosine / length2[usable])))
+
+
+def feigned(surface: Pass, source: Float32Array, A: Float64Array) -> float:
+    """Return the share of the largest curvature up to which noise may feign curvature."""
+    return min(NORMAL_NOISE * normal_noise(surface, source, A), MOST_FEIGNED)
 
 
 def seen_part(form: Float64Array, A: Float64Array, t: Float64Array, model: str, ratio: float) -> Float64Array:
