@@ -1,5 +1,6 @@
 """Random problems of the exact solvers: is the answer the global minimum, does the certificate say so, how long does
-it take."""
+it take.
+"""
 
 from __future__ import annotations
 

@@ -66,7 +66,8 @@ def feature_term(matches: Any, target: Scan, source: Scan, frame: Frame, floor: 
 
 def lift_pixels(raster: Raster, pixels: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Return the points (k, 3) that pixels (column, row) show and their covariances (k, 3, 3); NaN where there is
-    none."""
+    none.
+    """
     if raster.points is None:
         raise ParameterError(
             f"the scan's raster is of kind {raster.kind!r}; expected one with points, as an RGB-D frame has."
