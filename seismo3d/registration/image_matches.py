@@ -11,7 +11,7 @@ from seismo3d._validate import as_number
 from seismo3d.errors import ParameterError
 from seismo3d.scan import as_grey
 
-DETECTORS = ("sift", "akaze", "orb")
+DETECTORS = ("sift", "orb")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,11 +37,11 @@ def match_keypoints(
     ----------
     target, source : array_like of shape (rows, columns[, channels])
         Values of type uint8 are taken as they are, others are stretched from their 1st to their 99th percentile.
-    detector : {"sift", "akaze", "orb"}
+    detector : {"sift", "orb"}
     ratio : float
         A match is kept where its distance is below this share of the second nearest's.
     n_keypoints : int
-        Most keypoints an image (SIFT, ORB).
+        Most keypoints an image.
 
     Returns
     -------
@@ -56,7 +56,6 @@ def match_keypoints(
     n = int(as_number(n_keypoints, "n_keypoints", low=1))
     finder = {
         "sift": lambda: cv2.SIFT_create(nfeatures=n, contrastThreshold=0.02),
-        "akaze": lambda: cv2.AKAZE_create(threshold=5e-4),
         "orb": lambda: cv2.ORB_create(nfeatures=n),
     }[detector]()
     found = [finder.detectAndCompute(_as_bytes(image), None) for image in (target, source)]
