@@ -10,7 +10,9 @@ _EXPERIMENTS = ("table1", "figure3")
 
 
 def run(
-    experiment: str = typer.Argument(help="table1 or figure3: registration of rotated depth frames.", show_default=False),
+    experiment: str = typer.Argument(
+        help="table1 or figure3: registration of rotated depth frames.", show_default=False
+    ),
     data: Path | None = typer.Argument(
         None, help="RGB-D sequence in the TUM layout with camera.json. [default: drawn rooms]", show_default=False
     ),

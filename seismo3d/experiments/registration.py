@@ -1,8 +1,8 @@
 """All measurements of the registration core, for anyone to run: ``python -m seismo3d.experiments.registration``.
 
-Parts: ``solves`` (random problems of the exact solvers), ``covariance`` (honesty of the covariance), ``degenerate`` (planes,
-corridors and layers with features), and with data, ``speed`` and ``pairs`` (``--registration FOLDER``) and ``fusion``
-(``--rgbd SEQUENCE``).
+Parts: ``solves`` (random problems of the exact solvers), ``covariance`` (honesty of the covariance), ``degenerate``
+(planes, corridors and layers with features), and with data, ``speed`` and ``pairs`` (``--registration FOLDER``) and
+``fusion`` (``--rgbd SEQUENCE``).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Table 1 and Figure 3 of the paper: registration of rotated depth frames, accuracy, seconds and error by iteration.
 
-Accuracy is the share of source points that end within twice the spacing of the points (the spacing after thinning, which all
-methods share) of their true place; the mean over all frames. Seconds are the mean time of a registration, from points to
-transform, features included where they are used.
+Accuracy is the share of source points that end within twice the spacing of the points (the spacing after thinning,
+which all methods share) of their true place; the mean over all frames. Seconds are the mean time of a registration,
+from points to transform, features included where they are used.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class Attempt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Accuracy in percent and seconds of each method at each angle, and the mean square error by iteration at one angle."""
+    """Accuracy in percent and seconds by method and angle, and the mean square error by iteration at one angle."""
 
     angles_deg: tuple[int, ...]
     accuracy: dict[str, list[float]]
@@ -58,10 +59,10 @@ def _points(pair: FramePair) -> tuple[Float64Array, Float64Array]:
 
 
 def iterate_pairs(target: Float64Array, source: Float64Array, *, depth: int = 0) -> list[Float64Array]:
-    """Run point-to-point ICP with nearest neighbours; ``depth`` steps of Anderson's acceleration. Returns the transforms."""
+    """Run point-to-point ICP, with some steps of acceleration; return the transforms on the way."""
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(target)
+    tree: Any = cKDTree(target)
     T = np.eye(4)
     path = [T]
     memory = Accelerator(depth)
@@ -101,9 +102,7 @@ def plane_icp(pair: FramePair) -> list[Float64Array]:
         import open3d as o3d
     except ImportError:
         return _plane_icp(*_points(pair))
-    clouds = []
-    for points in _points(pair):
-        clouds.append(o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)))
+    clouds = [o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)) for points in _points(pair)]
     clouds[0].estimate_normals(o3d.geometry.KDTreeSearchParamKNN(12))
     tools = o3d.pipelines.registration
     found = tools.registration_icp(
@@ -121,7 +120,7 @@ def _plane_icp(target: Float64Array, source: Float64Array) -> list[Float64Array]
     from scipy.spatial import cKDTree
 
     normals = estimate_normals(target)[0].astype(np.float64)
-    tree = cKDTree(target)
+    tree: Any = cKDTree(target)
     path = [np.eye(4)]
     for _ in range(ROUNDS):
         distances, rows = tree.query(transform_points(path[-1], source))

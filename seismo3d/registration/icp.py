@@ -1,10 +1,9 @@
-"""The fused loop: match surfaces, weigh, solve, from coarse to fine; with acceleration and any degree of freedom
-bounded.
-"""
+"""The fused loop, from coarse to fine: match surfaces, weigh, solve, extrapolate."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from seismo3d.geometry.voxels import VoxelMap
 from seismo3d.registration._kernels_newton import parameter_jacobian
 from seismo3d.registration.acceleration import Accelerator
 from seismo3d.registration.constraints import model_number
-from seismo3d.registration.matching import Pass, match_surface
+from seismo3d.registration.matching import NONE_GIVEN, Pass, match_surface
 from seismo3d.registration.quadratic import stack
 from seismo3d.registration.robust import TUKEY
 from seismo3d.registration.solvers import Limits, Prior, moved_from, offsets_from, walk
@@ -258,7 +257,7 @@ class _WideSearch:
         from scipy.spatial import cKDTree
 
         self._source = source[:, : target.dim].astype(np.float64)
-        self._tree = cKDTree(target.surface[:, : target.dim].astype(np.float64))
+        self._tree: Any = cKDTree(target.surface[:, : target.dim].astype(np.float64))
         self._size = target.size
 
     def partners(self, A: Float64Array, t: Float64Array, iteration: int) -> tuple[Int32Array, float]:
@@ -282,7 +281,6 @@ def _evaluate(
     settings: LoopSettings,
     model: str,
 ) -> Joint:
-    extra = {} if given is None else {"given": given}
     surface = match_surface(
         source,
         target,
@@ -292,7 +290,7 @@ def _evaluate(
         cutoff=cutoff,
         symmetric=settings.symmetric,
         n_threads=settings.n_threads,
-        **extra,
+        given=NONE_GIVEN if given is None else given,
     )
     seen = None if features is None else weigh_features(features, A, t)
     ratio = settings.observability

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -48,8 +49,9 @@ def match_keypoints(
     KeypointPairs
         Perhaps empty.
     """
-    import cv2
+    import cv2 as cv2_module
 
+    cv2: Any = cv2_module  # its stubs lag behind
     if detector not in DETECTORS:
         raise ParameterError(f"detector is {detector!r}; expected one of {', '.join(DETECTORS)}.")
     as_number(ratio, "ratio", low=0.0, high=1.0)

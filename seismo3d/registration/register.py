@@ -269,7 +269,7 @@ def _run_local(task: _Task, start: Prior) -> LoopResult:
 
 
 def _feature_reach(pair: DensePair) -> float:
-    """Return the distance in the frame up to which a feature agrees with a pose: a twentieth of the radius, or a voxel and a half."""
+    """Return the distance in the frame up to which a feature agrees with a pose."""
     return max(0.05, 1.5 * pair.target[0].size)
 
 
@@ -290,7 +290,7 @@ def _search(task: _Task, found: LoopResult, stage: str) -> tuple[LoopResult, str
     poses: list[tuple[Float64Array, Float64Array]] = []
     poses += poses_by_shape(pair.target[level], pair.source[level], n_poses=N_POSES)
     quick = replace(settings, max_iterations=12, wide_search=False)
-    ranked = []
+    ranked: list[tuple[float, int, LoopResult]] = []
     for A, t in poses:
         trial = run_levels(
             pair.target[rough : rough + 1],

@@ -39,7 +39,8 @@ def test_ascii_ply_with_faces_before_and_behind(tmp_path):
 
 
 def test_big_endian_ply_and_rows_that_are_not_finite(tmp_path):
-    head = b"ply\nformat binary_big_endian 1.0\nelement vertex 2\nproperty float x\nproperty double y\nproperty short z\nend_header\n"
+    head = b"ply\nformat binary_big_endian 1.0\nelement vertex 2\n"
+    head += b"property float x\nproperty double y\nproperty short z\nend_header\n"
     (tmp_path / "a.ply").write_bytes(head + struct.pack(">fdh", 1.5, 2.5, -3) + struct.pack(">fdh", np.nan, 2.5, -3))
     held = read_points(tmp_path / "a.ply")
     np.testing.assert_array_equal(held.points, [[1.5, 2.5, -3.0]])
@@ -47,7 +48,8 @@ def test_big_endian_ply_and_rows_that_are_not_finite(tmp_path):
 
 
 def pcd(form, body):
-    head = f"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z i\nSIZE 4 4 4 2\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA {form}\n"
+    head = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z i\nSIZE 4 4 4 2\nTYPE F F F U\nCOUNT 1 1 1 1\n"
+    head += f"WIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA {form}\n"
     return head.encode() + body
 
 

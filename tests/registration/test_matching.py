@@ -98,7 +98,9 @@ def test_keypoints_of_a_shifted_image_match_at_the_shift(detector, rng):
     found = match_keypoints(image[:, 9:], image[:, :-9], detector=detector)
     shift = found.points_source - found.points_target
     assert len(shift) > 20
-    np.testing.assert_allclose(np.median(shift, axis=0), [9, 0], atol=0.5)  # ORB places keypoints on the pixels of its pyramid
+    np.testing.assert_allclose(
+        np.median(shift, axis=0), [9, 0], atol=0.5
+    )  # ORB places keypoints on the pixels of its pyramid
 
 
 def test_images_without_keypoints_give_no_matches():

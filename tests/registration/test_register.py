@@ -133,7 +133,7 @@ def test_scans_in_the_plane(rng, angle):
     assert_near(found, T, 0.005, 0.005)
 
 
-def test_images_are_aligned_by_their_edges(rng):
+def test_images_are_aligned_by_their_edges():
     rows, columns = np.mgrid[:120, :160].astype(float)
 
     def scene(x, y):
@@ -169,7 +169,7 @@ def test_normals_and_weights_of_a_scan_are_used(rng):
 def test_disjoint_scans_are_a_named_state(rng):
     source = hill(rng)
     settings = LoopSettings(wide_search=False)
-    found = register(source + [50.0, 0, 0], source, stages=("local",), settings=settings)
+    found = register(source + np.array([50.0, 0, 0]), source, stages=("local",), settings=settings)
     assert found.state == "no_overlap"
     assert not found.converged
     assert found.overlap == 0.0
