@@ -9,7 +9,7 @@ import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d.geometry.voxels import VoxelMap
-from seismo3d.registration._kernels_newton import parameter_jacobian
+from seismo3d.registration._kernels_newton import parameter_jacobian, weakest_share
 from seismo3d.registration.acceleration import Accelerator
 from seismo3d.registration.constraints import model_number
 from seismo3d.registration.matching import NONE_GIVEN, Pass, match_surface
@@ -294,9 +294,10 @@ def _evaluate(
     )
     seen = None if features is None else weigh_features(features, A, t)
     ratio = settings.observability
-    if surface.matched > 0.6 and np.nanmedian(surface.distances2) < (0.7 * target.size) ** 2:
+    weak = surface.weight > 0.0 and weakest_share(surface.form, A, model_number(model)) < MOST_FEIGNED
+    if weak and surface.matched > 0.6 and np.nanmedian(surface.distances2) < (0.7 * target.size) ** 2:
         ratio = max(ratio, feigned(surface, source, A))
-    if seen is not None and settings.alpha is None and surface.weight > 0.0:
+    if weak and seen is not None and settings.alpha is None:
         surface = replace(surface, form=seen_part(surface.form, A, t, model, ratio))
         ratio = 0.0
     return replace(fuse(surface, seen, settings.alpha, target.size), ratio=max(ratio, LEAST_RATIO))
