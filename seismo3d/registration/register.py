@@ -78,9 +78,10 @@ def register(
 
     Works in stages. ``local``: the fused loop from the start, coarse to fine, on voxel maps of both scans: nearest
     surface elements, robust weights, the exact solve of the joint error of Eq. (16) of [1]_, Anderson acceleration.
-    ``global``, only where the local answer's overlap is not good: poses from matched features, or from local shape
-    where there are none, run through the same loop; the best of all answers wins. ``polish``, only where both scans
-    hold the same samples: exact pairs of points.
+    ``global``, only
+    where the local answer's overlap is not good: poses from matched features (for images and RGB-D frames without given
+    matches, from their keypoints), or from local shape, run through the same loop; the best of all answers wins.
+    ``polish``, only where both scans hold the same samples: exact pairs of points.
 
     Parameters
     ----------
@@ -142,7 +143,13 @@ def register(
     )
     found, stage = _run_local(task, first), "local"
     if "global" in stages and (overlap_of(found) < GOOD_OVERLAP or "local" not in stages):
-        found, stage = _search(task, found, stage)
+        led = _with_keypoints(task)
+        if led.features is not None and task.features is None:
+            trial = _run_local(led, first)
+            if _joint_cost(led, trial) < _joint_cost(led, found):
+                found, stage = trial, "global"
+        if overlap_of(found) < GOOD_OVERLAP:
+            found, stage = _search(led, found, stage)
     if "polish" in stages:
         polished = polish(
             task.target.points, task.source.points, task.pair.frame, found, task.model, task.prior, task.limits
@@ -280,6 +287,21 @@ def _joint_cost(task: _Task, found: LoopResult) -> float:
         return cost
     agree = task.features.agreeing(found.A, found.t, _feature_reach(task.pair))
     return cost + 1.0 - len(agree.target) / len(task.features.target)
+
+
+def _with_keypoints(task: _Task) -> _Task:
+    """Return the task with matched keypoints as features, where both scans come from images and none were given."""
+    rasters = task.target.raster, task.source.raster
+    if task.features is not None or not all(r is not None and r.kind in ("image", "rgbd") for r in rasters):
+        return task
+    from seismo3d.registration.image_matches import match_keypoints
+
+    matches = match_keypoints(*(r.values for r in rasters if r is not None))
+    term = None
+    if len(matches.points_target) >= LEAST_AGREEING:
+        floor = 0.05 * task.pair.voxel_size
+        term = feature_term(matches, task.target, task.source, task.pair.frame, floor)
+    return replace(task, features=term)
 
 
 def _search(task: _Task, found: LoopResult, stage: str) -> tuple[LoopResult, str]:

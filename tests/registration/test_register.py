@@ -204,3 +204,25 @@ def test_refusals(rng):
 def test_public_names():
     assert seismo3d.register is register
     assert seismo3d.Scan is Scan
+
+
+def test_frames_without_given_matches_are_led_by_their_keypoints(rng):
+    from seismo3d.experiments.rotated_frames import draw_room, rotate_frame
+
+    pair = rotate_frame(draw_room(size=(180, 240)), 80.0, rng)
+    found = register(pair.target, pair.source)
+    assert found.stage == "global"
+    assert_near(found, pair.T_target_source, 0.01, 0.02)
+
+
+def test_images_turned_far_are_found_by_their_keypoints(rng):
+    from scipy.ndimage import gaussian_filter, map_coordinates
+
+    image = 255.0 * (gaussian_filter(rng.normal(size=(220, 220)), 3) > 0)
+    image = gaussian_filter(image, 1.0)
+    R = exp_rotation([1.2])
+    columns, rows = np.meshgrid(np.arange(220.0), np.arange(220.0))
+    places = np.stack([columns - 110, rows - 110], axis=-1) @ R.T + 110
+    turned = map_coordinates(image, [places[..., 1], places[..., 0]], order=1, mode="nearest")
+    found = register(image[:, :210], turned[:, :210])
+    assert rotation_angle(found.T_target_source[:2, :2].T @ R) < 0.01
