@@ -78,10 +78,9 @@ def register(
 
     Works in stages. ``local``: the fused loop from the start, coarse to fine, on voxel maps of both scans: nearest
     surface elements, robust weights, the exact solve of the joint error of Eq. (16) of [1]_, Anderson acceleration.
-    ``global``, only
-    where the local answer's overlap is not good: poses from matched features (for images and RGB-D frames without given
-    matches, from their keypoints), or from local shape, run through the same loop; the best of all answers wins.
-    ``polish``, only where both scans hold the same samples: exact pairs of points.
+    ``global``, only where the local answer's overlap is not good: poses from matched features (for images and RGB-D
+    frames without given matches, from their keypoints) and from local shape, run through the same loop; the best of
+    all answers wins. ``polish``, only where both scans hold the same samples: exact pairs of points.
 
     Parameters
     ----------
