@@ -26,6 +26,7 @@ from seismo3d.registration.matching import match_surface, surface_meat
 from seismo3d.registration.observability import assess
 from seismo3d.registration.polish import polish
 from seismo3d.registration.result import Registration
+from seismo3d.registration.sensitivity import rematched_share
 from seismo3d.registration.shape_matches import poses_by_shape
 from seismo3d.registration.solvers import Limits, Prior, solve_form
 from seismo3d.registration.terms import FeatureTerm
@@ -38,6 +39,7 @@ GOOD_OVERLAP = 0.8
 LEAST_OVERLAP = 0.15
 """Overlap below which an answer is a poor fit."""
 N_POSES = 24
+N_PROBES = 500
 N_FINALISTS = 4
 LEAST_AGREEING = 6
 """Features that must agree with a pose for it to lead."""
@@ -427,7 +429,16 @@ def _bread_and_meat(task: _Task, found: LoopResult) -> tuple[Float64Array, Float
     weight = 0.0
     if surface is not None and surface.weight > 0.0:
         drawn = draw(task.pair.source[0].surface, task.settings.max_elements)
-        Q += surface.form * (joint.shares[0] * max(surface.slope / surface.weight, 0.2))
+        left = rematched_share(
+            task.pair.target[0],
+            draw(drawn, N_PROBES),
+            found.A,
+            found.t,
+            model=task.model,
+            cutoff=found.cutoff,
+            spread=surface.spread,
+        )
+        Q += surface.form * (joint.shares[0] * left * max(surface.slope / surface.weight, 0.2))
         meat += joint.shares[0] ** 2 * surface_meat(surface, drawn, task.pair.target, found.cutoff)
         weight += joint.shares[0] * surface.weight
     if features is not None:

@@ -10,6 +10,7 @@ from seismo3d.cli.app import app
 from seismo3d.errors import FileAccessError
 from seismo3d.experiments import registration_degenerate, registration_solves
 from seismo3d.experiments.registration import main
+from seismo3d.experiments.registration_covariance import repeat_scans
 from seismo3d.experiments.registration_table import accuracy, draw_figure, format_table, make_table, mean_square_error
 from seismo3d.experiments.rotated_frames import draw_room, read_frames, rotate_frame
 
@@ -78,3 +79,9 @@ def test_paper_command_prints_the_table(tmp_path):
 def test_a_folder_that_is_no_sequence_is_refused(tmp_path):
     with pytest.raises(FileAccessError, match="no sequence"):
         read_frames(tmp_path, n_frames=1)
+
+
+@pytest.mark.parametrize("shape", ["hill", "corner", "ellipsoid"])
+def test_covariance_of_whole_registrations_is_honest(shape):
+    error = repeat_scans(shape, n_points=5000, noise=0.003, n_repeats=30)
+    assert error == pytest.approx(1.0, abs=0.35)  # 30 repeats of 6 degrees of freedom: standard error 0.1
