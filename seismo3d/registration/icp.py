@@ -24,7 +24,7 @@ NEAR_SHARE = 0.5
 
 NORMAL_NOISE = 3.0
 """Curvature that noise of the normals feigns, in medians of the squared sine between matched normals."""
-MOST_FEIGNED = 0.01
+MOST_FEIGNED = 0.004
 """Most of it: far from the solution normals differ because pairs are wrong."""
 LEAST_RATIO = 1e-7
 
