@@ -93,7 +93,7 @@ def test_paper_command_refuses_options_that_the_experiment_does_not_use(words, m
 
 
 def test_paper_command_writes_a_table_of_matching(tmp_path, monkeypatch):
-    monkeypatch.setitem(TABLES, "table4", lambda *, n_images, progress: f"Table 4 of {n_images} images")
+    monkeypatch.setitem(TABLES, "table4", lambda *, n_images, **_: f"Table 4 of {n_images} images")
     done = CliRunner().invoke(app, ["paper", "table4", "--images", "3", "-o", str(tmp_path / "new")])
     assert done.exit_code == 0, done.output
     assert done.stdout == "Table 4 of 3 images\n\n"
