@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from seismo3d.cli.app import app
 from seismo3d.errors import FileAccessError
-from seismo3d.experiments import registration_degenerate, registration_solves
+from seismo3d.experiments import registration_degenerate, registration_solves, registration_table
 from seismo3d.experiments.matching_tables import TABLES
 from seismo3d.experiments.registration import main
 from seismo3d.experiments.registration_covariance import repeat_scans
@@ -68,7 +68,8 @@ def test_main_prints_the_parts_that_are_asked_for(capsys):
     assert "corridor" in capsys.readouterr().out
 
 
-def test_paper_command_prints_the_table(tmp_path):
+def test_paper_command_prints_the_table(room, tmp_path, monkeypatch):
+    monkeypatch.setattr(registration_table, "load_frames", lambda _, *, n_frames: [room] * n_frames)
     done = CliRunner().invoke(app, ["paper", "table1", "--frames", "1", "--angles", "20", "-o", str(tmp_path)])
     assert done.exit_code == 0, done.output
     assert "fusion, by variance" in done.stdout
