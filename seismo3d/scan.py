@@ -123,9 +123,7 @@ class Scan:
 
     @classmethod
     def from_file(cls, path: str | Path) -> Scan:
-        """Make a scan of a point file: PLY, PCD, XYZ, CSV, LAS, LAZ, NPY or NPZ; see
-        :func:`seismo3d.io.points.read_points`.
-        """
+        """Make a scan of a point file; see :func:`seismo3d.io.points.read_points` for the formats."""
         from seismo3d.io.points import read_points
 
         held = read_points(path)

@@ -8,30 +8,105 @@ import typer
 
 from seismo3d.errors import ParameterError
 
-_WHERE = {
-    "table2": "seismo3d.experiments.matching_tables",
-    "table3": "seismo3d.experiments.matching_tables",
-    "table4": "seismo3d.experiments.matching_tables",
-}
-"""Module of each experiment: a function of the experiment's name in it gives its text."""
+_REGISTRATION = ("table1", "figure3")
+"""Experiments on rotated depth frames."""
+_MATCHING = ("table2", "table3", "table4")
+"""Experiments on pictures: a function of the experiment's name in ``experiments.matching_tables`` gives its text."""
+_EXPERIMENTS = ("table1", "figure3", *_MATCHING)
+_ANGLES = "5,10,15,20,25,30,45,60,75,90"
+_FIGURE_ANGLE_DEG = 20
 
 
 def run(
-    experiment: str = typer.Argument(help="table2, table3, table4 or all.", show_default=False),
-    images: int | None = typer.Option(None, "--images", min=1, help="Use only so many images. [default: all]"),
-    output: Path | None = typer.Option(None, "-o", "--output", help="Write the text to this file too."),
+    experiment: str = typer.Argument(
+        help="table1 or figure3 (registration of rotated depth frames), table2, table3 or table4 (matching under "
+        "rotation, tilt, scale), or all.",
+        show_default=False,
+    ),
+    data: Path | None = typer.Argument(
+        None,
+        help="For table1 and figure3: RGB-D sequence in the TUM layout with camera.json. [default: drawn rooms]",
+        show_default=False,
+    ),
+    output: Path | None = typer.Option(
+        None,
+        "--output",
+        "-o",
+        help="Folder for the tables' texts and the figure. [default: none; the figure's is the current folder]",
+        show_default=False,
+    ),
+    images: int | None = typer.Option(
+        None, "--images", min=1, help="For table2 to table4: use only so many images. [default: all]"
+    ),
+    frames: int | None = typer.Option(
+        None, "--frames", min=1, help="For table1 and figure3: frames that are rotated. [default: 4]"
+    ),
+    angles: str | None = typer.Option(
+        None, "--angles", help=f"For table1: rotations in whole degrees, with commas. [default: {_ANGLES}]"
+    ),
 ) -> None:
-    """Measure a table of the paper again: its figures stand beside ours and those of SIFT, SURF, ORB and AKAZE."""
-    import importlib
+    """Measure a table or the figure of the paper again, beside the methods that the paper compares with."""
+    if experiment != "all" and experiment not in _EXPERIMENTS:
+        raise ParameterError(f"experiment is {experiment!r}; expected one of {', '.join(_EXPERIMENTS)} or all.")
+    chosen = _EXPERIMENTS if experiment == "all" else (experiment,)
+    _check_given({"data": data, "--frames": frames}, chosen, _REGISTRATION)
+    _check_given({"--angles": angles}, chosen, ("table1",))
+    _check_given({"--images": images}, chosen, _MATCHING)
+    if set(chosen) & set(_REGISTRATION):
+        _measure_registration(chosen, data, 4 if frames is None else frames, _as_degrees(angles or _ANGLES), output)
+    for name in chosen:
+        if name in _MATCHING:
+            _measure_matching(name, images, output)
 
+
+def _check_given(given: dict[str, object], chosen: tuple[str, ...], served: tuple[str, ...]) -> None:
+    """Refuse what none of the chosen experiments uses."""
+    for name, value in given.items():
+        if value is not None and not set(chosen) & set(served):
+            raise ParameterError(
+                f"{name} is {str(value)!r}; expected none with {chosen[0]}: it serves {', '.join(served)}."
+            )
+
+
+def _as_degrees(angles: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(word) for word in angles.split(","))
+    except ValueError as error:
+        raise ParameterError(f"--angles is {angles!r}; expected whole degrees with commas.") from error
+
+
+def _measure_registration(
+    chosen: tuple[str, ...], data: Path | None, n_frames: int, degrees: tuple[int, ...], output: Path | None
+) -> None:
+    """Print table 1 and draw figure 3, from one run."""
+    from seismo3d.experiments.registration_table import draw_figure, format_table, load_frames, make_table
+
+    if "table1" not in chosen:
+        degrees = (_FIGURE_ANGLE_DEG,)
+    elif "figure3" in chosen and _FIGURE_ANGLE_DEG not in degrees:
+        degrees = (*degrees, _FIGURE_ANGLE_DEG)
+    made = make_table(load_frames(data, n_frames=n_frames), angles_deg=degrees, figure_angle_deg=_FIGURE_ANGLE_DEG)
+    if "table1" in chosen:
+        text = "Table 1, rotation in degrees: accuracy in percent / seconds\n" + format_table(made)
+        _give("table1", text, output)
+    if "figure3" in chosen or (output is not None and _FIGURE_ANGLE_DEG in degrees):
+        folder = Path() if output is None else output
+        folder.mkdir(parents=True, exist_ok=True)
+        typer.echo(str(draw_figure(made, folder / "figure3.png")))
+
+
+def _measure_matching(name: str, n_images: int | None, output: Path | None) -> None:
     from seismo3d.cli.app import shown_progress
+    from seismo3d.experiments.matching_tables import TABLES
 
-    if experiment != "all" and experiment not in _WHERE:
-        raise ParameterError(f"experiment is {experiment!r}; expected one of {', '.join(_WHERE)} or all.")
-    texts = []
-    for name in _WHERE if experiment == "all" else (experiment,):
-        with shown_progress() as progress:
-            texts.append(getattr(importlib.import_module(_WHERE[name]), name)(n_images=images, progress=progress))
-        typer.echo(texts[-1] + "\n")
+    with shown_progress() as progress:
+        text = TABLES[name](n_images=n_images, progress=progress)
+    _give(name, text, output)
+
+
+def _give(name: str, text: str, output: Path | None) -> None:
+    """Print a table, and write it to the folder where one is given."""
+    typer.echo(text + "\n")
     if output is not None:
-        output.write_text("\n\n".join(texts) + "\n", encoding="utf-8")
+        output.mkdir(parents=True, exist_ok=True)
+        (output / f"{name}.txt").write_text(text + "\n", encoding="utf-8")

@@ -93,7 +93,7 @@ def _as_dict(found: Registration) -> dict[str, Any]:
         "overlap": found.overlap,
         "rmse": found.rmse,
         "scale": found.scale.tolist(),
-        "covariance": np.where(np.isfinite(found.covariance), found.covariance, None).tolist(),
+        "covariance": [[v if np.isfinite(v) else None for v in row] for row in found.covariance.tolist()],
         "information": found.information.tolist(),
         "certificate": None
         if certificate is None

@@ -1,8 +1,8 @@
 """All measurements of the registration core, for anyone to run: ``python -m seismo3d.experiments.registration``.
 
-Parts: ``solves`` (random problems of the exact solvers), ``covariance`` (honesty of the covariance), ``degenerate`` (planes,
-corridors and layers with features), and with data, ``speed`` and ``pairs`` (``--registration FOLDER``) and ``fusion``
-(``--rgbd SEQUENCE``).
+Parts: ``solves`` (random problems of the exact solvers), ``covariance`` (honesty of the covariance), ``degenerate``
+(planes, corridors and layers with features), and with data, ``speed`` and ``pairs`` (``--registration FOLDER``) and
+``fusion`` (``--rgbd SEQUENCE``).
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ PARTS = ("solves", "covariance", "degenerate", "speed", "pairs", "fusion")
 def main(words: list[str] | None = None) -> None:
     """Run the parts that are asked for and print their figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="parts to run; all that have their data by default")
+    parser.add_argument(
+        "parts", nargs="*", choices=[*PARTS, []], help="parts to run; all that have their data by default"
+    )
     parser.add_argument("--registration", type=Path, help="folder with pairs of scans")
     parser.add_argument("--rgbd", type=Path, help="RGB-D sequence in the TUM layout with camera.json")
     parser.add_argument("--n", type=int, default=1000, help="random problems a class, repeats")

@@ -1,4 +1,4 @@
-"""Is the covariance honest: the normalised squared error of noisy repeats over its degrees of freedom, which should be 1."""
+"""Is the covariance honest: the normalised squared error of noisy repeats, over its degrees of freedom, is 1."""
 
 from __future__ import annotations
 

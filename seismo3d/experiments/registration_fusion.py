@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d.experiments.image_matches import match_keypoints
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import make_transform, nearest_rotation, rotation_angle, rotation_from_quaternion
 from seismo3d.registration.icp import LoopSettings
-from seismo3d.registration.image_matches import match_keypoints
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
 from seismo3d.scan import Scan
@@ -21,12 +22,12 @@ GAPS = (5, 9, 15, 20, 30, 45, 60)
 METHODS = ("planes", "features", "in turn", "alpha 0.5", "fused")
 ANGLE_LIMIT_DEG = 5.0
 SHIFT_LIMIT = 0.10
-"""Metres. The truth of hand-held frames is no better than some degrees: the shutter rolls while the camera turns."""
+"""Metres. The truth of hand-held frames is no better than some degrees: the shutter rolls."""
 
 
 @dataclass(frozen=True, slots=True)
 class FusionFigures:
-    """Share of right answers by method at one gap, and the median errors of the right ones in degrees and millimetres."""
+    """Share of right answers by method at one gap, and the median errors of the right ones."""
 
     gap: int
     n_pairs: int
@@ -61,7 +62,9 @@ class Sequence:
     def frame(self, index: int) -> tuple[np.ndarray, Scan]:
         """Return the grey image and the scan of a frame."""
         if index not in self._scans:
-            import cv2
+            import cv2 as cv2_module
+
+            cv2: Any = cv2_module
 
             colour, depth = self._files[index]
             grey = cv2.imread(str(self._folder / colour), cv2.IMREAD_GRAYSCALE)

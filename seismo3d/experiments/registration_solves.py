@@ -1,5 +1,4 @@
-"""Random problems of the exact solvers: is the answer the global minimum, does the certificate say so, how long does
-it take."""
+"""Random problems of the exact solvers: is the answer global, does the certificate say so, how long does it take."""
 
 from __future__ import annotations
 
@@ -58,25 +57,25 @@ def _pairs(rng: np.random.Generator, n: int, noise: float) -> tuple[Float64Array
 
 
 def generic(rng: np.random.Generator) -> Float64Array:
-    """A hundred plane pairs with little noise."""
+    """Return a hundred plane pairs with little noise."""
     p, q, n = _pairs(rng, 100, 0.01)
     return quadratic.plane_form(q, p, n, np.full(100, 0.01))
 
 
 def few_pairs(rng: np.random.Generator) -> Float64Array:
-    """Seven plane pairs: one more than there are degrees of freedom."""
+    """Return seven plane pairs: one more than there are degrees of freedom."""
     p, q, n = _pairs(rng, 7, 0.01)
     return quadratic.plane_form(q, p, n, np.full(7, 1 / 7))
 
 
 def much_noise(rng: np.random.Generator) -> Float64Array:
-    """A hundred plane pairs with noise of half their size."""
+    """Return a hundred plane pairs with noise of half their size."""
     p, q, n = _pairs(rng, 100, 0.5)
     return quadratic.plane_form(q, p, n, np.full(100, 0.01))
 
 
 def outliers(rng: np.random.Generator) -> Float64Array:
-    """Plane and point pairs, 40 % of them thrown at random."""
+    """Return plane and point pairs, 40 % of them thrown at random."""
     p, q, n = _pairs(rng, 100, 0.01)
     q[:40] = 2.0 * rng.normal(size=(40, 3))
     points = quadratic.point_form(q[::4], p[::4], np.full(25, 0.04))
@@ -84,7 +83,7 @@ def outliers(rng: np.random.Generator) -> Float64Array:
 
 
 def plane_only(rng: np.random.Generator) -> Float64Array:
-    """One plane with normals that waver a little."""
+    """Return one plane with normals that waver a little."""
     p, q, n = _pairs(rng, 100, 0.0)
     p[:, 2] *= 0.01
     R = random_rotation(rng)
@@ -94,7 +93,7 @@ def plane_only(rng: np.random.Generator) -> Float64Array:
 
 
 def corridor(rng: np.random.Generator) -> Float64Array:
-    """Floor and walls of a corridor: nothing holds along it."""
+    """Return floor and walls of a corridor: nothing holds along it."""
     p = rng.uniform(-1, 1, size=(100, 3)) * [10.0, 1.0, 1.0]
     n = np.eye(3)[1 + np.arange(100) % 2] + 0.01 * rng.normal(size=(100, 3))
     R = random_rotation(rng)
@@ -103,7 +102,7 @@ def corridor(rng: np.random.Generator) -> Float64Array:
 
 
 def terrain(rng: np.random.Generator) -> Float64Array:
-    """Rolling ground: normals within some degrees of the vertical."""
+    """Return rolling ground: normals within some degrees of the vertical."""
     p = rng.uniform(-1, 1, size=(100, 3)) * [1.0, 1.0, 0.1]
     n = np.array([0.0, 0.0, 1.0]) + 0.15 * rng.normal(size=(100, 3))
     R = random_rotation(rng)
@@ -112,7 +111,7 @@ def terrain(rng: np.random.Generator) -> Float64Array:
 
 
 def random_form(rng: np.random.Generator) -> Float64Array:
-    """A random positive form that stems from no scene."""
+    """Return a random positive form that stems from no scene."""
     root = rng.normal(size=(13, 13))
     return root @ root.T / 13
 
@@ -195,9 +194,8 @@ def _best_restart(Q: Float64Array, F: Float64Array, model: str, limits: Limits, 
 def report(*, n_problems: int, n_scale_problems: int) -> list[SolveFigures]:
     """Print and return the figures of all classes; ``n_scale_problems`` for the models with scale."""
     figures = []
-    print(
-        f"{'problem':14} {'model':10} {'n':>6} {'global':>8} {'excess':>9} {'certified':>9} {'observ.':>8} {'us':>7} {'newton':>7}"
-    )
+    heads = ("problem", "model", "n", "global", "excess", "certified", "observ.", "us", "newton")
+    print("{:14} {:10} {:>6} {:>8} {:>9} {:>9} {:>8} {:>7} {:>7}".format(*heads))
     for model in ("rigid", "similarity", "scaled", "affine"):
         for name in PROBLEMS:
             f = measure(name, model, n_problems=n_problems if model == "rigid" else n_scale_problems)

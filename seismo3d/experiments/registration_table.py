@@ -1,8 +1,8 @@
 """Table 1 and Figure 3 of the paper: registration of rotated depth frames, accuracy, seconds and error by iteration.
 
-Accuracy is the share of source points that end within twice the spacing of the points (the spacing after thinning, which all
-methods share) of their true place; the mean over all frames. Seconds are the mean time of a registration, from points to
-transform, features included where they are used.
+Accuracy is the share of source points that end within twice the spacing of the points (the spacing after thinning,
+which all methods share) of their true place; the mean over all frames. Seconds are the mean time of a registration,
+from points to transform, features included where they are used.
 """
 
 from __future__ import annotations
@@ -11,17 +11,18 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d.experiments.image_matches import match_keypoints
 from seismo3d.experiments.rotated_frames import Frame, FramePair, draw_room, read_frames, rotate_frame
 from seismo3d.geometry.rotations import make_transform, nearest_rotation, transform_points
 from seismo3d.geometry.voxels import downsample_points, estimate_normals
 from seismo3d.registration.acceleration import Accelerator
 from seismo3d.registration.align import align_pairs
 from seismo3d.registration.icp import LoopSettings
-from seismo3d.registration.image_matches import match_keypoints
 from seismo3d.registration.register import register
 
 ANGLES_DEG = (5, 10, 15, 20, 25, 30, 45, 60, 75, 90)
@@ -44,7 +45,7 @@ class Attempt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Accuracy in percent and seconds of each method at each angle, and the mean square error by iteration at one angle."""
+    """Accuracy in percent and seconds by method and angle, and the mean square error by iteration at one angle."""
 
     angles_deg: tuple[int, ...]
     accuracy: dict[str, list[float]]
@@ -58,10 +59,10 @@ def _points(pair: FramePair) -> tuple[Float64Array, Float64Array]:
 
 
 def iterate_pairs(target: Float64Array, source: Float64Array, *, depth: int = 0) -> list[Float64Array]:
-    """Run point-to-point ICP with nearest neighbours; ``depth`` steps of Anderson's acceleration. Returns the transforms."""
+    """Run point-to-point ICP, with some steps of acceleration; return the transforms on the way."""
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(target)
+    tree: Any = cKDTree(target)
     T = np.eye(4)
     path = [T]
     memory = Accelerator(depth)
@@ -101,9 +102,7 @@ def plane_icp(pair: FramePair) -> list[Float64Array]:
         import open3d as o3d
     except ImportError:
         return _plane_icp(*_points(pair))
-    clouds = []
-    for points in _points(pair):
-        clouds.append(o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)))
+    clouds = [o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)) for points in _points(pair)]
     clouds[0].estimate_normals(o3d.geometry.KDTreeSearchParamKNN(12))
     tools = o3d.pipelines.registration
     found = tools.registration_icp(
@@ -121,7 +120,7 @@ def _plane_icp(target: Float64Array, source: Float64Array) -> list[Float64Array]
     from scipy.spatial import cKDTree
 
     normals = estimate_normals(target)[0].astype(np.float64)
-    tree = cKDTree(target)
+    tree: Any = cKDTree(target)
     path = [np.eye(4)]
     for _ in range(ROUNDS):
         distances, rows = tree.query(transform_points(path[-1], source))
@@ -190,7 +189,9 @@ def accuracy(T: Float64Array, pair: FramePair) -> float:
 def mean_square_error(T: Float64Array, pair: FramePair) -> float:
     """Return the mean square distance of the source points from their true places, in square metres."""
     source = pair.source.points[::20]
-    return float(((transform_points(T, source) - transform_points(pair.T_target_source, source)) ** 2).sum(axis=1).mean())
+    return float(
+        ((transform_points(T, source) - transform_points(pair.T_target_source, source)) ** 2).sum(axis=1).mean()
+    )
 
 
 def make_table(

@@ -1,8 +1,8 @@
 """Pairs of depth frames with a known rotation between them, from real frames or from a drawn room.
 
-The source is what a second camera at the same place would see, turned about its optical axis: colour and depth are sampled
-anew at its own pixels, both frames get noise of their own, and a part of the source is cut off, so that no point occurs
-twice and the frames overlap in part only.
+The source is what a second camera at the same place would see, turned about its optical axis: colour and depth are
+sampled anew at its own pixels, both frames get noise of their own, and a part of each is cut off, so that no point
+occurs twice and the frames overlap in part only.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ COLOUR_NOISE = 4.0
 DEPTH_NOISE = 0.0015
 """Standard deviation of depth in metres at one metre; it grows with the square of depth."""
 CUT = 0.15
-"""Share of the source's columns that is cut off."""
+"""Share of the columns that is cut off: on the right of the source, on the left of the target."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,8 +142,10 @@ def rotate_frame(frame: Frame, angle_deg: float, rng: np.random.Generator) -> Fr
     grey = cv2.remap(frame.grey, places[..., 0], places[..., 1], cv2.INTER_LINEAR, borderValue=0)
     depth = _sample_depth(frame.depth, places)
     depth[:, int(columns * (1.0 - CUT)) :] = np.nan
+    kept = frame.depth.copy()
+    kept[:, : int(columns * CUT)] = np.nan
     images, scans = [], []
-    for image, values, camera in ((frame.grey, frame.depth, lens), (grey, depth, second)):
+    for image, values, camera in ((frame.grey, kept, lens), (grey, depth, second)):
         noisy = values + DEPTH_NOISE * values**2 * rng.normal(size=values.shape)
         images.append(np.clip(image + COLOUR_NOISE * rng.normal(size=image.shape), 0, 255).astype(np.uint8))
         scans.append(Scan.from_rgbd(images[-1], np.where(np.isfinite(noisy), noisy, 0.0), camera, max_depth=5.0))

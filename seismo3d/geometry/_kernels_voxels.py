@@ -8,6 +8,7 @@ probing; a table holds the voxel's number, or -1.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numba as nb
 import numpy as np
@@ -38,20 +39,20 @@ def survey(points: Float64Array, out: Float64Array) -> bool:
         offset = out[2 * d + k] / n
         out[3 * d + k] = max(0.0, out[3 * d + k] - n * offset * offset)
         out[2 * d + k] = n * (points[0, k] + offset)
+    finite = True
     for i in range(4 * d):
-        if not math.isfinite(out[i]):
-            return False
-    return True
+        finite = finite and math.isfinite(out[i])
+    return finite
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _slot(key: int, shift: int) -> int:
+def _slot(key: Any, shift: int) -> Any:
     """First place of a key in a table of 2^(64 - shift) places; four voxels along the last axis lie side by side."""
     return (np.int64((np.uint64(key >> 2) * _GOLDEN) >> np.uint64(shift)) & ~3) | (key & 3)
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def find(key: int, table_keys: Int64Array, table: Int32Array, shift: int) -> int:
+def find(key: Any, table_keys: Int64Array, table: Int32Array, shift: int) -> int:
     """Return the number of the voxel with a key, or -1."""
     mask = table.shape[0] - 1
     place = _slot(key, shift)
@@ -201,9 +202,7 @@ def coarsen(keys: Int64Array, moments: Float64Array) -> tuple[Int64Array, Float6
 
 @nb.njit(cache=True, nogil=True)
 def smallest_eigenvector(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, out: Float64Array) -> None:
-    """Write the unit eigenvector of the smallest eigenvalue of a 3 x 3 matrix, then the three eigenvalues,
-    ascending.
-    """
+    """Write the eigenvector of the smallest eigenvalue of a 3 x 3 matrix, then the eigenvalues, ascending."""
     mean = (xx + yy + zz) / 3.0
     a, b, c = xx - mean, yy - mean, zz - mean
     p2 = (a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0
@@ -326,9 +325,7 @@ def tensor_normals(moments: Float64Array, tensors: Float64Array, d: int, out: Fl
 def inherit_normals(
     fine: Float32Array, coarse: Float32Array, parent: Int32Array, rows: Int64Array, least: float
 ) -> None:
-    """Give voxels of some rows whose own neighbours do not span a surface their parent's normal, at half its
-    quality.
-    """
+    """Give voxels whose own neighbours do not span a surface their parent's normal, at half its quality."""
     for i in rows:
         j = parent[i]
         if fine[i, 3] < least and 0.5 * coarse[j, 3] > fine[i, 3]:

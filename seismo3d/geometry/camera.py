@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, ArrayLike, Float64Array
+from seismo3d._typing import ArrayLike, Float64Array
 from seismo3d._validate import as_number, as_points, as_real_array
 from seismo3d.errors import ParameterError
 
@@ -60,9 +61,7 @@ class PinholeCamera:
         return xy
 
     def project(self, points: ArrayLike) -> Float64Array:
-        """Return the pixels (column, row) of points in the camera's frame, NaN behind it; shape (n, 3) in, (n, 2)
-        out.
-        """
+        """Return the pixels (column, row) of points of shape (n, 3) in the camera's frame, NaN behind it."""
         p = as_points(points, "points", dim=3)
         depth = np.where(p[:, 2] > 1e-9, p[:, 2], np.nan)
         xy = p[:, :2] / depth[:, None]
@@ -97,7 +96,7 @@ def as_camera(camera: object) -> PinholeCamera:
     """Return a camera from a camera, a dict of its fields, or any object that has them."""
     if isinstance(camera, PinholeCamera):
         return camera
-    values: dict[str, AnyArray | float] = {}
+    values: dict[str, Any] = {}
     for name in ("fx", "fy", "cx", "cy", "distortion", "depth_scale", "width", "height"):
         value = camera.get(name) if isinstance(camera, dict) else getattr(camera, name, None)
         if value is not None:
@@ -105,4 +104,4 @@ def as_camera(camera: object) -> PinholeCamera:
     missing = [name for name in ("fx", "fy", "cx", "cy") if name not in values]
     if missing:
         raise ParameterError(f"camera has no {', '.join(missing)}; expected a PinholeCamera or its fields.")
-    return PinholeCamera(**values)  # type: ignore[arg-type]
+    return PinholeCamera(**values)

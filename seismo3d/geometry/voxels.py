@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -126,8 +127,8 @@ def voxel_levels(
             voxels.complete(rows)
         else:
             kernels.centroids_only(moments, -1.0 if fine_normals == "asked" else 0.0, surface)
-            if fine_normals == "parents":
-                kernels.inherit_normals(surface, coarser, parents[level], rows, LEAST_QUALITY)
+            if fine_normals == "parents" and voxels.parents is not None:
+                kernels.inherit_normals(surface, coarser, voxels.parents, rows, LEAST_QUALITY)
         levels.insert(0, voxels)
     return levels
 
@@ -147,17 +148,15 @@ def _sum_up(
     owner: Int32Array, values: Float64Array, counts: list[int], parents: list[Int32Array | None]
 ) -> list[Float64Array]:
     """Return, by level, the sums of the points' values in each voxel."""
-    sums = [np.bincount(owner, values, counts[0])]
+    sums = [np.bincount(owner, values, counts[0]).astype(np.float64)]
     for count, parent in zip(counts[1:], parents):
         if parent is not None:
-            sums.append(np.bincount(parent, sums[-1], count))
+            sums.append(np.bincount(parent, sums[-1], count).astype(np.float64))
     return sums
 
 
 def survey(points: Float64Array, name: str) -> Float64Array:
-    """Return rows (minimum, maximum, mean, sum of squares about the mean) by axis, or refuse points that are not
-    finite.
-    """
+    """Return rows (minimum, maximum, mean, sum of squares about it) by axis; refuse points that are not finite."""
     n, d = points.shape
     out = np.empty(4 * d)
     if not kernels.survey(points, out):
@@ -247,7 +246,8 @@ def estimate_normals(
     if n <= d:
         raise GeometryError(f"there are {n} points; expected more than {d} to estimate normals.")
     k = int(min(max(as_number(n_neighbours, "n_neighbours", low=d + 1), d + 1), n))
-    _, near = cKDTree(p).query(p, k=k)
+    tree: Any = cKDTree(p)
+    near = tree.query(p, k=k)[1]
     normals = np.empty((n, d), dtype=np.float32)
     thickness = np.empty(n, dtype=np.float32)
     for start in range(0, n, 65536):

@@ -10,12 +10,10 @@ from seismo3d._typing import AnyArray
 
 @nb.njit(cache=True, nogil=True)
 def decompress(packed: AnyArray, size: int) -> AnyArray:
-    """Return ``size`` bytes, or fewer where the packed bytes (uint8) are cut short or hold a reference before the
-    start.
-    """
+    """Return ``size`` bytes, or fewer where the packed bytes are cut short or point before the start."""
     out = np.empty(size, dtype=np.uint8)
-    i = 0
-    o = 0
+    i = np.int64(0)
+    o = np.int64(0)
     n = packed.shape[0]
     while i < n:
         control = np.int64(packed[i])

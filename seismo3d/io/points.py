@@ -250,7 +250,8 @@ def _text_table(lines: list[str], names: list[str], count: int, path: Path) -> d
     table = _parse_numbers(lines, path)
     if table.shape[0] < count or table.shape[1] < len(names):
         raise FormatError(
-            f"{path.name} is cut short: {table.shape[0]} rows of {table.shape[1]}; expected {count} rows of {len(names)} numbers."
+            f"{path.name} is cut short: {table.shape[0]} rows of {table.shape[1]} numbers; "
+            f"expected {count} rows of {len(names)}."
         )
     return {name: table[:, k] for k, name in enumerate(names)}
 

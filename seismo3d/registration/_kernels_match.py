@@ -200,7 +200,7 @@ def clustered_scores(
     n_clusters: int,
     d: int,
 ) -> Float64Array:
-    """Return the sum over clusters of s s', s the sum of a cluster's weighted residuals times their rows in [vec(A); t]."""
+    """Return the sum over clusters of s s', s a cluster's sum of weighted residuals times rows in [vec(A); t]."""
     m = d * d + d
     scores = np.zeros((n_clusters, m))
     for i in range(source.shape[0]):

@@ -194,6 +194,27 @@ def _left_jacobian(x: Float64Array) -> Float64Array:
 
 
 @nb.njit(cache=True, nogil=True)
+def weakest_share(Q: Float64Array, A: Float64Array, model: int) -> float:
+    """Return the smallest over the largest eigenvalue of J' Q J, J the derivative of [vec(A); t] by the parameters."""
+    J = parameter_jacobian(A, model)
+    n, m = J.shape
+    H = np.zeros((m, m))
+    QJ = np.zeros((n, m))
+    for a in range(n):
+        for b in range(n):
+            for k in range(m):
+                QJ[a, k] += Q[a, b] * J[b, k]
+    for a in range(n):
+        for k in range(m):
+            for c in range(m):
+                H[k, c] += J[a, k] * QJ[a, c]
+    values = np.empty(m)
+    vectors = np.empty((m, m))
+    jacobi_eigen(H, values, vectors)
+    return values[0] / values[m - 1] if values[m - 1] > 0.0 else 0.0
+
+
+@nb.njit(cache=True, nogil=True)
 def rigid_offsets(A0: Float64Array, t0: Float64Array, A: Float64Array, t: Float64Array) -> Float64Array:
     """Return rotation vector (or angle) and translation that lead from one rigid motion to another; angles below pi."""
     d = t.shape[0]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import Future
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -117,10 +118,10 @@ def default_voxel_size(n_points: int, dim: int, size: float) -> float:
     return max(0.02 * size, 3.0 * size / math.sqrt(n_points))
 
 
-def _both(function, first: tuple, second: tuple, n_threads: int) -> tuple:  # type: ignore[no-untyped-def, type-arg]
+def _both(function: Callable[..., Any], first: tuple[Any, ...], second: tuple[Any, ...], n_threads: int) -> Any:
     """Call a function with two sets of arguments, side by side where there are two threads."""
     if n_threads == 1:
         return function(*first), function(*second)
-    other: Future = pool(n_threads - 1).submit(function, *first)  # type: ignore[type-arg]
+    other = pool(n_threads - 1).submit(function, *first)
     own = function(*second)
     return other.result(), own

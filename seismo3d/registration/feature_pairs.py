@@ -27,7 +27,8 @@ def as_pairs(matches: Any) -> tuple[AnyArray, AnyArray]:
         q, p = matches
     else:
         raise ParameterError(
-            f"matches is a {type(matches).__name__}; expected (points_target, points_source), or an object that has them."
+            f"matches is a {type(matches).__name__}; expected (points_target, points_source), "
+            "or an object that has them."
         )
     q, p = as_points(q, "matches' target points"), as_points(p, "matches' source points")
     if q.shape != p.shape:
@@ -60,13 +61,12 @@ def feature_term(matches: Any, target: Scan, source: Scan, frame: Frame, floor: 
     good = np.isfinite(lifted_q).all(axis=1) & np.isfinite(lifted_p).all(axis=1)
     if not good.any():
         return None
-    information = np.linalg.inv((cov_q[good] + cov_p[good]) / frame.size**2)
+    information = np.asarray(np.linalg.inv((cov_q[good] + cov_p[good]) / frame.size**2), dtype=np.float64)
     return FeatureTerm(frame.target(lifted_q[good]), frame.source(lifted_p[good]), information, 0.5)
 
 
 def lift_pixels(raster: Raster, pixels: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Return the points (k, 3) that pixels (column, row) show and their covariances (k, 3, 3); NaN where there is
-    none."""
+    """Return the points (k, 3) that pixels show, NaN where there is none, and their covariances (k, 3, 3)."""
     if raster.points is None:
         raise ParameterError(
             f"the scan's raster is of kind {raster.kind!r}; expected one with points, as an RGB-D frame has."

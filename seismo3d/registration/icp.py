@@ -1,19 +1,18 @@
-"""The fused loop: match surfaces, weigh, solve, from coarse to fine; with acceleration and any degree of freedom
-bounded.
-"""
+"""The fused loop, from coarse to fine: match surfaces, weigh, solve, extrapolate."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d.geometry.voxels import VoxelMap
-from seismo3d.registration._kernels_newton import parameter_jacobian
+from seismo3d.registration._kernels_newton import parameter_jacobian, weakest_share
 from seismo3d.registration.acceleration import Accelerator
 from seismo3d.registration.constraints import model_number
-from seismo3d.registration.matching import Pass, match_surface
+from seismo3d.registration.matching import NONE_GIVEN, Pass, match_surface
 from seismo3d.registration.quadratic import stack
 from seismo3d.registration.robust import TUKEY
 from seismo3d.registration.solvers import Limits, Prior, moved_from, offsets_from, walk
@@ -23,8 +22,10 @@ NEAR_SHARE = 0.5
 """Share of elements with a partner within half a voxel from which the start counts as near."""
 
 
-NORMAL_NOISE = 2.0
+NORMAL_NOISE = 3.0
 """Curvature that noise of the normals feigns, in medians of the squared sine between matched normals."""
+MOST_FEIGNED = 0.004
+"""Most of it: far from the solution normals differ because pairs are wrong."""
 LEAST_RATIO = 1e-7
 
 
@@ -256,7 +257,7 @@ class _WideSearch:
         from scipy.spatial import cKDTree
 
         self._source = source[:, : target.dim].astype(np.float64)
-        self._tree = cKDTree(target.surface[:, : target.dim].astype(np.float64))
+        self._tree: Any = cKDTree(target.surface[:, : target.dim].astype(np.float64))
         self._size = target.size
 
     def partners(self, A: Float64Array, t: Float64Array, iteration: int) -> tuple[Int32Array, float]:
@@ -280,7 +281,6 @@ def _evaluate(
     settings: LoopSettings,
     model: str,
 ) -> Joint:
-    extra = {} if given is None else {"given": given}
     surface = match_surface(
         source,
         target,
@@ -290,11 +290,14 @@ def _evaluate(
         cutoff=cutoff,
         symmetric=settings.symmetric,
         n_threads=settings.n_threads,
-        **extra,
+        given=NONE_GIVEN if given is None else given,
     )
     seen = None if features is None else weigh_features(features, A, t)
-    ratio = max(settings.observability, NORMAL_NOISE * normal_noise(surface, source, A))
-    if seen is not None and settings.alpha is None and surface.weight > 0.0:
+    ratio = settings.observability
+    weak = surface.weight > 0.0 and weakest_share(surface.form, A, model_number(model)) < MOST_FEIGNED
+    if weak and surface.matched > 0.6 and np.nanmedian(surface.distances2) < (0.7 * target.size) ** 2:
+        ratio = max(ratio, feigned(surface, source, A))
+    if weak and seen is not None and settings.alpha is None:
         surface = replace(surface, form=seen_part(surface.form, A, t, model, ratio))
         ratio = 0.0
     return replace(fuse(surface, seen, settings.alpha, target.size), ratio=max(ratio, LEAST_RATIO))
@@ -335,6 +338,11 @@ def normal_noise(surface: Pass, source: Float32Array, A: Float64Array) -> float:
         return 0.0
     cosine = (turned[usable] * surface.normals[usable, :d]).sum(axis=1)
     return float(np.median(np.maximum(0.0, 1.0 - cosine * cosine / length2[usable])))
+
+
+def feigned(surface: Pass, source: Float32Array, A: Float64Array) -> float:
+    """Return the share of the largest curvature up to which noise may feign curvature."""
+    return min(NORMAL_NOISE * normal_noise(surface, source, A), MOST_FEIGNED)
 
 
 def seen_part(form: Float64Array, A: Float64Array, t: Float64Array, model: str, ratio: float) -> Float64Array:

@@ -70,9 +70,7 @@ def refit(term: FeatureTerm, A: Float64Array, t: Float64Array, reach: float) -> 
 def _sample(
     target: Float64Array, source: Float64Array, draws: Int64Array, reach: float, poses: Float64Array, votes: Int64Array
 ) -> None:
-    """Fix a pose from each draw of d matches and count the matches that agree with it; 0 where the draw contradicts
-    itself.
-    """
+    """Fix a pose from each draw of d matches and count the matches that agree; 0 where a draw contradicts itself."""
     n, d = source.shape
     limit = reach * reach
     fs = np.empty((d, d))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,7 +20,7 @@ MOST_UNKNOWN = 0.02
 """Share of partners without a normal yet up to which a pass counts as it is."""
 PART = 256
 PATCH_LEVELS = 1
-_NONE_GIVEN = np.empty(0, dtype=np.int32)
+NONE_GIVEN = np.empty(0, dtype=np.int32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +84,7 @@ def match_surface(
     least_cosine: float = 0.5,
     symmetric: bool = False,
     n_threads: int = 1,
-    given: Int32Array = _NONE_GIVEN,
+    given: Int32Array = NONE_GIVEN,
 ) -> Pass:
     """Match source elements, moved by (A, t), with the nearest target elements and gather their form.
 
@@ -175,7 +176,7 @@ def _share_out(run: Callable[[int, int], object], n_parts: int, n_threads: int) 
         run(0, n_parts)
         return
     edges = [n_parts * k // n_threads for k in range(n_threads + 1)]
-    others = [pool(n_threads - 1).submit(run, a, b) for a, b in zip(edges[1:-1], edges[2:]) if b > a]
+    others = [pool(n_threads - 1).submit(run, a, b) for a, b in pairwise(edges[1:]) if b > a]
     if edges[1] > 0:
         run(edges[0], edges[1])
     for other in others:
@@ -185,13 +186,13 @@ def _share_out(run: Callable[[int, int], object], n_parts: int, n_threads: int) 
 def surface_meat(seen: Pass, source: Float32Array, target: list[VoxelMap], cutoff: float) -> Float64Array:
     """Return the covariance of the form's half gradient, from sums of residuals over patches of the target.
 
-    Neighbouring residuals share the noise of target elements and of normals: patches of four voxels' width, two levels up,
-    are taken as independent of each other, single residuals are not.
+    Neighbouring residuals share the noise of target elements and of normals: patches of four voxels' width, two levels
+    up, are taken as independent of each other, single residuals are not.
     """
     level = target[0]
     clusters = np.arange(len(level.keys), dtype=np.int32)
     n_clusters = len(clusters)
-    for finer, coarser in zip(target[:PATCH_LEVELS], target[1:]):
+    for finer, coarser in pairwise(target[: PATCH_LEVELS + 1]):
         if finer.parents is not None:
             clusters = finer.parents[clusters]
             n_clusters = len(coarser.keys)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from seismo3d._typing import Float64Array
@@ -40,7 +42,7 @@ def polish(
     from scipy.spatial import cKDTree
 
     q, p = frame.target(target), frame.source(source)
-    tree = cKDTree(q)
+    tree: Any = cKDTree(q)
     probes = p[:: max(1, len(p) // N_PROBES)]
     near, rows = tree.query(probes @ found.A.T + found.t)
     spacing = tree.query(q[rows], k=2)[0][:, 1]

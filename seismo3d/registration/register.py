@@ -20,13 +20,14 @@ from seismo3d.registration.certificate import Certificate
 from seismo3d.registration.constraints import Constraints, model_number
 from seismo3d.registration.dense import DensePair, prepare_pair
 from seismo3d.registration.feature_pairs import feature_term
-from seismo3d.registration.icp import LoopResult, LoopSettings, draw, run_levels
+from seismo3d.registration.icp import LoopResult, LoopSettings, draw, feigned, run_levels
 from seismo3d.registration.initial import poses_by_features
 from seismo3d.registration.matching import match_surface, surface_meat
 from seismo3d.registration.observability import assess
 from seismo3d.registration.polish import polish
 from seismo3d.registration.raster_matches import match_rasters
 from seismo3d.registration.result import Registration
+from seismo3d.registration.sensitivity import rematched_share
 from seismo3d.registration.shape_matches import poses_by_shape
 from seismo3d.registration.solvers import Limits, Prior, solve_form
 from seismo3d.registration.terms import FeatureTerm
@@ -39,6 +40,7 @@ GOOD_OVERLAP = 0.8
 LEAST_OVERLAP = 0.15
 """Overlap below which an answer is a poor fit."""
 N_POSES = 24
+N_PROBES = 500
 N_FINALISTS = 4
 LEAST_AGREEING = 6
 """Features that must agree with a pose for it to lead."""
@@ -80,9 +82,9 @@ def register(
     Works in stages. ``local``: the fused loop from the start, coarse to fine, on voxel maps of both scans: nearest
     surface elements, robust weights, the exact solve of the joint error of Eq. (16) of [1]_, Anderson acceleration.
     ``global``, only where the local answer's overlap is not good: poses from matched features, those of
-    :func:`seismo3d.match` on the scans' images or volumes where none are given, or from local shape, run through the
-    same loop; the best of all answers wins. ``polish``, only where both scans
-    hold the same samples: exact pairs of points.
+    :func:`seismo3d.match` on the scans' images or volumes where none are given, and from local shape, run through the
+    same loop; the best of all answers wins. ``polish``, only where both scans hold the same samples: exact pairs of
+    points.
 
     Parameters
     ----------
@@ -144,7 +146,7 @@ def register(
     )
     found, stage = _run_local(task, first), "local"
     if "global" in stages and (overlap_of(found) < GOOD_OVERLAP or "local" not in stages):
-        task, found, stage = _led_by_rasters(task, found, stage)
+        task, found, stage = _led_by_rasters(task, first, found, stage)
         if overlap_of(found) < GOOD_OVERLAP or stage == "local":
             found, stage = _search(task, found, stage)
     if "polish" in stages:
@@ -273,7 +275,7 @@ def _run_local(task: _Task, start: Prior) -> LoopResult:
 
 
 def _feature_reach(pair: DensePair) -> float:
-    """Return the distance in the frame up to which a feature agrees with a pose: a twentieth of the radius, or a voxel and a half."""
+    """Return the distance in the frame up to which a feature agrees with a pose."""
     return max(0.05, 1.5 * pair.target[0].size)
 
 
@@ -286,16 +288,16 @@ def _joint_cost(task: _Task, found: LoopResult) -> float:
     return cost + 1.0 - len(agree.target) / len(task.features.target)
 
 
-def _led_by_rasters(task: _Task, found: LoopResult, stage: str) -> tuple[_Task, LoopResult, str]:
+def _led_by_rasters(task: _Task, first: Prior, found: LoopResult, stage: str) -> tuple[_Task, LoopResult, str]:
     """Match the grids that the scans were made from, where no matches were given; keep them where they lead further."""
     matches = match_rasters(task.target, task.source) if task.features is None else None
-    if matches is None:
+    if matches is None or len(matches) < LEAST_AGREEING:
         return task, found, stage
-    features = feature_term(matches, task.target, task.source, task.pair.frame, 0.05 * task.pair.voxel_size)
-    led = replace(task, features=features)
-    if features is None:
+    floor = 0.05 * task.pair.voxel_size
+    led = replace(task, features=feature_term(matches, task.target, task.source, task.pair.frame, floor))
+    if led.features is None:
         return task, found, stage
-    answer = _run_local(led, task.prior)
+    answer = _run_local(led, first)
     if _joint_cost(led, answer) < _joint_cost(led, found) - 1e-3:
         return led, answer, "global"
     return task, found, stage
@@ -309,7 +311,7 @@ def _search(task: _Task, found: LoopResult, stage: str) -> tuple[LoopResult, str
     poses: list[tuple[Float64Array, Float64Array]] = []
     poses += poses_by_shape(pair.target[level], pair.source[level], n_poses=N_POSES)
     quick = replace(settings, max_iterations=12, wide_search=False)
-    ranked = []
+    ranked: list[tuple[float, int, LoopResult]] = []
     for A, t in poses:
         trial = run_levels(
             pair.target[rough : rough + 1],
@@ -376,6 +378,9 @@ def _assemble(task: _Task, found: LoopResult, stage: str) -> Registration:
     """Turn the loop's last state into a result in the input's units."""
     frame, joint = task.pair.frame, found.joint
     ratio = joint.ratio
+    if joint.surface is not None and joint.features is None:
+        drawn = draw(task.pair.source[0].surface, task.settings.max_elements)
+        ratio = max(ratio, feigned(joint.surface, drawn, found.A))
     Q, meat, weight = _bread_and_meat(task, found)
     sure = assess(Q, meat, found.A, found.t, model=task.model, frame=frame, ratio=ratio, limits=task.limits)
     overlap = overlap_of(found)
@@ -422,7 +427,16 @@ def _bread_and_meat(task: _Task, found: LoopResult) -> tuple[Float64Array, Float
     weight = 0.0
     if surface is not None and surface.weight > 0.0:
         drawn = draw(task.pair.source[0].surface, task.settings.max_elements)
-        Q += surface.form * (joint.shares[0] * max(surface.slope / surface.weight, 0.2))
+        left = rematched_share(
+            task.pair.target[0],
+            draw(drawn, N_PROBES),
+            found.A,
+            found.t,
+            model=task.model,
+            cutoff=found.cutoff,
+            spread=surface.spread,
+        )
+        Q += surface.form * (joint.shares[0] * left * max(surface.slope / surface.weight, 0.2))
         meat += joint.shares[0] ** 2 * surface_meat(surface, drawn, task.pair.target, found.cutoff)
         weight += joint.shares[0] * surface.weight
     if features is not None:

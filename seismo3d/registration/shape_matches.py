@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int64Array
@@ -61,7 +63,7 @@ def describe(level: VoxelMap, most: int = 4000) -> tuple[Int64Array, Float32Arra
     surface = level.surface
     rows = np.flatnonzero(surface[:, 3] > 0.1)
     rows = rows[:: max(1, -(-len(rows) // most))]
-    tree = cKDTree(surface[:, :3].astype(np.float64))
+    tree: Any = cKDTree(surface[:, :3].astype(np.float64))
     tables = []
     for radius in RADII:
         reach = radius * level.size

@@ -53,7 +53,7 @@ def weigh_features(term: FeatureTerm, A: Float64Array, t: Float64Array) -> Featu
     distances = np.sqrt(np.einsum("ni,nij,nj->n", offsets, term.information, offsets))
     typical = float(np.median(distances)) / (1.18, 1.54)[d - 2]  # median of a chi law with d degrees of freedom
     spread = max(typical, term.floor)
-    weights = tukey_weights(distances, TUKEY * spread)
+    weights = tukey_weights(distances, TUKEY * d**0.5 * spread)  # of a distance in d dimensions: few pairs, all needed
     form = quadratic.point_form(term.target, term.source, weights[:, None, None] * term.information)
     squares = float(weights @ distances**2)
     variance = max(squares / (d * max(float(weights.sum()), 1e-9)), term.floor**2)

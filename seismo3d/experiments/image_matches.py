@@ -1,8 +1,9 @@
-"""Matched keypoints of two images by OpenCV's detectors: a source of features for the fused loop."""
+"""Matched keypoints of two images by OpenCV's detectors: features whose places the experiments take as given."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from seismo3d._validate import as_number
 from seismo3d.errors import ParameterError
 from seismo3d.scan import as_grey
 
-DETECTORS = ("sift", "akaze", "orb")
+DETECTORS = ("sift", "orb")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,26 +38,26 @@ def match_keypoints(
     ----------
     target, source : array_like of shape (rows, columns[, channels])
         Values of type uint8 are taken as they are, others are stretched from their 1st to their 99th percentile.
-    detector : {"sift", "akaze", "orb"}
+    detector : {"sift", "orb"}
     ratio : float
         A match is kept where its distance is below this share of the second nearest's.
     n_keypoints : int
-        Most keypoints an image (SIFT, ORB).
+        Most keypoints an image.
 
     Returns
     -------
     KeypointPairs
         Perhaps empty.
     """
-    import cv2
+    import cv2 as cv2_module
 
+    cv2: Any = cv2_module  # its stubs lag behind
     if detector not in DETECTORS:
         raise ParameterError(f"detector is {detector!r}; expected one of {', '.join(DETECTORS)}.")
     as_number(ratio, "ratio", low=0.0, high=1.0)
     n = int(as_number(n_keypoints, "n_keypoints", low=1))
     finder = {
         "sift": lambda: cv2.SIFT_create(nfeatures=n, contrastThreshold=0.02),
-        "akaze": lambda: cv2.AKAZE_create(threshold=5e-4),
         "orb": lambda: cv2.ORB_create(nfeatures=n),
     }[detector]()
     found = [finder.detectAndCompute(_as_bytes(image), None) for image in (target, source)]

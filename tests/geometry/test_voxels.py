@@ -1,0 +1,95 @@
+"""Voxel maps: moments against plain numpy, nearest voxels against brute force, normals of known surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.geometry import _kernels_voxels as kernels
+from seismo3d.geometry.voxels import downsample_points, estimate_normals, voxel_levels
+
+
+def make_levels(points, size, n_levels=3, **options):
+    d = points.shape[1]
+    return voxel_levels(
+        points, center=np.zeros(d), factor=1.0, voxel_size=size, n_levels=n_levels, low=points.min(axis=0), **options
+    )
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_centroids_are_the_means_of_their_points(d, rng):
+    points = rng.uniform(-5, 5, size=(4000, d))
+    centroids, owner = downsample_points(points, 0.7)
+    sums = np.stack([np.bincount(owner, column) for column in points.T], axis=1)
+    np.testing.assert_allclose(centroids, sums / np.bincount(owner)[:, None], atol=1e-12)
+    cells = np.floor((points - points.min(axis=0)) / 0.7 + 1e-12).astype(int)
+    assert len(centroids) == len(np.unique(cells, axis=0))
+
+
+def test_moments_on_every_level_are_the_sums_of_the_points(rng):
+    points = rng.uniform(-1, 1, size=(3000, 3))
+    for level in make_levels(points, 0.1):
+        assert level.moments[:, 0].sum() == 3000
+        np.testing.assert_allclose(level.moments[:, 1:4].sum(axis=0), points.sum(axis=0), atol=1e-9)
+        np.testing.assert_allclose(level.moments[:, 5].sum(), (points[:, 0] * points[:, 1]).sum(), atol=1e-9)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_nearest_voxel_is_the_nearest_within_a_cell(d, rng):
+    points = rng.uniform(-1, 1, size=(1500, d))
+    level = make_levels(points, 0.1, 1)[0]
+    centroids = level.surface[:, :d].astype(np.float64)
+    for place in rng.uniform(-1, 1, size=(300, d)):
+        x, y, z = (*place, 0.0)[:3]
+        found = kernels.nearest_voxel(
+            x, y, z, level.origin, 1 / level.size, d, level.table_keys, level.table, level.shift, level.surface, 0.1**2
+        )
+        distances = np.linalg.norm(centroids - place, axis=1)
+        assert found == (np.argmin(distances) if distances.min() < 0.1 - 1e-7 else -1)
+
+
+def test_normals_of_a_tilted_plane(rng):
+    p = rng.uniform(-1, 1, size=(5000, 3))
+    p[:, 2] = 0.3 * p[:, 0] - 0.2 * p[:, 1]
+    normal = np.array([-0.3, 0.2, 1.0]) / np.linalg.norm([-0.3, 0.2, 1.0])
+    surface = make_levels(p, 0.1)[0].surface
+    good = surface[:, 3] > 0.5
+    assert good.mean() > 0.95
+    np.testing.assert_allclose(np.abs(surface[good, 4:7] @ normal), 1.0, atol=1e-5)
+
+
+def test_normals_asked_for_equal_normals_of_all(rng):
+    p = rng.normal(size=(3000, 3))
+    p /= np.linalg.norm(p, axis=1, keepdims=True)
+    whole, lazy = make_levels(p, 0.1)[0], make_levels(p, 0.1, fine_normals="asked")[0]
+    assert (lazy.surface[:, 3] == -1.0).all()
+    lazy.complete(np.arange(0, len(lazy.keys), 2))
+    np.testing.assert_array_equal(lazy.surface[::2], whole.surface[::2])
+    assert (lazy.surface[1::2, 3] == -1.0).all()
+
+
+def test_given_normals_are_used_whatever_their_sign(rng):
+    p = rng.uniform(-1, 1, size=(2000, 3))
+    normals = np.tile(np.float32([0.6, 0.0, 0.8]), (2000, 1)) * rng.choice([-1, 1], size=(2000, 1)).astype(np.float32)
+    surface = make_levels(p, 0.2, normals=normals)[1].surface
+    np.testing.assert_allclose(np.abs(surface[:, 4:7] @ [0.6, 0.0, 0.8]), 1.0, atol=1e-6)
+
+
+def test_estimated_normals_of_a_sphere_point_along_the_radius(rng):
+    p = rng.normal(size=(4000, 3))
+    p /= np.linalg.norm(p, axis=1, keepdims=True)
+    normals, thickness = estimate_normals(p, viewpoint=[0.0, 0.0, 0.0])
+    assert np.median((normals * -p).sum(axis=1)) > 0.999
+    assert thickness.max() < 0.05
+
+
+def test_refusals(rng):
+    with pytest.raises(ParameterError, match="millionth"):
+        downsample_points([[0.0, 0.0], [1e9, 0.0]], 1e-3)
+    with pytest.raises(ShapeError, match="NaN"):
+        downsample_points([[0.0, np.nan]], 1.0)
+    with pytest.raises(ShapeError, match="empty"):
+        downsample_points(np.zeros((0, 3)), 1.0)
+    with pytest.raises(GeometryError, match="more than 3"):
+        estimate_normals(rng.normal(size=(3, 3)))

@@ -1,0 +1,125 @@
+"""Point files: each format read back, each broken file refused."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+
+from seismo3d.errors import FileAccessError, FormatError, ParameterError
+from seismo3d.io import _lzf
+from seismo3d.io.points import read_points, write_points
+
+POINTS = np.array([[0.5, -1.25, 3.0], [1e3, 2.0, -4.5], [7.0, 8.0, 9.0]])
+NORMALS = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".xyz"])
+def test_written_files_are_read_back(tmp_path, suffix):
+    held = read_points(write_points(tmp_path / f"a{suffix}", POINTS, normals=NORMALS))
+    np.testing.assert_array_equal(held.points, POINTS)
+    np.testing.assert_array_equal(held.normals, NORMALS)
+
+
+def test_numpy_files(tmp_path):
+    np.testing.assert_array_equal(read_points(write_points(tmp_path / "a.npy", POINTS[:, :2])).points, POINTS[:, :2])
+    np.savez(tmp_path / "b.npz", points=POINTS, normals=NORMALS)
+    np.testing.assert_array_equal(read_points(tmp_path / "b.npz").normals, NORMALS)
+
+
+def test_ascii_ply_with_faces_before_and_behind(tmp_path):
+    text = (
+        "ply\nformat ascii 1.0\ncomment hello\nelement camera 1\nproperty float f\nelement vertex 2\n"
+        "property float x\nproperty float y\nproperty float z\nproperty uchar red\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n9\n1 2 3 255\n4 5 6 0\n2 0 1\n"
+    )
+    (tmp_path / "a.ply").write_text(text)
+    np.testing.assert_array_equal(read_points(tmp_path / "a.ply").points, [[1, 2, 3], [4, 5, 6]])
+
+
+def test_big_endian_ply_and_rows_that_are_not_finite(tmp_path):
+    head = b"ply\nformat binary_big_endian 1.0\nelement vertex 2\n"
+    head += b"property float x\nproperty double y\nproperty short z\nend_header\n"
+    (tmp_path / "a.ply").write_bytes(head + struct.pack(">fdh", 1.5, 2.5, -3) + struct.pack(">fdh", np.nan, 2.5, -3))
+    held = read_points(tmp_path / "a.ply")
+    np.testing.assert_array_equal(held.points, [[1.5, 2.5, -3.0]])
+    assert held.n_dropped == 1
+
+
+def pcd(form, body):
+    head = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z i\nSIZE 4 4 4 2\nTYPE F F F U\nCOUNT 1 1 1 1\n"
+    head += f"WIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA {form}\n"
+    return head.encode() + body
+
+
+def test_all_three_kinds_of_pcd(tmp_path):
+    rows = [(1.0, 2.0, 3.0, 7), (4.0, 5.0, 6.0, 8)]
+    columns = b"".join(struct.pack("<ff", *c) for c in list(zip(*rows))[:3]) + struct.pack("<HH", 7, 8)
+    packed = bytes([len(columns) - 1]) + columns  # one literal run
+    bodies = {
+        "ascii": b"1 2 3 7\n4 5 6 8\n",
+        "binary": b"".join(struct.pack("<fffH", *row) for row in rows),
+        "binary_compressed": struct.pack("<II", len(packed), len(columns)) + packed,
+    }
+    for form, body in bodies.items():
+        (tmp_path / "a.pcd").write_bytes(pcd(form, body))
+        np.testing.assert_array_equal(read_points(tmp_path / "a.pcd").points, [[1, 2, 3], [4, 5, 6]])
+
+
+def test_lzf_repeats_and_refuses_what_points_before_the_start():
+    packed = np.array([1, 65, 66, (3 << 5), 1], dtype=np.uint8)  # "AB", then 5 bytes from 2 back
+    assert bytes(_lzf.decompress(packed, 7)) == b"ABABABA"
+    assert _lzf.decompress(np.array([(3 << 5), 9], dtype=np.uint8), 5).size == 0
+
+
+def test_csv_with_names_in_any_order_and_a_bare_xyz(tmp_path):
+    (tmp_path / "a.csv").write_text("# c\nz;x;y\n3;1;2\n6;4;5\n")
+    np.testing.assert_array_equal(read_points(tmp_path / "a.csv").points, [[1, 2, 3], [4, 5, 6]])
+    (tmp_path / "b.xyz").write_text("1 2 3 0.5 7\n4 5 6 0.5 7\n")
+    assert read_points(tmp_path / "b.xyz").normals is None
+
+
+def test_las_file(tmp_path):
+    laspy = pytest.importorskip("laspy")
+    header = laspy.LasHeader(point_format=0, version="1.2")
+    header.scales, header.offsets = np.full(3, 0.01), np.array([100.0, 200.0, 0.0])
+    file = laspy.LasData(header)
+    file.x, file.y, file.z = POINTS.T
+    file.write(tmp_path / "a.las")
+    np.testing.assert_allclose(read_points(tmp_path / "a.las").points, POINTS, atol=0.006)  # half a step of 0.01
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "match"),
+    [
+        ("a.ply", b"solid", "no PLY header"),
+        (
+            "a.ply",
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\nproperty float y\nend_header\n",
+            "cut short",
+        ),
+        (
+            "a.ply",
+            b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float q\nend_header\n1 2\n",
+            "expected x, y",
+        ),
+        ("a.pcd", b"FIELDS x", "no PCD header"),
+        ("a.pcd", pcd("binary", b"123"), "cut short"),
+        ("a.pcd", pcd("binary_compressed", struct.pack("<II", 1, 4) + b"\x00"), "cut short"),
+        ("a.xyz", b"1 2 3\n4 x 6\n", "not numbers"),
+        ("a.npy", b"junk", "not a NumPy file"),
+        ("a.obj", b"", "expected one of"),
+    ],
+)
+def test_broken_files_are_refused(tmp_path, name, body, match):
+    (tmp_path / name).write_bytes(body)
+    with pytest.raises(FormatError, match=match):
+        read_points(tmp_path / name)
+
+
+def test_missing_files_and_unknown_outputs_are_refused(tmp_path):
+    with pytest.raises(FileAccessError, match="is not a file"):
+        read_points(tmp_path / "no.ply")
+    with pytest.raises(ParameterError, match=r"expected \.ply"):
+        write_points(tmp_path / "a.las", POINTS)

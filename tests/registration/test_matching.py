@@ -1,0 +1,89 @@
+"""The matching pass against plain numpy, and the pieces of the loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seismo3d.geometry.rotations import exp_rotation, make_transform, transform_points
+from seismo3d.geometry.voxels import voxel_levels
+from seismo3d.registration.acceleration import Accelerator
+from seismo3d.registration.initial import poses_by_features
+from seismo3d.registration.matching import match_surface
+from seismo3d.registration.quadratic import plane_form
+from seismo3d.registration.robust import TUKEY, robust_scale, tukey_weights
+from seismo3d.registration.terms import FeatureTerm
+
+
+def ellipsoid_levels(rng, n, d=3):
+    p = rng.normal(size=(n, d))
+    p *= np.array([1.0, 0.8, 0.6])[:d] / np.linalg.norm(p, axis=1, keepdims=True)
+    return voxel_levels(p, center=np.zeros(d), factor=1.0, voxel_size=0.06, n_levels=2, low=p.min(axis=0))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("n_threads", [1, 3])
+def test_pass_equals_numpy(d, n_threads, rng):
+    target, source = ellipsoid_levels(rng, 20000, d)[0], ellipsoid_levels(rng, 20000, d)[0]
+    A = exp_rotation([0.02, 0.01, -0.02]) if d == 3 else exp_rotation([0.02])
+    t = np.full(d, 0.01)
+    cutoff = 0.03
+    found = match_surface(
+        source.surface, target, A, t, radius=0.06, cutoff=cutoff, least_cosine=0.0, n_threads=n_threads
+    )
+    moved = source.surface[:, :d].astype(np.float64) @ A.T + t
+    rows = np.flatnonzero(np.isfinite(found.residuals) & (target.surface[found.partners, 3] > 0))
+    q = target.surface[found.partners[rows]].astype(np.float64)
+    residuals = ((moved[rows] - q[:, :d]) * q[:, 4 : 4 + d]).sum(axis=1)
+    np.testing.assert_allclose(found.residuals[rows], residuals, atol=1e-6)
+    weights = q[:, 3] * q[:, 7] * source.surface[rows, 7] * tukey_weights(residuals, cutoff)
+    form = plane_form(q[:, :d], source.surface[rows, :d].astype(np.float64), q[:, 4 : 4 + d], weights)
+    assert rows.size > 0.9 * len(moved)
+    if rows.size == np.isfinite(found.residuals).sum():
+        np.testing.assert_allclose(found.form, form, rtol=1e-5, atol=1e-6 * np.abs(form).max())
+    else:
+        np.testing.assert_allclose(found.form, form, atol=0.02 * np.abs(form).max())
+
+
+def test_pass_does_not_depend_on_threads(rng):
+    target, source = ellipsoid_levels(rng, 30000)[0], ellipsoid_levels(rng, 30000)[0]
+    runs = [
+        match_surface(source.surface, target, np.eye(3), np.zeros(3), radius=0.06, cutoff=0.02, n_threads=n).form
+        for n in (1, 2, 5)
+    ]
+    np.testing.assert_array_equal(runs[0], runs[1])
+    np.testing.assert_array_equal(runs[0], runs[2])
+
+
+def test_tukey_weights_vanish_from_the_cutoff_on():
+    np.testing.assert_allclose(tukey_weights(np.array([0.0, 0.5, 1.0, 2.0]), 1.0), [1.0, 0.5625, 0.0, 0.0])
+
+
+def test_robust_scale_of_a_normal_law(rng):
+    r = 0.3 * rng.normal(size=20000)
+    r[:4000] = 50.0
+    assert robust_scale(r) == pytest.approx(0.3, rel=0.35)  # a fifth of outliers moves the median by a quarter
+    assert TUKEY == 4.685
+
+
+def test_acceleration_solves_a_linear_iteration_in_as_many_steps_as_dimensions(rng):
+    M = np.diag([0.9, 0.5, -0.3])
+    b = rng.normal(size=3)
+    solution = np.linalg.solve(np.eye(3) - M, b)
+    memory, x = Accelerator(5), np.zeros(3)
+    for _ in range(6):
+        after = M @ x + b
+        mixed = memory.extrapolate(x, after)
+        x = after if mixed is None else mixed
+    np.testing.assert_allclose(x, solution, atol=1e-3 * np.abs(solution).max())
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_pose_from_matches_with_most_of_them_wrong(d, rng):
+    T = make_transform(exp_rotation([1.0, 2.0, -0.5] if d == 3 else [2.0]), rng.normal(size=d))
+    p = rng.uniform(-1, 1, size=(150, d))
+    q = transform_points(T, p) + 0.003 * rng.normal(size=p.shape)
+    q[:90] = rng.uniform(-2, 2, size=(90, d))
+    term = FeatureTerm(q, p, np.broadcast_to(np.eye(d), (150, d, d)).copy(), 1e-3)
+    A, t = poses_by_features(term, n_poses=3, reach=0.03)[0]
+    np.testing.assert_allclose(make_transform(A, t), T, atol=0.01)
