@@ -56,7 +56,7 @@ def draw_front_picture(path: str | Path, cube: Any, *, faults: Any) -> Path:
     left.imshow(scene)
     left.set_axis_off()
     line = most_faulted_lines(faults, cube)["inline"]
-    section(cube, ax=right, inline=line, faults=faults, colour="throw", colorbar=False)
+    section(cube, ax=right, inline=line, faults=faults, colour="throw")
     figure.savefig(path, dpi=100)
     # a palette of 256 colours: a third of the size, and no difference that can be seen
     Image.open(path).convert("RGB").quantize(256).save(path, optimize=True)
