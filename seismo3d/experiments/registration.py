@@ -25,9 +25,7 @@ PARTS = ("solves", "covariance", "degenerate", "speed", "pairs", "fusion")
 def main(words: list[str] | None = None) -> None:
     """Run the parts that are asked for and print their figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "parts", nargs="*", choices=[*PARTS, []], help="parts to run; all that have their data by default"
-    )
+    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="parts to run; all that have their data by default")
     parser.add_argument("--registration", type=Path, help="folder with pairs of scans")
     parser.add_argument("--rgbd", type=Path, help="RGB-D sequence in the TUM layout with camera.json")
     parser.add_argument("--n", type=int, default=1000, help="random problems a class, repeats")

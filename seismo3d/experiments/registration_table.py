@@ -190,9 +190,7 @@ def accuracy(T: Float64Array, pair: FramePair) -> float:
 def mean_square_error(T: Float64Array, pair: FramePair) -> float:
     """Return the mean square distance of the source points from their true places, in square metres."""
     source = pair.source.points[::20]
-    return float(
-        ((transform_points(T, source) - transform_points(pair.T_target_source, source)) ** 2).sum(axis=1).mean()
-    )
+    return float(((transform_points(T, source) - transform_points(pair.T_target_source, source)) ** 2).sum(axis=1).mean())
 
 
 def make_table(

@@ -209,7 +209,9 @@ def _surfaces(
     )
 
 
-def _draw(sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, ...]) -> tuple[Int32Array, Float32Array]:
+def _draw(
+    sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, ...]
+) -> tuple[Int32Array, Float32Array]:
     """Draw labels and throws; where surfaces cross, the voxel belongs to the likelier one."""
     labels = np.zeros(shape, np.int32)
     throw_volume = np.full(shape, np.nan, np.float32)

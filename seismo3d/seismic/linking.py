@@ -116,12 +116,7 @@ class Sheet:
 
 
 def link_sheets(
-    ridges: RidgePoints,
-    shape: tuple[int, int, int],
-    *,
-    step: int,
-    least_points: int,
-    settings: LinkSettings | None = None,
+    ridges: RidgePoints, shape: tuple[int, int, int], *, step: int, least_points: int, settings: LinkSettings | None = None
 ) -> list[Sheet]:
     """Link ridge points into sheets, largest first.
 
@@ -176,14 +171,8 @@ def _grow(ridges: RidgePoints, shape: tuple[int, int, int], settings: LinkSettin
     )  # fmt: skip
     label[np.bincount(label)[label] < settings.fragment] = -1
     contacts = find_contacts(
-        ridges.voxels,
-        ridges.positions,
-        normals,
-        label,
-        where,
-        settings.gap,
-        np.float32(np.cos(np.radians(0.7 * settings.angle_deg))),
-        np.float32(1.0 * settings.off_plane),
+        ridges.voxels, ridges.positions, normals, label, where, settings.gap,
+        np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(1.0 * settings.off_plane)
     )
     group = _join(label, contacts, settings.contacts)
     parts: dict[int, list[IntArray]] = {}
@@ -209,9 +198,7 @@ def _join(label: IntArray, contacts: IntArray, least: int) -> IntArray:
     pairs, inverse = np.unique(key, return_inverse=True)
     count, along = np.bincount(inverse), np.bincount(inverse, contacts[:, 2])
     joined = pairs[(along >= least) & (along > 0.7 * count)]
-    graph = coo_matrix(
-        (np.ones(len(joined)), (joined // n_surfaces, joined % n_surfaces)), shape=(n_surfaces, n_surfaces)
-    )
+    graph = coo_matrix((np.ones(len(joined)), (joined // n_surfaces, joined % n_surfaces)), shape=(n_surfaces, n_surfaces))
     _, group = connected_components(graph, directed=False)
     return group
 

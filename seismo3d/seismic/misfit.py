@@ -220,24 +220,13 @@ def _slab_ratios(
     total /= np.maximum(smooth(weights, (lateral, lateral, vertical)), np.float32(1e-3))
     for axis, (smoothed, weight) in enumerate(parts):
         divide_thinned(
-            smoothed[inner],
-            total[inner],
-            weight[inner],
-            settings.step,
-            floor,
-            np.float32(settings.most),
-            ratios[axis],
-            known[axis],
+            smoothed[inner], total[inner], weight[inner], settings.step, floor, np.float32(settings.most), ratios[axis], known[axis]
         )
 
 
 def _mean_energy(volume: Float32Array, valid: BoolArray) -> float:
     n_valid = int(valid.sum())
-    return (
-        2.0
-        * float(np.square(volume, dtype=np.float64, where=valid, out=np.zeros_like(volume, np.float64)).sum())
-        / max(n_valid, 1)
-    )
+    return 2.0 * float(np.square(volume, dtype=np.float64, where=valid, out=np.zeros_like(volume, np.float64)).sum()) / max(n_valid, 1)
 
 
 def _fill_unknown(evidence: Float32Array, weight: Float32Array, background: float) -> Float32Array:

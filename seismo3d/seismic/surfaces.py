@@ -15,12 +15,7 @@ from seismo3d.seismic.throw import SheetThrow
 
 
 def build_surface(
-    sheet: Sheet,
-    throw: SheetThrow,
-    likelihood: Float32Array,
-    *,
-    geometry: SurveyGeometry | None,
-    sampling: tuple[float, str],
+    sheet: Sheet, throw: SheetThrow, likelihood: Float32Array, *, geometry: SurveyGeometry | None, sampling: tuple[float, str]
 ) -> FaultSurface:
     """Turn a sheet into a surface.
 

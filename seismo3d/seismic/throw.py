@@ -127,10 +127,7 @@ def _smoothed_costs(sides: Float32Array, known: Float32Array, settings: ThrowSet
     n_rows, n_samples = sides.shape[1:]
     longest = min(settings.longest, max(1, n_samples // 2))
     n_shifts = 2 * longest + 1
-    cost, weight = (
-        np.empty((n_shifts, n_rows, n_samples), np.float32),
-        np.empty((n_shifts, n_rows, n_samples), np.float32),
-    )
+    cost, weight = np.empty((n_shifts, n_rows, n_samples), np.float32), np.empty((n_shifts, n_rows, n_samples), np.float32)
     shift_costs(sides, known, n_shifts, cost, weight)
     rows, samples = gaussian_taps(settings.along_strike), gaussian_taps(settings.down)
     buffer = np.empty_like(cost)
