@@ -48,8 +48,7 @@ def draw_front_picture(path: str | Path, cube: Any, *, faults: Any) -> Path:
     from seismo3d.plot.sections import most_faulted_lines, section
 
     path = Path(path)
-    if not path.parent.is_dir():
-        raise FileAccessError(f"{path.parent} is not a folder; expected one to write {path.name} into. Make it first.")
+    _check_folder(path)
     scene = trim(render_scene(cube, faults=faults, size=(1200, 900)))
     figure = Figure(figsize=(12.0, 4.8), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.15, 1.0])
@@ -58,9 +57,13 @@ def draw_front_picture(path: str | Path, cube: Any, *, faults: Any) -> Path:
     line = most_faulted_lines(faults, cube)["inline"]
     section(cube, ax=right, inline=line, faults=faults, colour="throw")
     figure.savefig(path, dpi=100)
-    # a palette of 256 colours: a third of the size, and no difference that can be seen
-    Image.open(path).convert("RGB").quantize(256).save(path, optimize=True)
+    Image.open(path).convert("RGB").save(path, optimize=True)
     return path
+
+
+def _check_folder(path: Path) -> None:
+    if not path.parent.is_dir():
+        raise FileAccessError(f"{path.parent} is not a folder; expected one to write {path.name} into. Make it first.")
 
 
 def trim(picture: AnyArray) -> AnyArray:
@@ -83,6 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("out", nargs="?", type=Path, default=_DEFAULT, help=f"PNG file to write, {_DEFAULT} by default")
     out = parser.parse_args(arguments).out
     try:
+        _check_folder(out)
         with tempfile.TemporaryDirectory() as folder:
             path = write_segy(Path(folder) / "demo.sgy", fault_cube("demo", seed=0).to_dataarray(), like=None)
             cube = open_cube(path)

@@ -71,7 +71,7 @@ def test_headers_are_not_made_unasked_when_the_input_has_gone(awkward, tmp_path)
 def test_headers_are_not_made_unasked_when_the_lines_are_others(awkward, tmp_path):
     cube = s3.open_cube(awkward)
     between = cube.assign_coords(inline=cube.inline + 1)
-    with pytest.raises(GeometryError, match="not all are among the 5 of.*like=None"):
+    with pytest.raises(GeometryError, match=r"not all are among the 5 of.*like=None"):
         s3.write_segy(tmp_path / "out.sgy", between)
     back = s3.open_cube(s3.write_segy(tmp_path / "made.sgy", between, like=None))
     np.testing.assert_array_equal(back.inline, between.inline)
