@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray
+from seismo3d._typing import AnyArray, BoolArray
 from seismo3d.errors import FileAccessError, Seismo3dError
 
 _DEFAULT = Path("examples/data/faults_demo.png")
@@ -68,7 +68,7 @@ def _check_folder(path: Path) -> None:
 
 def trim(picture: AnyArray) -> AnyArray:
     """Cut the white margins off a picture of shape (height, width, 3)."""
-    dark = (np.asarray(picture) < 250).any(axis=2)
+    dark: BoolArray = np.any(np.asarray(picture) < 250, axis=2)
     rows, columns = np.flatnonzero(dark.any(axis=1)), np.flatnonzero(dark.any(axis=0))
     if rows.size == 0:
         return picture
