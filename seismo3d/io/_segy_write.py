@@ -8,7 +8,7 @@ from typing import IO, Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Int64Array, Progress
-from seismo3d.errors import GeometryError, ParameterError, Seismo3dError
+from seismo3d.errors import FileAccessError, GeometryError, ParameterError, Seismo3dError
 from seismo3d.geometry.survey import Axis
 from seismo3d.io._as_cube import as_cube
 from seismo3d.io._files import written_aside
@@ -42,9 +42,10 @@ def write_segy(
         inlines at a time.
     like : path, "input" or None
         The SEG-Y file whose geometry is taken: its textual, binary and trace headers, its order of traces, its
-        duplicates, and no trace where it has none. The cube may be a part of it. "input" is the file that the cube was
-        opened from where that is still there and holds the cube's lines, else None. None: headers are made from the
-        cube's coordinates, and traces that are missing (all NaN and not live) are left out.
+        duplicates, and no trace where it has none. The cube may be a part of it. "input" is the SEG-Y file that the
+        cube was opened from; for a cube from elsewhere None, except that one from a store takes the headers of the
+        SEG-Y file it was converted from while that is there. None: headers are made from the cube's coordinates, and
+        traces that are missing (all NaN and not live) are left out.
     sample_format : {5, 1}
         IEEE or IBM float, 4 bytes.
     fill : float
@@ -64,7 +65,7 @@ def write_segy(
     GeometryError
         If the cube's lines are not among those of ``like``, or SEG-Y cannot hold its axes.
     FileAccessError
-        If the file cannot be written.
+        If the file cannot be written, or the cube was opened from a SEG-Y file that is not there any more.
     """
     if sample_format not in (1, 5):
         raise ParameterError(f"sample_format is {sample_format}; expected 5 (IEEE float) or 1 (IBM float).")
@@ -99,19 +100,24 @@ def _template(volume: Any, given: Any, like: Any) -> _Template | None:
     """Open the file to take headers from, and match its lines with the cube's; None to make headers."""
     if like is None:
         return None
-    attrs = volume.attrs
-    automatic = isinstance(like, str) and like == "input"
-    if automatic:
-        like = attrs.get("segy_path")
-        if like is None or not Path(like).is_file():
-            return None
-    try:
+    if not (isinstance(like, str) and like == "input"):
         return _match(read_layout(like), volume, is_bare=not hasattr(given, "dims"))
+    source = volume.attrs.get("segy_path")
+    if source is None:
+        return None
+    # a store that was converted from SEG-Y stands on its own: it may outlive that file
+    is_own = volume.attrs.get("file_format") == "SEG-Y"
+    if is_own and not Path(source).is_file():
+        raise FileAccessError(
+            f"{source}, which the cube was opened from, is not there any more; its trace headers were to be taken. "
+            "Put it back, give a file with the same lines as like=, or like=None to make headers from the coordinates."
+        )
+    try:
+        return _match(read_layout(source), volume, is_bare=not hasattr(given, "dims"))
     except Seismo3dError:
-        # the input may have been replaced, or the cube resampled onto other lines: then headers are made
-        if automatic:
-            return None
-        raise
+        if is_own:
+            raise
+        return None
 
 
 def _match(layout: SegyLayout, volume: Any, *, is_bare: bool) -> _Template:

@@ -138,12 +138,13 @@ def _save_slice(path: Path, cube: Any, faults: Any, level: float) -> PictureFile
     name = name_axes(cube)[2]
     where: dict[str, Any] = {name: level}
     ax = time_slice(cube, faults=faults, colour="surface", ax=figure.subplots(), **where)
+    ax.locator_params(axis="x", nbins=6)
     return _save(figure, path, f"{ax.get_title(loc='left')}: one colour a fault, as in the table.", kind="half")
 
 
 def _save_throw_map(path: Path, cube: Any, faults: Any) -> PictureFile:
     figure = _figure(7.2, 6.4)
-    throw_map(faults, cube, ax=figure.subplots())
+    throw_map(faults, cube, ax=figure.subplots()).locator_params(axis="x", nbins=6)
     return _save(figure, path, "All faults from above, coloured by throw; shallow parts lie on top.", kind="half")
 
 
@@ -174,5 +175,6 @@ def _figure(width: float, height: float) -> Any:
 
 
 def _save(figure: Any, path: Path, caption: str, *, kind: str = "wide") -> PictureFile:
-    figure.savefig(path, dpi=_DPI)
+    # long, narrow surveys would leave most of a square empty
+    figure.savefig(path, dpi=_DPI, bbox_inches="tight", pad_inches=0.08)
     return PictureFile(path, caption, kind=kind)

@@ -96,7 +96,7 @@ def windowless() -> Iterator[None]:
             os.environ[_CHOICE] = before
 
 
-def save_scene(path: str | Path, cube: Any, *, size: tuple[int, int] = (1600, 950), **settings: Any) -> Path:
+def save_scene(path: str | Path, cube: Any, *, size: tuple[int, int] = (1400, 950), **settings: Any) -> Path:
     """Draw the 3D scene of :func:`seismo3d.plot.cube` to a picture file, without a screen.
 
     Parameters
@@ -126,7 +126,7 @@ def save_scene(path: str | Path, cube: Any, *, size: tuple[int, int] = (1600, 95
     return Path(path)
 
 
-def render_scene(cube: Any, *, size: tuple[int, int] = (1600, 950), **settings: Any) -> AnyArray:
+def render_scene(cube: Any, *, size: tuple[int, int] = (1400, 950), **settings: Any) -> AnyArray:
     """Draw the 3D scene to an array of shape (height, width, 3), uint8; the rest as for :func:`save_scene`."""
     from seismo3d.plot.scenes import cube as draw_cube
 

@@ -54,12 +54,11 @@ def key_numbers(faults: Any, cube: Any, rows: list[dict[str, Any]]) -> list[tupl
     numbers = [(f"{len(rows):,}", "fault found" if len(rows) == 1 else "faults found")]
     if not rows:
         return numbers
-    throws = [row[key] for row in rows for key in row if key.startswith("throw_max_") and not key.endswith("samples")]
-    unit = next((key.rsplit("_", 1)[1] for key in rows[0] if key in ("throw_max_ms", "throw_max_m")), "samples")
-    throws = throws or [row["throw_max_samples"] for row in rows]
-    finite = [value for value in throws if math.isfinite(value)]
+    unit = next((key.rsplit("_", 1)[1] for key in rows[0] if key in ("throw_mean_ms", "throw_mean_m")), "samples")
+    # the largest single value of a cube is an outlier more often than not: the mean of a fault holds
+    finite = [row[f"throw_mean_{unit}"] for row in rows if math.isfinite(row[f"throw_mean_{unit}"])]
     if finite:
-        numbers.append((f"{max(finite, key=abs):.3g} {unit}", "largest throw"))
+        numbers.append((f"{max(finite, key=abs):.3g} {unit}", "largest mean throw of a fault"))
     if rows[0].get("length_m"):
         numbers.append((f"{max(row['length_m'] for row in rows) / 1000:.2f} km", "longest fault, along strike"))
     weights = np.array([row.get("area_index", row.get("length_index")) for row in rows])

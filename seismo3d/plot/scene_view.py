@@ -21,11 +21,12 @@ def add_axes(plotter: Any, cube: Any, frame: SceneFrame) -> None:
         foot, head = np.array(start), np.array(start)
         head[axis] = end
         plotter.add_lines(np.stack([foot, head]), color="black", width=2, name=f"axis {axis}")
-        for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        low, high = ranges[2 * axis], ranges[2 * axis + 1]
+        for value in _round_values(low, high):
+            share = (value - low) / (high - low) if high != low else 0.0
             points.append(foot + share * (head - foot) + np.array(away))
-            value = ranges[2 * axis] + share * (ranges[2 * axis + 1] - ranges[2 * axis])
-            labels.append(f"{value:.0f}")
-        points.append(foot + 0.375 * (head - foot) + 2.2 * np.array(away))
+            labels.append(f"{value:g}")
+        points.append(foot + 0.5 * (head - foot) + 2.2 * np.array(away))
         labels.append(title)
     plotter.add_point_labels(
         np.array(points),
@@ -34,11 +35,20 @@ def add_axes(plotter: Any, cube: Any, frame: SceneFrame) -> None:
         show_points=False,
         always_visible=True,
         text_color="black",
-        font_size=15,
+        font_size=18,
         justification_horizontal="center",
         justification_vertical="center",
         name="axis labels",
     )
+
+
+def _round_values(low: float, high: float) -> list[float]:
+    """Round numbers between two ends, in the order of the ends."""
+    from matplotlib.ticker import MaxNLocator
+
+    values = MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]).tick_values(min(low, high), max(low, high))
+    inside = [float(v) for v in values if min(low, high) <= v <= max(low, high)]
+    return inside if low <= high else inside[::-1]
 
 
 def aim_camera(plotter: Any, bounds: tuple[float, ...], *, margin: float = 0.88) -> None:

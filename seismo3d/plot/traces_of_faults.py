@@ -118,7 +118,8 @@ def value_colours(values: AnyArray, colour: str) -> tuple[str, float, float]:
     # signed noise of a few points should not turn the whole picture into two colours
     low, high = (float(v) for v in np.percentile(finite, [2.0, 98.0]))
     if low < 0 < high:
-        limit = max(-low, high)
+        # wrong throws are far off, and often of the wrong sign: a tenth of them leaves the scale alone
+        limit = float(np.percentile(np.abs(finite), 90.0)) or max(-low, high)
         return "RdYlBu_r", -limit, limit
     return "turbo", min(low, 0.0), max(high, 0.0) or (0.0 if low < 0 else 1.0)
 

@@ -193,6 +193,8 @@ def test_module_runs_and_help_loads_nothing_heavy():
 def test_terminated_while_writing_leaves_nothing(segy, tmp_path):
     program = (
         "import os, signal, sys\nfrom seismo3d.cli import main\nimport seismo3d.io.zarr_store as z\n"
+        # a shell's background jobs ignore Ctrl-C: the tests may run in one
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "old = z._write_slab\n"
         "def slab(*a):\n    old(*a)\n    os.kill(os.getpid(), getattr(signal, sys.argv[1]))\n"
         "z._write_slab = slab\n"

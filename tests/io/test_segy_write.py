@@ -14,6 +14,7 @@ from seismo3d.errors import FileAccessError, GeometryError, ParameterError
 from seismo3d.io._segy_encode import encode, ibm_words
 from seismo3d.io._segy_layout import read_layout
 from seismo3d.io._segy_samples import decode
+from seismo3d.io.cubes import convert_cube
 
 
 def headers_of(path, order="big"):
@@ -52,6 +53,38 @@ def test_the_input_is_found_by_itself(awkward, tmp_path):
     back = s3.open_cube(s3.write_segy(tmp_path / "out.sgy", cube))
     assert (back.attrs["n_duplicates"], back.attrs["sorting"]) == (1, "unsorted")
     assert back.attrs["text_header"] == cube.attrs["text_header"]
+
+
+def test_headers_are_not_made_unasked_when_the_input_has_gone(awkward, tmp_path):
+    cube = s3.open_cube(awkward)
+    awkward.rename(tmp_path / "moved.sgy")
+    with pytest.raises(
+        FileAccessError, match=r"in\.sgy, which the cube was opened from, is not there any more.*like=None"
+    ):
+        s3.write_segy(tmp_path / "out.sgy", cube)
+    assert not (tmp_path / "out.sgy").exists()
+    assert s3.open_cube(s3.write_segy(tmp_path / "made.sgy", cube, like=None)).attrs["n_duplicates"] == 0
+    again = s3.write_segy(tmp_path / "again.sgy", cube, like=tmp_path / "moved.sgy")
+    assert headers_of(again)[0] == headers_of(tmp_path / "moved.sgy")[0]
+
+
+def test_headers_are_not_made_unasked_when_the_lines_are_others(awkward, tmp_path):
+    cube = s3.open_cube(awkward)
+    between = cube.assign_coords(inline=cube.inline + 1)
+    with pytest.raises(GeometryError, match=r"not all are among the 5 of.*like=None"):
+        s3.write_segy(tmp_path / "out.sgy", between)
+    back = s3.open_cube(s3.write_segy(tmp_path / "made.sgy", between, like=None))
+    np.testing.assert_array_equal(back.inline, between.inline)
+
+
+def test_a_store_outlives_the_file_it_was_converted_from(awkward, tmp_path):
+    convert_cube(awkward, tmp_path / "store.zarr")
+    with_file = s3.open_cube(s3.write_segy(tmp_path / "a.sgy", s3.open_cube(tmp_path / "store.zarr")))
+    assert with_file.attrs["n_duplicates"] == 1
+    awkward.unlink()
+    alone = s3.open_cube(s3.write_segy(tmp_path / "b.sgy", s3.open_cube(tmp_path / "store.zarr")))
+    assert alone.attrs["n_duplicates"] == 0
+    np.testing.assert_array_equal(alone.values, with_file.values)
 
 
 def test_a_bare_array_takes_the_geometry_of_like(awkward, tmp_path, rng):
