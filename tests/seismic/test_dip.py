@@ -71,7 +71,7 @@ def test_mirrored_cube_turns_the_slope_over():
     np.testing.assert_allclose(mirrored[1][::-1], q, atol=1e-3)
 
 
-@pytest.mark.parametrize("slab", [1, 7, 31])
+@pytest.mark.parametrize("slab", [7, 31])
 def test_slabs_give_what_the_whole_cube_gives(slab):
     volume = plane_wave(0.3, -0.6, noise=0.3)
     whole = estimate_slopes(volume, everywhere(volume), settings=DipSettings(lateral=2.0, vertical=4.0))
@@ -100,9 +100,7 @@ def test_what_missing_samples_hold_does_not_matter(rng):
     far = np.zeros(SHAPE, bool)
     far[:, :20], far[:, 24:] = True, True
     # the derivative reaches three samples, the weight keeps out what lies within two of missing data
-    for one, two in zip(
-        estimate_slopes(np.where(valid, volume, 0), valid), estimate_slopes(other, valid), strict=True
-    ):
+    for one, two in zip(estimate_slopes(np.where(valid, volume, 0), valid), estimate_slopes(other, valid), strict=True):
         assert np.median(np.abs(one - two)[far]) < 0.05
 
 

@@ -71,7 +71,9 @@ def test_slopes_are_those_of_the_leading_eigenvector(rng):
     tensor = normal[..., :, None] * normal[..., None, :] + 0.02 * np.eye(3)
     spread = rng.normal(size=(*shape, 3, 3)) * 0.05
     tensor += spread @ spread.swapaxes(-1, -2)
-    parts = [np.ascontiguousarray(tensor[..., a, b], np.float32) for a, b in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
+    parts = [
+        np.ascontiguousarray(tensor[..., a, b], np.float32) for a, b in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    ]
     p, q = np.empty(shape, np.float32), np.empty(shape, np.float32)
     filters.tensor_slopes(*parts, np.float32(4.0), p, q)
     leading = np.linalg.eigh(tensor)[1][..., -1]

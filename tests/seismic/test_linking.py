@@ -73,8 +73,8 @@ def test_neighbours_lie_on_each_others_planes(step, tilt_deg, expected):
     limits = np.float32(np.cos(np.radians(25.0))), np.float32(1.4)
     for signs in ((1, 1), (1, -1)):
         turned = normals * np.array(signs, np.float32)[:, None]
-        assert kernels._on_each_other(positions, turned, 0, 1, *limits) == expected  # noqa: SLF001
-        assert kernels._on_each_other(positions, turned, 1, 0, *limits) == expected  # noqa: SLF001
+        assert kernels._on_each_other(positions, turned, 0, 1, *limits) == expected
+        assert kernels._on_each_other(positions, turned, 1, 0, *limits) == expected
 
 
 # ----- sheets
@@ -87,7 +87,9 @@ def test_plane_is_one_sheet_in_its_place(normal_deg, cotangent):
     sheets = link(ridges)
     assert len(sheets) == 1
     sheet = sheets[0]
-    assert abs(np.cos(np.radians(normal_deg)) * sheet.across[0] + np.sin(np.radians(normal_deg)) * sheet.across[1]) > 0.999
+    assert (
+        abs(np.cos(np.radians(normal_deg)) * sheet.across[0] + np.sin(np.radians(normal_deg)) * sheet.across[1]) > 0.999
+    )
     assert np.hypot(*sheet.across) == pytest.approx(1.0)
     assert sheet.along @ sheet.across == pytest.approx(0.0, abs=1e-12)
     at = nodes(sheet)
@@ -101,7 +103,13 @@ def test_plane_is_one_sheet_in_its_place(normal_deg, cotangent):
 
 def test_grid_places_become_points():
     sheet = Sheet(
-        np.array([3.0, 4.0]), np.array([0.6, 0.8]), 10, 2, -5.0, np.zeros((8, 6), np.float32), np.ones((8, 6), np.float32)
+        np.array([3.0, 4.0]),
+        np.array([0.6, 0.8]),
+        10,
+        2,
+        -5.0,
+        np.zeros((8, 6), np.float32),
+        np.ones((8, 6), np.float32),
     )
     point = sheet.points(np.array([5.0, 6.0]), np.array([0.0, 1.5]), np.array([0.0, 2.0]))
     np.testing.assert_allclose(point, [[3, 4, 10], [3 - 0.8 + 1.2, 4 + 0.6 + 1.6, 13]])
@@ -180,7 +188,9 @@ def test_scattered_points_are_no_sheet(rng):
 
 def test_order_of_points_does_not_matter(rng):
     ridges = plane_points(20.0, 0.3)
-    ridges = RidgePoints(ridges.voxels, ridges.positions, ridges.planes, rng.uniform(0.8, 1.2, len(ridges.score)).astype(np.float32))
+    ridges = RidgePoints(
+        ridges.voxels, ridges.positions, ridges.planes, rng.uniform(0.8, 1.2, len(ridges.score)).astype(np.float32)
+    )
     order = rng.permutation(len(ridges.score))
     mixed = RidgePoints(*(getattr(ridges, name)[order] for name in RidgePoints.__slots__))
     one, other = link(ridges)[0], link(mixed)[0]

@@ -120,9 +120,7 @@ def test_what_was_better_before_stays():
     best, arg = np.full((3, 4, 6), 50.0, np.float32), np.full((3, 4, 6), 7, np.int16)
     taps = gaussian_taps(1.0)
     lines = np.ones((3, 4, 6 + len(taps) - 1), np.float32)
-    kernels.keep_best_dip(
-        lines, np.zeros(1), taps, np.float32(0), np.float32(0.1), np.float32(0.5), 9, best, arg
-    )
+    kernels.keep_best_dip(lines, np.zeros(1), taps, np.float32(0), np.float32(0.1), np.float32(0.5), 9, best, arg)
     assert (best == 50.0).all()
     assert (arg == 7).all()
 

@@ -89,7 +89,9 @@ def test_mesh_of_a_sheet_with_a_hole():
     assert np.isfinite(surface.normals).all()
     np.testing.assert_allclose(surface.dip_deg, np.degrees(np.arctan(2.0)), atol=1e-3)
     # every edge belongs to one triangle or two, those of one being the rims: 36 outside and 12 around the hole
-    edges = np.sort(np.concatenate([surface.cells[:, [0, 1]], surface.cells[:, [1, 2]], surface.cells[:, [2, 0]]]), axis=1)
+    edges = np.sort(
+        np.concatenate([surface.cells[:, [0, 1]], surface.cells[:, [1, 2]], surface.cells[:, [2, 0]]]), axis=1
+    )
     _, uses = np.unique(edges, axis=0, return_counts=True)
     assert uses.max() == 2
     assert (uses == 1).sum() == 36 + 12

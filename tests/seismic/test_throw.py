@@ -176,17 +176,17 @@ def test_reading_between_voxels_is_linear(rng):
     volume = (2 * i - x + 0.5 * k).astype(np.float32)
     valid = np.ones(volume.shape, bool)
     for point in rng.uniform(0, [4, 5, 6], (40, 3)):
-        value, weight = kernels._read(volume, valid, *point)  # noqa: SLF001
+        value, weight = kernels._read(volume, valid, *point)
         assert weight == 1.0
         assert value == pytest.approx(2 * point[0] - point[1] + 0.5 * point[2], abs=5e-3)  # tiny weights are skipped
-    assert kernels._read(volume, valid, 4.0, 5.0, 6.0)[1] == 1.0  # noqa: SLF001
+    assert kernels._read(volume, valid, 4.0, 5.0, 6.0)[1] == 1.0
 
 
 @pytest.mark.parametrize("point", [(-0.1, 2, 2), (4.1, 2, 2), (2, 5.1, 2), (2, 2, 6.1), (1.5, 2, 2)])
 def test_nothing_is_read_outside_or_beside_missing_samples(point):
     valid = np.ones((5, 6, 7), bool)
     valid[1, 2, 2] = False
-    assert kernels._read(np.ones((5, 6, 7), np.float32), valid, *point) == (0.0, 0.0)  # noqa: SLF001
+    assert kernels._read(np.ones((5, 6, 7), np.float32), valid, *point) == (0.0, 0.0)
 
 
 def test_costs_of_shifts_equal_their_definition(rng):
