@@ -71,7 +71,7 @@ def test_kernel_equals_its_definition(rng, axis):
     volume = rng.normal(size=shape).astype(np.float32)
     slope = rng.integers(-1, 2, shape).astype(np.float32)
     # interpolation needs the sample below too: whole traces are missing, so that this makes no difference
-    valid = np.repeat(rng.random(shape[:2] + (1,)) > 0.2, shape[2], axis=2)
+    valid = np.repeat(rng.random((*shape[:2], 1)) > 0.2, shape[2], axis=2)
     difference, energy = np.empty_like(volume), np.empty_like(volume)
     kernels.side_misfit(volume, valid, slope, axis, 3, difference, energy)
     expected = plain_side_misfit(volume, valid, slope, axis, 3)
