@@ -1,0 +1,378 @@
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+import xarray as xr
+
+from seismo3d.errors import ShapeError
+from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.seismic.faults import FaultSettings, to_likelihood, trace_faults
+from seismo3d.seismic.faultset import FaultSet
+from seismo3d.seismic.scores import fault_score, throw_score
+from seismo3d.synthetic import SyntheticFault, fault_cube, fault_section
+
+SHAPE = (48, 48, 64)
+
+
+def make_faulted(strike_deg=45.0, dip_deg=65.0, throw=8.0, *, seed=1, **overrides):
+    """A cube cut in the middle by one plane of a uniform throw."""
+    fault = SyntheticFault((24.0, 24.0, 32.0), strike_deg, dip_deg, throw)
+    recipe = {"shape": SHAPE, "wavelength": (14.0, 14.0), "population": None, "faults": (fault,)} | overrides
+    return fault_cube("clean", seed=seed, **recipe)
+
+
+def turned(degrees, expected):
+    """Smallest angle between directions."""
+    return np.abs((np.asarray(degrees, dtype=float) - expected + 180.0) % 360.0 - 180.0)
+
+
+def assert_same(first, second):
+    for name in ("likelihood", "labels", "throw"):
+        np.testing.assert_array_equal(np.asarray(getattr(first, name)), np.asarray(getattr(second, name)))
+    assert len(first.surfaces) == len(second.surfaces)
+    for one, other in zip(first.surfaces, second.surfaces, strict=True):
+        np.testing.assert_array_equal(one.vertices, other.vertices)
+        np.testing.assert_array_equal(one.cells, other.cells)
+        np.testing.assert_array_equal(one.throw, other.throw)
+
+
+@pytest.fixture(scope="module")
+def cube():
+    return make_faulted()
+
+
+@pytest.fixture(scope="module")
+def traced(cube):
+    return trace_faults(cube.seismic)
+
+
+# the bounds leave room: one plane is found within two voxels nearly everywhere, and its throw within half a sample
+@pytest.mark.parametrize(
+    ("strike_deg", "dip_deg", "throw"),
+    [(90.0, 70.0, 8.0), (0.0, 75.0, -8.0), (120.0, 60.0, 10.0), (225.0, 65.0, 6.0)],
+    ids=["across inlines", "reverse", "low", "dipping back"],
+)
+def test_one_plane_is_found_with_its_orientation_and_throw(strike_deg, dip_deg, throw):
+    cube = make_faulted(strike_deg, dip_deg, throw)
+    faults = trace_faults(cube.seismic)
+    assert fault_score(faults.labels, cube.faults).f1 > 0.9
+    assert len(faults.surfaces) == 1
+    surface = faults.surfaces[0]
+    assert np.median(turned(surface.strike_deg, strike_deg)) < 6.0
+    assert abs(np.median(surface.dip_deg) - dip_deg) < 5.0
+    assert np.nanmedian(faults.throw) == pytest.approx(throw, abs=0.5)
+    assert throw_score(faults.labels, faults.throw, cube.faults, cube.throw).within > 0.9
+
+
+def test_volumes_and_surfaces_tell_the_same(cube, traced):
+    labels, throw, likelihood = (np.asarray(v) for v in (traced.labels, traced.throw, traced.likelihood))
+    assert labels.shape == throw.shape == likelihood.shape == SHAPE
+    assert (labels.dtype, throw.dtype, likelihood.dtype) == (np.int32, np.float32, np.float32)
+    assert set(np.unique(labels)) == set(range(len(traced.surfaces) + 1))
+    assert np.isnan(throw[labels == 0]).all()
+    assert np.isfinite(throw[labels > 0]).mean() > 0.95
+    assert likelihood.min() == 0.0
+    assert likelihood.max() < 1.0
+    assert fault_score(likelihood > 0.5, cube.faults).recall > 0.8
+    for number, surface in enumerate(traced.surfaces, start=1):
+        at = np.argwhere(labels == number)
+        # every vertex lies in, or right beside, a voxel that carries its number
+        gap = np.abs(surface.vertices[:, None, :] - at[None]).max(axis=2).min(axis=1)
+        inside = (surface.vertices >= 0).all(axis=1) & (surface.vertices <= np.array(SHAPE) - 1).all(axis=1)
+        assert gap[inside].max() <= 1.5
+        assert 0.0 < surface.confidence <= 1.0
+
+
+def test_surface_is_a_sound_mesh_with_normals_into_the_hanging_wall(traced):
+    surface = traced.surfaces[0]
+    assert surface.cells.min() == 0
+    assert surface.cells.max() == len(surface.vertices) - 1
+    np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1.0, atol=1e-5)
+    assert (surface.normals[:, 2] < 0).mean() > 0.99
+    # a plane through the cube's middle, 65 degrees steep, 45 degrees across the grid
+    full = 48 * np.sqrt(2) * 64 / np.sin(np.radians(65.0))
+    assert 0.5 * full < surface.area < 1.2 * full
+
+
+def test_no_two_pieces_of_a_mesh_are_the_same(traced):
+    cells = np.sort(traced.surfaces[0].cells, axis=1)
+    assert len(np.unique(cells, axis=0)) == len(cells)
+    assert (np.diff(cells, axis=1) > 0).all()
+
+
+def test_transposed_cube_gives_the_transposed_faults(cube, traced):
+    turned_cube = trace_faults(np.ascontiguousarray(cube.seismic.transpose(1, 0, 2)))
+    back = np.asarray(turned_cube.labels).transpose(1, 0, 2)
+    score = fault_score(back, traced.labels, tolerance=1.0)
+    assert min(score.precision, score.recall) > 0.95
+    # strike and its right-hand rule turn over with the axes; throw does not
+    expected = (90.0 - 45.0 + 180.0) % 360.0
+    assert np.median(turned(turned_cube.surfaces[0].strike_deg, expected)) < 6.0
+    assert np.nanmedian(turned_cube.throw) == pytest.approx(np.nanmedian(traced.throw), abs=0.3)
+
+
+@pytest.mark.parametrize("factor", [1000.0, 2.0**-20])
+def test_amplitudes_may_have_any_scale(cube, traced, factor):
+    scaled = trace_faults(cube.seismic * np.float32(factor))
+    score = fault_score(scaled.labels, traced.labels, tolerance=1.0)
+    assert min(score.precision, score.recall) > 0.99
+    np.testing.assert_allclose(np.nanmedian(scaled.throw), np.nanmedian(traced.throw), atol=0.05)
+
+
+def test_polarity_does_not_matter(cube, traced):
+    assert_same(trace_faults(-cube.seismic), traced)
+
+
+def test_shifted_section_of_a_cube_gives_shifted_faults():
+    whole = make_faulted(90.0, 70.0, 8.0, shape=(48, 60, 64))
+    part = trace_faults(np.ascontiguousarray(whole.seismic[:, 12:]))
+    all_labels = np.asarray(trace_faults(whole.seismic).labels)[:, 12:]
+    score = fault_score(part.labels, all_labels, tolerance=1.0)
+    assert min(score.precision, score.recall) > 0.9
+
+
+def test_one_thread_and_two_give_the_same_bits(cube, traced):
+    before = numba.get_num_threads()
+    if numba.config.NUMBA_NUM_THREADS < 2:
+        pytest.skip("one thread is all there is")
+    try:
+        results = []
+        for n_threads in (1, 2):
+            numba.set_num_threads(n_threads)
+            results.append(trace_faults(cube.seismic))
+    finally:
+        numba.set_num_threads(before)
+    assert_same(*results)
+    assert_same(results[0], traced)
+
+
+def test_input_is_left_as_it_was(cube):
+    amplitudes = cube.seismic.copy()
+    amplitudes[3, 4] = np.nan
+    before = amplitudes.copy()
+    trace_faults(amplitudes)
+    np.testing.assert_array_equal(amplitudes, before)
+
+
+def test_integers_of_one_byte_are_enough(cube, traced):
+    coarse = np.clip(np.rint(cube.seismic * 30.0), -127, 127).astype(np.int8)
+    faults = trace_faults(coarse)
+    score = fault_score(faults.labels, cube.faults)
+    assert score.f1 > 0.9
+    assert np.nanmedian(faults.throw) == pytest.approx(np.nanmedian(traced.throw), abs=0.3)
+
+
+def test_data_array_comes_back_with_its_coordinates(cube, traced):
+    array = cube.to_dataarray()
+    faults = trace_faults(array)
+    for name in ("likelihood", "labels", "throw"):
+        volume = getattr(faults, name)
+        assert isinstance(volume, xr.DataArray)
+        assert volume.name == name
+        assert volume.dims == array.dims
+        for coordinate in array.coords:
+            np.testing.assert_array_equal(volume[coordinate], array[coordinate])
+        np.testing.assert_array_equal(volume.values, getattr(traced, name))
+    surface = faults.surfaces[0]
+    assert (surface.sample_unit, surface.sample_interval) == ("ms", 4.0)
+    np.testing.assert_allclose(surface.throw_ms, 4.0 * surface.throw)
+    expected = SurveyGeometry.from_cube(array).strike_deg(surface.normals.astype(np.float64))
+    assert turned(surface.strike_deg, expected).max() < 0.1
+
+
+def test_noise_of_half_the_signal_hides_little():
+    cube = make_faulted(90.0, 70.0, 10.0, noise=0.5)
+    faults = trace_faults(cube.seismic)
+    assert fault_score(faults.labels, cube.faults).f1 > 0.75
+    assert np.nanmedian(faults.throw) == pytest.approx(10.0, abs=1.0)
+
+
+def test_two_crossing_planes_are_two_surfaces():
+    first = SyntheticFault((24.0, 24.0, 32.0), 90.0, 70.0, 8.0)
+    second = SyntheticFault((24.0, 24.0, 32.0), 0.0, 70.0, 8.0)
+    cube = make_faulted(faults=(first, second), shape=(64, 64, 64))
+    faults = trace_faults(cube.seismic)
+    assert fault_score(faults.labels, cube.faults).f1 > 0.75
+    assert 2 <= len(faults.surfaces) <= 4
+    strikes = np.array([np.median(surface.strike_deg) for surface in faults.surfaces])
+    assert turned(strikes, 90.0).min() < 10.0
+    assert turned(strikes, 0.0).min() < 10.0
+
+
+# ----- nothing is found where there is nothing
+
+
+@pytest.mark.parametrize("value", [0.0, 7.0, np.nan])
+def test_constant_cube_has_no_faults(value):
+    faults = trace_faults(np.full(SHAPE, value))
+    assert faults.surfaces == ()
+    assert not np.asarray(faults.labels).any()
+    assert not np.asarray(faults.likelihood).any()
+    assert np.isnan(faults.throw).all()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_noise_alone_has_no_faults(seed):
+    noise = np.random.default_rng(seed).normal(size=SHAPE)
+    assert (np.asarray(trace_faults(noise).labels) > 0).mean() < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["fault_free", "channels"])
+def test_folded_layers_and_channels_are_no_faults(kind):
+    cube = fault_cube(kind, seed=3, shape=SHAPE)
+    assert (np.asarray(trace_faults(cube.seismic).labels) > 0).mean() < 4e-3
+
+
+def test_dipping_layers_are_no_faults(rng):
+    depth = np.arange(64)[None, None] - 0.6 * np.arange(48)[:, None, None] + 0.9 * np.arange(48)[None, :, None]
+    trace = np.convolve(rng.normal(size=400), np.hanning(7), "same")
+    cube = np.interp(depth, np.arange(-100, 300), trace)
+    assert not np.asarray(trace_faults(cube).labels).any()
+
+
+@pytest.fixture(scope="module")
+def unbroken():
+    return fault_cube("clean", seed=5, shape=SHAPE, population=None, wavelength=(14.0, 14.0)).seismic.copy()
+
+
+@pytest.mark.parametrize("fill", [0.0, np.nan, -3.0])
+def test_edges_of_missing_data_are_no_faults(unbroken, fill):
+    cube = unbroken.copy()
+    cube[:, :10] = fill
+    cube[30:, 30:] = fill
+    cube[20:23] = fill
+    cube[:, :, :14] = fill
+    faults = trace_faults(cube)
+    assert not np.asarray(faults.labels).any()
+
+
+def test_dead_traces_are_no_faults(unbroken, rng):
+    cube = unbroken.copy()
+    cube[rng.random(SHAPE[:2]) < 0.1] = 0.0
+    assert not np.asarray(trace_faults(cube).labels).any()
+
+
+def test_dead_traces_and_missing_zones_do_not_hide_a_fault(rng):
+    cube = make_faulted(90.0, 70.0, 8.0)
+    holed = cube.seismic.copy()
+    lost = rng.random(SHAPE[:2]) < 0.08
+    lost[:8, :8] = True
+    holed[lost] = np.nan
+    faults = trace_faults(holed)
+    score = fault_score(faults.labels, cube.faults)
+    assert min(score.precision, score.recall) > 0.85
+    assert np.nanmedian(faults.throw) == pytest.approx(8.0, abs=0.7)
+
+
+def test_no_fault_is_drawn_far_into_missing_data():
+    cube = make_faulted(90.0, 70.0, 8.0)
+    holed = cube.seismic.copy()
+    holed[:20] = np.nan
+    labels = np.asarray(trace_faults(holed).labels)
+    assert (labels[20:] > 0).any()
+    assert not labels[:12].any()
+
+
+def test_spikes_do_not_drown_the_cube(cube, traced, rng):
+    spiked = cube.seismic.copy()
+    at = rng.integers(0, spiked.size, 20)
+    spiked.ravel()[at] = 1e6
+    score = fault_score(trace_faults(spiked).labels, traced.labels)
+    assert min(score.precision, score.recall) > 0.9
+
+
+# ----- sections
+
+
+def test_section_gives_polylines():
+    fault = SyntheticFault((24.0, 48.0, 48.0), 0.0, 65.0, 8.0)
+    section = fault_section(
+        "clean", seed=2, shape=(48, 96, 96), wavelength=(14.0, 14.0), population=None, faults=(fault,)
+    )
+    faults = trace_faults(section.seismic)
+    assert np.asarray(faults.labels).shape == (96, 96)
+    assert fault_score(faults.labels, section.faults).f1 > 0.85
+    assert len(faults.surfaces) == 1
+    line = faults.surfaces[0]
+    assert line.vertices.shape[1] == line.normals.shape[1] == line.cells.shape[1] == 2
+    assert np.isnan(line.strike_deg).all()
+    assert abs(np.median(line.dip_deg) - 65.0) < 5.0
+    np.testing.assert_allclose(np.linalg.norm(line.normals, axis=1), 1.0, atol=1e-5)
+    assert np.nanmedian(line.throw) == pytest.approx(8.0, abs=0.6)
+    # one line from top to bottom: every vertex but the two ends lies on two segments
+    uses = np.bincount(line.cells.ravel(), minlength=len(line.vertices))
+    assert sorted(uses)[:3] == [1, 1, 2]
+    assert line.area == pytest.approx(np.hypot(np.ptp(line.vertices[:, 0]), np.ptp(line.vertices[:, 1])), rel=0.1)
+
+
+def test_mirrored_section_gives_the_mirrored_fault():
+    fault = SyntheticFault((24.0, 48.0, 48.0), 0.0, 65.0, 8.0)
+    recipe = {"shape": (48, 96, 96), "wavelength": (14.0, 14.0), "population": None, "faults": (fault,)}
+    section = fault_section("clean", seed=2, **recipe).seismic
+    plain, mirrored = trace_faults(section), trace_faults(np.ascontiguousarray(section[::-1]))
+    score = fault_score(np.asarray(mirrored.labels)[::-1], plain.labels, tolerance=1.5)
+    assert min(score.precision, score.recall) > 0.95
+    assert np.nanmedian(mirrored.throw) == pytest.approx(np.nanmedian(plain.throw), abs=0.3)
+
+
+# ----- the interface
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (np.zeros(100), r"shape \(100,\); expected \(inline, crossline, sample\) or \(trace, sample\)"),
+        (np.zeros((8, 8, 8, 16)), r"shape \(8, 8, 8, 16\); expected"),
+        (np.zeros(SHAPE, np.complex64), "type complex64; expected real numbers"),
+        (np.zeros(SHAPE, bool), "type bool; expected real numbers"),
+        (np.full((20, 20), "a"), "expected real numbers"),
+        (np.zeros((7, 20, 40)), r"shape \(7, 20, 40\); expected at least \(8, 8, 16\)"),
+        (np.zeros((20, 7, 40)), "expected at least"),
+        (np.zeros((20, 20, 15)), "expected at least"),
+        (np.zeros((7, 40)), r"expected at least \(8, 16\)"),
+    ],
+)
+def test_refusals(values, message):
+    with pytest.raises(ShapeError, match=message):
+        trace_faults(values)
+
+
+def test_smallest_cube_is_taken(rng):
+    assert np.asarray(trace_faults(rng.normal(size=(8, 8, 16))).labels).shape == (8, 8, 16)
+
+
+def test_progress_is_told_stage_by_stage(cube):
+    told = []
+    trace_faults(cube.seismic, progress=lambda stage, share: told.append((stage, share)))
+    stages = list(dict.fromkeys(stage for stage, _ in told))
+    assert stages == ["dip", "misfit", "scan", "link", "throw", "surfaces"]
+    assert all(0.0 <= share <= 1.0 for _, share in told)
+    assert told[-1] == ("surfaces", 1.0)
+    for stage in stages:
+        shares = [share for name, share in told if name == stage]
+        assert shares == sorted(shares)
+
+
+def test_stricter_settings_find_nothing(cube):
+    faults = trace_faults(cube.seismic, settings=FaultSettings(least_area=1e9))
+    assert faults.surfaces == ()
+    assert faults.settings["least_area"] == 1e9
+
+
+def test_save_and_load_give_the_same_back(traced, cube, tmp_path):
+    traced.save(tmp_path / "bare")
+    back = FaultSet.load(tmp_path / "bare")
+    assert_same(back, traced)
+    # tuples may come back as lists of the same numbers
+    assert back.settings["scan"]["n_strikes"] == traced.settings["scan"]["n_strikes"]
+    labelled = trace_faults(cube.to_dataarray())
+    labelled.save(tmp_path / "labelled")
+    again = FaultSet.load(tmp_path / "labelled")
+    assert_same(again, labelled)
+    xr.testing.assert_identical(again.labels, labelled.labels)
+
+
+def test_likelihood_grows_from_zero_to_one():
+    score = np.array([-3.0, 0.0, 1.0, 2.0, 60.0], np.float32)
+    np.testing.assert_allclose(to_likelihood(score), [0.0, 0.0, 0.5, 0.75, 1.0], atol=1e-6)

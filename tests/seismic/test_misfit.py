@@ -1,0 +1,283 @@
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+
+from seismo3d.seismic import _kernels_misfit as kernels
+from seismo3d.seismic.misfit import MisfitSettings, measure_misfit
+
+SHAPE = (24, 24, 64)
+
+
+def layers(p=0.0, q=0.0, *, shape=SHAPE, seed=3):
+    """Layers of random reflectivity that slope everywhere alike."""
+    values = np.convolve(np.random.default_rng(seed).normal(size=600), np.hanning(9), "same")
+    i, x, k = np.meshgrid(*(np.arange(n, dtype=np.float64) for n in shape), indexing="ij")
+    volume = np.interp(k - p * i - q * x, np.arange(-250, 350), values)
+    return (volume / volume.std()).astype(np.float32)
+
+
+def cut(axis, *, at=12, shape=SHAPE):
+    """Two sides that have nothing to do with each other, the second from trace `at` on."""
+    volume = layers(shape=shape)
+    second = [slice(None)] * 3
+    second[axis] = slice(at, None)
+    volume[tuple(second)] = layers(shape=shape, seed=8)[tuple(second)]
+    return volume
+
+
+def slopes(volume, p=0.0, q=0.0):
+    return np.full(volume.shape, p, np.float32), np.full(volume.shape, q, np.float32)
+
+
+def everywhere(volume):
+    return np.ones(volume.shape, bool)
+
+
+def measure(volume, valid=None, p=0.0, q=0.0, **settings):
+    valid = everywhere(volume) if valid is None else valid
+    return measure_misfit(volume, valid, *slopes(volume, p, q), settings=MisfitSettings(**settings))
+
+
+# ----- kernels
+
+
+def plain_side_misfit(volume, valid, slope, axis, reach):
+    """The kernel's definition, for slopes of whole samples."""
+    difference, energy = np.zeros(volume.shape), np.full(volume.shape, -1.0)
+    for index in np.ndindex(*volume.shape):
+        means = []
+        for sign in (-1, 1):
+            values = []
+            for t in range(1, reach + 1):
+                at = list(index)
+                at[axis] += sign * t
+                if not 0 <= at[axis] < volume.shape[axis]:
+                    continue
+                at[2] += int(sign * t * slope[tuple(at)])
+                if 0 <= at[2] < volume.shape[2] and valid[tuple(at)]:
+                    values.append(volume[tuple(at)])
+            means.append(np.mean(values) if values else None)
+        if None not in means:
+            difference[index] = (means[0] - means[1]) ** 2
+            energy[index] = means[0] ** 2 + means[1] ** 2
+    return difference, energy
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_kernel_equals_its_definition(rng, axis):
+    shape = (6, 7, 12)
+    volume = rng.normal(size=shape).astype(np.float32)
+    slope = rng.integers(-1, 2, shape).astype(np.float32)
+    # interpolation needs the sample below too: whole traces are missing, so that this makes no difference
+    valid = np.repeat(rng.random((*shape[:2], 1)) > 0.2, shape[2], axis=2)
+    difference, energy = np.empty_like(volume), np.empty_like(volume)
+    kernels.side_misfit(volume, valid, slope, axis, 3, difference, energy)
+    expected = plain_side_misfit(volume, valid, slope, axis, 3)
+    np.testing.assert_allclose(difference, expected[0], atol=1e-5)
+    np.testing.assert_allclose(energy, expected[1], atol=1e-5)
+
+
+def test_interpolation_of_a_smooth_trace_is_exact_to_a_thousandth():
+    depth = np.arange(40.0)
+    row = np.sin(2 * np.pi * depth / 16).astype(np.float32)
+    usable = np.ones(40, bool)
+    for z in np.linspace(2.0, 37.0, 90):
+        value, weight = kernels._sample(row, usable, z, 40)
+        assert weight == 1.0
+        assert value == pytest.approx(np.sin(2 * np.pi * z / 16), abs=2e-3)
+
+
+@pytest.mark.parametrize("z", [-0.1, 39.1, 9.5, 10.5])
+def test_interpolation_refuses_what_is_not_there(z):
+    usable = np.ones(40, bool)
+    usable[10] = False
+    assert kernels._sample(np.ones(40, np.float32), usable, z, 40) == (0.0, 0.0)
+
+
+def test_unknown_energy_is_cleared(rng):
+    energy = rng.normal(size=(3, 4, 5)).astype(np.float32)
+    energy[energy < 0] = -1.0
+    before = energy.copy()
+    known = np.empty_like(energy)
+    kernels.clear_unknown(energy.copy(), energy, known)
+    np.testing.assert_array_equal(known, before >= 0)
+    np.testing.assert_array_equal(energy, np.maximum(before, 0))
+
+
+@pytest.mark.parametrize("step", [1, 2, 3])
+def test_ratio_is_taken_at_every_step(rng, step):
+    difference, energy = (rng.random((3, 4, 9)).astype(np.float32) for _ in range(2))
+    known = rng.random((3, 4, 9)).astype(np.float32)
+    known[1, 1] = 0.0
+    out = np.empty((3, 4, -(-9 // step)), np.float32)
+    weight = np.empty_like(out)
+    kernels.divide_thinned(difference, energy, known, step, np.float32(0.1), np.float32(1.5), out, weight)
+    cut = (slice(None), slice(None), slice(None, None, step))
+    ratio = difference[cut] / np.maximum(known[cut], 1e-9) / (energy[cut] + 0.1)
+    usable = known[cut] > 0.05
+    np.testing.assert_allclose(out, np.where(usable, np.minimum(ratio, 1.5), 0.0), rtol=1e-5)
+    np.testing.assert_allclose(weight, np.where(usable, known[cut], 0.0))
+
+
+def test_logarithm_in_place(rng):
+    ratio = rng.random((3, 4, 5)).astype(np.float32)
+    expected = np.log1p(ratio.astype(np.float64) / 0.05)
+    kernels.log_ratio(ratio, np.float32(0.05))
+    np.testing.assert_allclose(ratio, expected, rtol=1e-5)
+
+
+# ----- evidence
+
+
+@pytest.mark.parametrize(("p", "q"), [(0.0, 0.0), (0.5, -0.25), (-1.0, 1.0), (1.3, 0.4)])
+def test_unbroken_layers_leave_no_misfit(p, q):
+    evidence = measure(layers(p, q), p=p, q=q)
+    assert evidence.noise < 2e-3
+    assert evidence.noisiness == 0.0
+    raw = measure(layers(p, q), p=p, q=q, levelling=0.0)
+    for part in (raw.along_inlines, raw.along_crosslines):
+        assert np.median(part) < np.log1p(2e-3 / 0.02)
+        assert np.percentile(part[4:-4, 4:-4, 10:-10], 99) < 0.5
+
+
+def test_wrong_slopes_do_leave_one():
+    right, wrong = measure(layers(0.8), p=0.8, levelling=0.0), measure(layers(0.8), levelling=0.0)
+    assert right.along_inlines.mean() < 0.2
+    assert wrong.along_inlines.mean() > 1.0
+    assert wrong.along_crosslines.mean() < 0.5
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_unrelated_sides_stand_out_along_their_own_axis(axis):
+    evidence = measure(cut(axis), levelling=0.0, lateral=0.0)
+    parts = [evidence.along_inlines, evidence.along_crosslines]
+    across = np.moveaxis(parts[axis], axis, 0)
+    break_here, far = across[11:13], np.concatenate([across[:8], across[16:]])
+    # a ratio of 1 on average is log(1 + 1 / 0.02) = 3.9; single voxels scatter widely below that
+    assert 2.2 < break_here.mean() < 4.2
+    assert far.mean() < 0.1
+    assert parts[1 - axis].mean() < 0.5
+
+
+def test_ratio_of_unrelated_sides_is_one_on_average():
+    shape = (4, 4000, 16)
+    volume = np.random.default_rng(2).normal(size=shape).astype(np.float32)
+    difference, energy = np.empty_like(volume), np.empty_like(volume)
+    kernels.side_misfit(volume, everywhere(volume), np.zeros_like(volume), 1, 2, difference, energy)
+    known = energy >= 0
+    assert difference[known].sum() / energy[known].sum() == pytest.approx(1.0, abs=0.02)
+
+
+def test_transposed_cube_exchanges_the_axes():
+    volume = cut(0) + 0.3 * np.random.default_rng(4).normal(size=SHAPE).astype(np.float32)
+    plain = measure(volume, p=0.2, q=-0.3)
+    turned = measure(np.ascontiguousarray(volume.transpose(1, 0, 2)), p=-0.3, q=0.2)
+    for one, other in (
+        (turned.along_crosslines, plain.along_inlines),
+        (turned.along_inlines, plain.along_crosslines),
+        (turned.known, plain.known),
+    ):
+        np.testing.assert_allclose(one.transpose(1, 0, 2), other, atol=1e-3)
+    assert turned.noise == pytest.approx(plain.noise, abs=1e-5)
+
+
+@pytest.mark.parametrize("factor", [-1.0, 1024.0, 2.0**-12])
+def test_scale_and_sign_of_amplitudes_do_not_matter(factor):
+    volume = cut(0) + 0.3 * np.random.default_rng(4).normal(size=SHAPE).astype(np.float32)
+    plain, scaled = measure(volume), measure(volume * np.float32(factor))
+    np.testing.assert_allclose(scaled.along_inlines, plain.along_inlines, atol=1e-4)
+    np.testing.assert_allclose(scaled.along_crosslines, plain.along_crosslines, atol=1e-4)
+
+
+@pytest.mark.parametrize("slab", [9])
+def test_slabs_give_what_the_whole_cube_gives(slab):
+    volume = cut(0) + 0.2 * np.random.default_rng(4).normal(size=SHAPE).astype(np.float32)
+    whole, parts = measure(volume), measure(volume, slab=slab)
+    np.testing.assert_array_equal(parts.along_inlines, whole.along_inlines)
+    np.testing.assert_array_equal(parts.along_crosslines, whole.along_crosslines)
+    np.testing.assert_array_equal(parts.known, whole.known)
+
+
+def test_one_thread_and_two_give_the_same_bits():
+    if numba.config.NUMBA_NUM_THREADS < 2:
+        pytest.skip("one thread is all there is")
+    volume = cut(1) + 0.2 * np.random.default_rng(4).normal(size=SHAPE).astype(np.float32)
+    before = numba.get_num_threads()
+    try:
+        results = []
+        for n_threads in (1, 2):
+            numba.set_num_threads(n_threads)
+            results.append(measure(volume))
+    finally:
+        numba.set_num_threads(before)
+    np.testing.assert_array_equal(results[0].along_inlines, results[1].along_inlines)
+    np.testing.assert_array_equal(results[0].along_crosslines, results[1].along_crosslines)
+    assert (results[0].mean, results[0].spread) == (results[1].mean, results[1].spread)
+
+
+def test_noise_is_measured():
+    volume = layers(shape=(32, 32, 64))
+    own = np.random.default_rng(4).normal(size=volume.shape).astype(np.float32)
+    measured = [measure(volume + np.float32(share) * own) for share in (0.0, 0.25, 0.5, 1.0)]
+    noise = [evidence.noise for evidence in measured]
+    assert noise == sorted(noise)
+    assert noise[0] < 1e-3
+    alone = measure(own)
+    assert 0.4 < alone.noise < 1.0
+    assert alone.noisiness == 1.0
+    assert all(0.0 <= evidence.noisiness <= 1.0 for evidence in measured)
+
+
+def test_dead_traces_are_bridged():
+    volume = cut(0)
+    dead = np.random.default_rng(6).random(SHAPE[:2]) < 0.12
+    valid = everywhere(volume)
+    valid[dead] = False
+    holed = np.where(valid, volume, 0)
+    whole, bridged = measure(volume, levelling=0.0), measure(holed, valid, levelling=0.0)
+    # no wall of evidence around a dead trace, and the break is still there
+    quiet = np.ones(SHAPE[0], bool)
+    quiet[8:16] = False
+    assert bridged.along_crosslines[quiet].mean() < 0.1
+    assert bridged.along_inlines[quiet].mean() < 0.1
+    assert bridged.along_inlines[11:13].mean() > 0.7 * whole.along_inlines[11:13].mean()
+
+
+def test_nothing_is_known_where_there_are_no_data():
+    volume = layers()
+    valid = everywhere(volume)
+    valid[:, :12] = False
+    volume[~valid] = 0.0
+    evidence = measure(volume, valid)
+    # one empty trace is looked across by the traces averaged on either side, a wide zone is not
+    assert not evidence.known[:, :8].any()
+    assert (evidence.known[:, 14:-1] == 1.0).all()
+    for part in (evidence.along_inlines, evidence.along_crosslines):
+        assert np.isfinite(part).all()
+        assert part.max() < 0.5
+
+
+@pytest.mark.parametrize("some", [True, False])
+def test_zeros_and_nothing_at_all(some):
+    volume = np.zeros((10, 10, 20), np.float32)
+    evidence = measure(volume, np.full(volume.shape, some))
+    assert not evidence.along_inlines.any()
+    assert not evidence.along_crosslines.any()
+    assert evidence.noise == 0.0
+    assert evidence.known.any() == some
+
+
+@pytest.mark.parametrize(("step", "n_samples", "expected"), [(1, 64, 64), (2, 64, 32), (2, 65, 33), (3, 64, 22)])
+def test_evidence_is_thinned_along_the_samples(step, n_samples, expected):
+    evidence = measure(layers(shape=(8, 8, n_samples)), step=step)
+    assert evidence.along_inlines.shape == (8, 8, expected)
+    assert evidence.step == step
+
+
+def test_section_has_evidence_along_its_own_traces_alone():
+    evidence = measure(cut(1)[:1])
+    assert evidence.known[0, 4:-4].all()
+    assert evidence.along_crosslines[0, 11:13].mean() > 1.5
+    assert evidence.along_inlines.max() < 0.5

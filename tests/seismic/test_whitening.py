@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seismo3d.seismic.whitening import whiten, whitening_taps
+
+
+def ricker(period):
+    t = np.arange(-2 * period, 2 * period + 1) / period
+    return (1.0 - 2.0 * (np.pi * t) ** 2) * np.exp(-((np.pi * t) ** 2))
+
+
+def layered(rng, *, period=14, shape=(20, 20, 160), noise=0.0):
+    """Flat layers under a wavelet, the same in every trace, and noise of its own in each."""
+    trace = np.convolve(rng.normal(size=shape[2] + 200), ricker(period), "same")[100:-100]
+    volume = np.broadcast_to(trace / trace.std(), shape) + noise * rng.normal(size=shape)
+    return np.ascontiguousarray(volume, np.float32)
+
+
+def bandwidth(volume):
+    """Effective number of frequencies that hold the power."""
+    power = (np.abs(np.fft.rfft(volume.astype(np.float64), axis=2)) ** 2).mean(axis=(0, 1))
+    return power.sum() ** 2 / (power**2).sum()
+
+
+def everywhere(volume):
+    return np.ones(volume.shape, bool)
+
+
+@pytest.mark.parametrize("period", [10, 14, 24])
+def test_spectrum_is_flatter_after(rng, period):
+    volume = layered(rng, period=period)
+    white = whiten(volume, everywhere(volume))
+    assert white.dtype == np.float32
+    assert white.shape == volume.shape
+    assert bandwidth(white) > 1.15 * bandwidth(volume)
+
+
+def test_result_has_unit_power_and_no_spikes(rng):
+    volume = layered(rng)
+    volume[4, 4, 50] = 1e4
+    white = whiten(volume, everywhere(volume))
+    assert np.abs(white).max() <= 8.0
+    quiet = whiten(layered(rng), everywhere(volume))
+    assert np.sqrt((quiet.astype(np.float64) ** 2).mean()) == pytest.approx(1.0, abs=0.02)
+
+
+def test_taps_are_symmetric_and_odd_and_amplify_nothing(rng):
+    volume = layered(rng, noise=0.3)
+    taps = whitening_taps(volume, everywhere(volume))
+    assert len(taps) % 2 == 1
+    np.testing.assert_allclose(taps, taps[::-1], atol=1e-6)
+    assert np.abs(np.fft.rfft(taps, 1024)).max() == pytest.approx(1.0, abs=0.05)
+
+
+def test_noise_is_not_boosted(rng):
+    """At frequencies that hold noise alone the filter must not rise, however weak they are."""
+    clean, noisy = layered(rng, period=24), layered(rng, period=24, noise=0.3)
+    response = [np.abs(np.fft.rfft(whitening_taps(v, everywhere(v)), 512)) for v in (clean, noisy)]
+    frequency = np.arange(257) / 512
+    peak, empty = (frequency > 0.02) & (frequency < 0.06), (frequency > 0.2) & (frequency < 0.3)
+    assert response[1][empty].mean() < 0.3 * response[1][peak].mean()
+    assert response[1][empty].mean() < response[0][empty].mean()
+
+
+def test_zeros_stay_zero():
+    volume = np.zeros((6, 6, 40), np.float32)
+    taps = whitening_taps(volume, everywhere(volume))
+    assert taps.sum() == 1.0
+    assert taps[len(taps) // 2] == 1.0
+    np.testing.assert_array_equal(whiten(volume, everywhere(volume)), volume)
+
+
+def test_without_neighbours_the_cube_is_only_scaled(rng):
+    volume = rng.normal(size=(6, 6, 60)).astype(np.float32)
+    valid = np.zeros(volume.shape, bool)
+    valid[::2, ::2] = True
+    volume[~valid] = 0.0
+    white = whiten(volume, valid)
+    factor = white[0, 0, 30] / volume[0, 0, 30]
+    np.testing.assert_allclose(white[valid], (volume * factor)[valid], rtol=1e-4, atol=1e-5)
+
+
+def test_scale_and_sign_of_amplitudes(rng):
+    volume = layered(rng, noise=0.2)
+    white = whiten(volume, everywhere(volume))
+    np.testing.assert_array_equal(whiten(-volume, everywhere(volume)), -white)
+    np.testing.assert_allclose(whiten(1000 * volume, everywhere(volume)), white, atol=2e-4)
+
+
+def test_missing_data_stay_zero(rng):
+    volume = layered(rng)
+    valid = everywhere(volume)
+    valid[3:6, :, 40:] = False
+    volume[~valid] = 0.0
+    white = whiten(volume, valid)
+    assert not white[~valid].any()
+    assert np.isfinite(white).all()
+
+
+def test_reflectors_stay_where_they_are(rng):
+    """The filter has no phase: what it does commutes with turning the cube upside down."""
+    volume = layered(rng, shape=(20, 20, 128))
+    upside_down = whiten(np.ascontiguousarray(volume[:, :, ::-1]), everywhere(volume))[:, :, ::-1]
+    np.testing.assert_allclose(upside_down, whiten(volume, everywhere(volume)), atol=2e-3)
+
+
+def test_section_of_either_orientation(rng):
+    section = layered(rng, noise=0.1)[:1]
+    white = whiten(section, everywhere(section))
+    turned = whiten(np.ascontiguousarray(section.transpose(1, 0, 2)), everywhere(section).transpose(1, 0, 2))
+    np.testing.assert_allclose(turned.transpose(1, 0, 2), white, atol=1e-5)
