@@ -64,7 +64,12 @@ def grow_surfaces(voxels, positions, normals, score, order, where, reach, least_
             for dr in range(-1, 2):
                 for dk in range(-1, 2):
                     r, kk = row + dr, k + dk
-                    if 0 <= r < 2 * span + 1 and 0 <= kk < n2 and owner[r, kk] == number and abs(height[r, kk] - w) > fold:
+                    if (
+                        0 <= r < 2 * span + 1
+                        and 0 <= kk < n2
+                        and owner[r, kk] == number
+                        and abs(height[r, kk] - w) > fold
+                    ):
                         fits = False
             if not fits:
                 continue
@@ -78,7 +83,9 @@ def grow_surfaces(voxels, positions, normals, score, order, where, reach, least_
                         b = where[ii, jj, kk]
                         if b < 0 or label[b] >= 0:
                             continue
-                        if abs(normals[b, 0] * nx + normals[b, 1] * ny) < widest * np.hypot(normals[b, 0], normals[b, 1]):
+                        if abs(normals[b, 0] * nx + normals[b, 1] * ny) < widest * np.hypot(
+                            normals[b, 0], normals[b, 1]
+                        ):
                             continue
                         if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
                             heapq.heappush(heap, (-score[b], np.int64(b)))
@@ -88,7 +95,7 @@ def grow_surfaces(voxels, positions, normals, score, order, where, reach, least_
 
 @njit(cache=True, nogil=True)
 def find_contacts(voxels, positions, normals, label, where, reach, least_cosine, off_plane):  # type: ignore[no-untyped-def]
-    """Return rows (surface, surface, 1 where the two points lie on each other's planes else 0) of neighbouring points."""
+    """Return rows (surface, surface, 1 where the points lie on each other's planes else 0) of neighbouring points."""
     n0, n1, n2 = where.shape
     rows = [(np.int32(0), np.int32(0), np.int32(0)) for _ in range(0)]
     for a in range(len(voxels)):

@@ -27,9 +27,10 @@ def _sample(row, usable, z, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, parallel=True)
 def side_misfit(volume, valid, slope, axis, reach, difference, energy):  # type: ignore[no-untyped-def]
-    """Write (L - R)^2 and L^2 + R^2, L and R the means of up to `reach` traces on either side; energy -1 where a side is empty.
+    """Write (L - R)^2 and L^2 + R^2, L and R the means of up to `reach` traces on either side.
 
-    Every trace is carried along the slope found on it, so that the two sides keep their own dips.
+    The energy is -1 where a side is empty. Every trace is carried along the slope found on it, so that the two
+    sides keep their own dips.
     """
     n0, n1, n2 = volume.shape
     di, dj = (1, 0) if axis == 0 else (0, 1)
@@ -64,7 +65,7 @@ def side_misfit(volume, valid, slope, axis, reach, difference, energy):  # type:
 
 
 @njit(cache=True, nogil=True, parallel=True, fastmath=True)
-def clear_unknown(difference, energy, known):  # type: ignore[no-untyped-def]
+def clear_unknown(energy, known):  # type: ignore[no-untyped-def]
     """Turn energy -1 into 0 and write 1 to known elsewhere."""
     n0, n1, n2 = energy.shape
     for i in prange(n0):

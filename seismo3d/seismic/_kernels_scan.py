@@ -26,7 +26,7 @@ def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, out):  
             for t in range(-half, half + 1):
                 jj = j + t
                 moved = shear * t
-                base = int(math.floor(moved))
+                base = math.floor(moved)
                 fraction = np.float32(moved - base)
                 for side in range(2):
                     weight = taps[t + half] * (fraction if side == 1 else np.float32(1.0) - fraction)
@@ -70,16 +70,16 @@ def keep_best_dip(lines, shears, taps, prior, prior_weight, evenness, code, best
                 weights[:] = prior_weight
                 for t in range(-half, half + 1):
                     moved = shears[c] * t
-                    base = int(math.floor(moved))
+                    base = math.floor(moved)
                     w1 = taps[t + half] * np.float32(moved - base)
                     w0 = taps[t + half] - w1
                     a = i + base
                     b = a + 1
                     if a < 0 or a >= n0:
-                        a = 0
+                        a = i
                         w0 = np.float32(0.0)
                     if b < 0 or b >= n0:
-                        b = 0
+                        b = i
                         w1 = np.float32(0.0)
                     weight = w0 + w1
                     if weight <= np.float32(0.0):

@@ -32,7 +32,7 @@ def _read(volume, valid, x, y, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, parallel=True)
 def read_sides(volume, valid, p, q, w, origin, along, across, first_s, first_sample, near, far, clear, sides, known):  # type: ignore[no-untyped-def]
-    """Write both sides of a sheet, one value a sample: the mean of traces `near` to `far` off, carried along their dips.
+    """Write both sides of a sheet, one value a sample: the mean of traces `near` to `far` off, along their dips.
 
     `w` holds the sheet's position at every (row, sample); sides[0] lies against `across`, sides[1] along it.
     """

@@ -19,10 +19,6 @@ from seismo3d.seismic._kernels_filters import (
 )
 
 
-# an axis of so few traces has no inside
-_LEAST_ACROSS = 8
-
-
 @dataclass(frozen=True, slots=True)
 class DipSettings:
     """How slopes are estimated; lengths in samples and traces.
@@ -52,8 +48,8 @@ def estimate_slopes(
     r"""Estimate how reflectors slope along inlines and crosslines.
 
     The structure tensor :math:`\langle w \nabla u \nabla u' \rangle` [1]_ has the reflector's normal :math:`n` as its
-    leading eigenvector; the slopes are :math:`p = -n_0 / n_2` and :math:`q = -n_1 / n_2`. The leading eigenvector, unlike
-    a least-squares slope, is not drawn to zero by noise.
+    leading eigenvector; the slopes are :math:`p = -n_0 / n_2` and :math:`q = -n_1 / n_2`. The leading eigenvector,
+    unlike a least-squares slope, is not drawn to zero by noise.
 
     Parameters
     ----------
@@ -75,25 +71,14 @@ def estimate_slopes(
     """
     settings = settings or DipSettings()
     p, q = np.empty_like(volume), np.empty_like(volume)
-    inner = _without_rim(valid)
     reach = int(np.ceil(3.0 * settings.derivative)) + int(np.ceil(2.5 * settings.lateral)) + 1
     for start in range(0, len(volume), settings.slab):
         stop = min(start + settings.slab, len(volume))
         low, high = max(0, start - reach), min(len(volume), stop + reach)
-        slab_p, slab_q = _slab_slopes(volume[low:high], inner[low:high], settings)
+        slab_p, slab_q = _slab_slopes(volume[low:high], valid[low:high], settings)
         p[start:stop] = slab_p[start - low : stop - low]
         q[start:stop] = slab_q[start - low : stop - low]
     return p, q
-
-
-def _without_rim(valid: BoolArray) -> BoolArray:
-    """Leave out the outermost samples along every axis: beyond them the gradient's window repeats what is there."""
-    inner = valid.copy()
-    for axis in range(3):
-        if inner.shape[axis] > _LEAST_ACROSS:
-            view = np.moveaxis(inner, axis, 0)
-            view[0] = view[-1] = False
-    return inner
 
 
 def _slab_slopes(volume: Float32Array, valid: BoolArray, settings: DipSettings) -> tuple[Float32Array, Float32Array]:
@@ -106,7 +91,8 @@ def _slab_slopes(volume: Float32Array, valid: BoolArray, settings: DipSettings) 
         multiply_weighted(gradient[a], gradient[b], weight, product)
         tensor.append(smooth(product, sigma))
     p, q = np.empty_like(volume), np.empty_like(volume)
-    tensor_slopes(*tensor, np.float32(settings.steepest), p, q)
+    txx, txy, txz, tyy, tyz, tzz = tensor
+    tensor_slopes(txx, txy, txz, tyy, tyz, tzz, np.float32(settings.steepest), p, q)
     return p, q
 
 

@@ -27,10 +27,11 @@ from seismo3d.seismic.surfaces import build_surface
 from seismo3d.seismic.throw import SheetThrow, ThrowSettings, measure_throw
 from seismo3d.seismic.whitening import whiten
 
-
 # samples of one value, and traces of the same values, from which on they are no data
 _LONGEST_RUN = 12
 _LEAST_REPEATS = 4
+# median misfit ratios of a cube without noise, of a good survey, and of one with nearly as much noise as signal
+_NOISES = (0.0, 0.08, 0.2)
 # traces that a section's one trace stands for, where a surface's size is asked for
 _SECTION_WIDTH = 16.0
 
@@ -41,10 +42,11 @@ class FaultSettings:
 
     Attributes
     ----------
-    least_score : tuple of (float, float)
-        Support that a ridge needs, without noise and in noise, in standard deviations of the cube's own evidence.
-    end_score : tuple of (float, float)
-        The same, averaged over the surface nearby: below it a surface ends.
+    least_score : tuple of (float, float, float)
+        Support that a ridge needs, in standard deviations of the cube's own evidence: without noise, in the mild
+        noise of a good survey, and in noise.
+    end_score : tuple of (float, float, float)
+        The same, averaged over the surface nearby, below which a surface ends.
     least_area : float
         Smallest surface, in traces times samples.
     least_strength : float
@@ -57,8 +59,8 @@ class FaultSettings:
         Settings of the stages.
     """
 
-    least_score: tuple[float, float] = (0.55, 0.3)
-    end_score: tuple[float, float] = (0.7, 0.3)
+    least_score: tuple[float, float, float] = (0.5, 0.42, 0.28)
+    end_score: tuple[float, float, float] = (0.45, 0.45, 0.3)
     least_area: float = 400.0
     least_strength: float = 38.0
     least_height: float = 24.0
@@ -74,8 +76,9 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     """Trace the faults of a cube or section: surfaces with likelihood, strike, dip and throw.
 
     Reflector slopes come from the structure tensor. What does not fit across a voxel after both sides are carried to it
-    along their slopes is the evidence, and planes of all strikes and dips are scanned for it [1]_. Its crests are thinned
-    with sub-voxel position and grown into surfaces that pass through each other. At every place of a surface the throw
+    along their slopes is the evidence, and planes of all strikes and dips are scanned for it [1]_. Its crests are
+    thinned with sub-voxel position and grown into surfaces that pass through each other. At every place of a
+    surface the throw
     is the shift that matches its two sides.
 
     Parameters
@@ -109,7 +112,7 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
     """
     settings = settings or FaultSettings()
-    report = progress or (lambda stage, share: None)
+    report = progress or _unheard
     amplitudes, geometry, sampling = _prepare(cube)
     volume, valid = _clean(amplitudes)
     report("dip", 0.0)
@@ -135,14 +138,20 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     moved = [_median_throw(t) >= settings.least_throw for t in throws]
     sheets, throws = list(compress(sheets, moved)), list(compress(throws, moved))
     surfaces = _surfaces(sheets, throws, geometry, sampling)
-    labels, throw = _draw(sheets, throws, volume.shape)
+    labels, throw = _draw(sheets, throws, (volume.shape[0], volume.shape[1], volume.shape[2]))
     likelihood = _draw_likelihood(ridges, evidence, volume.shape)
     report("surfaces", 1.0)
     return FaultSet(
-        surfaces, *(_like(cube, values, name) for values, name in
-                    ((likelihood, "likelihood"), (labels, "labels"), (throw, "throw"))),
+        surfaces=surfaces,
+        likelihood=_like(cube, likelihood, "likelihood"),
+        labels=_like(cube, labels, "labels"),
+        throw=_like(cube, throw, "throw"),
         settings=asdict(settings),
-    )  # fmt: skip
+    )
+
+
+def _unheard(stage: str, share: float) -> None:
+    """Take reports of progress where nobody asked for them."""
 
 
 def _median_throw(throw: SheetThrow) -> float:
@@ -151,8 +160,8 @@ def _median_throw(throw: SheetThrow) -> float:
     return float(np.median(known)) if known.size else 0.0
 
 
-def _at_noise(pair: tuple[float, float], evidence: Evidence) -> float:
-    return pair[0] + evidence.noisiness * (pair[1] - pair[0])
+def _at_noise(scores: tuple[float, float, float], evidence: Evidence) -> float:
+    return float(np.interp(evidence.noise, _NOISES, scores))
 
 
 def to_likelihood(score: Float32Array) -> Float32Array:
@@ -161,7 +170,7 @@ def to_likelihood(score: Float32Array) -> Float32Array:
 
 
 def _prepare(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[float, str]]:
-    """Return amplitudes as a volume, the survey's geometry (None for a section) and the sample interval with its unit."""
+    """Return amplitudes as a volume, the survey's geometry (None for a section) and the sample interval and unit."""
     values = np.asarray(getattr(cube, "values", cube))
     if values.dtype.kind not in "fiu":
         raise ShapeError(f"cube has elements of type {values.dtype}; expected real numbers. Convert it first.")
@@ -210,7 +219,8 @@ def _choose(sheets: list[Sheet], settings: FaultSettings, width: float) -> list[
     return [
         sheet
         for sheet in sheets
-        if width * sheet.area >= settings.least_area
+        if (min(sheet.w.shape) > 1 or width > 1.0)
+        and width * sheet.area >= settings.least_area
         and np.nanmean(sheet.score) * np.sqrt(width * sheet.area) >= settings.least_strength
         and np.ptp(np.flatnonzero(sheet.inside.any(axis=0))) * sheet.step >= settings.least_height
     ]
@@ -226,7 +236,7 @@ def _surfaces(
 
 
 def _draw(
-    sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, ...]
+    sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, int, int]
 ) -> tuple[Int32Array, Float32Array]:
     """Draw labels and throws; where surfaces cross, the voxel belongs to the likelier one."""
     labels = np.zeros(shape, np.int32)
@@ -245,7 +255,7 @@ def _draw(
 
 
 def _draw_likelihood(ridges: RidgePoints, evidence: Evidence, shape: tuple[int, ...]) -> Float32Array:
-    """Put the ridges' likelihood at the voxels nearest to them, at every sample that a step of the evidence stands for."""
+    """Put the ridges' likelihood at the voxels nearest to them, at every sample a step of the evidence stands for."""
     likelihood = np.zeros(shape, np.float32)
     value = to_likelihood(ridges.score)
     for k in range(evidence.step):

@@ -1,4 +1,4 @@
-"""Ridge points linked into sheets: sets of points that each lie on one smooth surface, one depth for each place on it."""
+"""Ridge points linked into sheets: sets of points that each lie on one smooth surface, one point for each place."""
 
 from __future__ import annotations
 
@@ -113,7 +113,13 @@ class Sheet:
 
 
 def link_sheets(
-    ridges: RidgePoints, shape: tuple[int, int, int], *, step: int, least_points: int, end_score: float = 0.0, settings: LinkSettings | None = None
+    ridges: RidgePoints,
+    shape: tuple[int, int, int],
+    *,
+    step: int,
+    least_points: int,
+    end_score: float = 0.0,
+    settings: LinkSettings | None = None,
 ) -> list[Sheet]:
     """Link ridge points into sheets, largest first.
 
@@ -147,7 +153,9 @@ def link_sheets(
         if len(parts) == 1 or share > settings.joint_share:
             sheets += [sheet] if len(whole) >= least_points else []
         else:  # no one height field: what seemed to continue is two faults that meet
-            sheets += [_fit_sheet(ridges, part, step, end_score, settings)[0] for part in parts if len(part) >= least_points]
+            sheets += [
+                _fit_sheet(ridges, part, step, end_score, settings)[0] for part in parts if len(part) >= least_points
+            ]
     return sorted(sheets, key=lambda sheet: -sheet.area)
 
 
@@ -170,8 +178,14 @@ def _grow(ridges: RidgePoints, shape: tuple[int, int, int], settings: LinkSettin
     )  # fmt: skip
     label[np.bincount(label)[label] < settings.fragment] = -1
     contacts = find_contacts(
-        ridges.voxels, ridges.positions, normals, label, where, settings.gap,
-        np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(1.0 * settings.off_plane)
+        ridges.voxels,
+        ridges.positions,
+        normals,
+        label,
+        where,
+        settings.gap,
+        np.float32(np.cos(np.radians(0.7 * settings.angle_deg))),
+        np.float32(1.0 * settings.off_plane),
     )
     group = _join(label, contacts, settings.contacts)
     parts: dict[int, list[IntArray]] = {}
@@ -197,13 +211,17 @@ def _join(label: IntArray, contacts: IntArray, least: int) -> IntArray:
     pairs, inverse = np.unique(key, return_inverse=True)
     count, along = np.bincount(inverse), np.bincount(inverse, contacts[:, 2])
     joined = pairs[(along >= least) & (along > 0.7 * count)]
-    graph = coo_matrix((np.ones(len(joined)), (joined // n_surfaces, joined % n_surfaces)), shape=(n_surfaces, n_surfaces))
+    graph = coo_matrix(
+        (np.ones(len(joined)), (joined // n_surfaces, joined % n_surfaces)), shape=(n_surfaces, n_surfaces)
+    )
     _, group = connected_components(graph, directed=False)
     return group
 
 
-def _fit_sheet(ridges: RidgePoints, members: IntArray, step: int, end_score: float, settings: LinkSettings) -> tuple[Sheet, float]:
-    """Fit a height field to the points of one surface, leaving out those that lie off it; and the share that lies on it."""
+def _fit_sheet(
+    ridges: RidgePoints, members: IntArray, step: int, end_score: float, settings: LinkSettings
+) -> tuple[Sheet, float]:
+    """Fit a height field to the points of one surface that lie on it; return it and their share."""
     positions = ridges.positions[members].astype(np.float64)
     weight = np.maximum(ridges.score[members], 1e-3).astype(np.float64)
     across = _mean_normal(ridges.planes[members], weight)
@@ -247,7 +265,7 @@ def _smoothed(
 ) -> tuple[Float64Array, Float64Array]:
     """Weighted mean of scattered values on a grid, smoothed over the gaps; and the smoothed weight.
 
-    The mean is that of a local plane, not of a constant: a first pass finds the trend, so that a sheet's rim does not curl.
+    The mean is taken of what a plane leaves, so that a sheet's rim does not curl.
     """
     size = shape[0] * shape[1]
     flat = cells[0] * shape[1] + cells[1]
@@ -263,7 +281,7 @@ def _smoothed(
     share = 0.02
     mean = (smooth_sum + share * wide_sum) / np.maximum(smooth_weight + share * wide_weight, 1e-12)
     rows, columns = np.indices(shape)
-    return mean + trend(rows, columns), wide_weight
+    return np.asarray(mean + trend(rows, columns)), np.asarray(wide_weight, np.float64)
 
 
 def _plane(cells, values, weight):  # type: ignore[no-untyped-def]

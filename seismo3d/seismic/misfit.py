@@ -8,9 +8,8 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array
-from seismo3d.seismic._kernels_filters import gaussian_taps, filter_crosslines, filter_inlines, filter_samples, smooth
+from seismo3d.seismic._kernels_filters import filter_crosslines, filter_inlines, filter_samples, gaussian_taps, smooth
 from seismo3d.seismic._kernels_misfit import clear_unknown, divide_thinned, log_ratio, side_misfit
-
 
 _LEAST_MEAN = 0.6
 _LEAST_SPREAD = 0.8
@@ -30,7 +29,7 @@ class MisfitSettings:
     lateral : float
         Width of the Gaussian that smooths the evidence over neighbouring traces.
     footprint : float
-        Most that is taken out of the evidence for acquisition footprint.
+        Most that is taken out of the evidence for acquisition footprint; less in a cube with next to no noise.
     background : tuple of (float, float)
         Lateral and vertical width of the window of the local background.
     levelling : float
@@ -95,8 +94,9 @@ def measure_misfit(
 ) -> Evidence:
     r"""Measure how badly the two sides of every voxel fit after each is carried along its own reflectors.
 
-    With L and R the means of a few traces on either side, the ratio :math:`\langle (L - R)^2 \rangle / \langle L^2 + R^2
-    \rangle` is near 0 on an unbroken reflector and 1 on average where the sides are unrelated: a semblance of two. Its
+    With L and R the means of a few traces on either side, the ratio :math:`\langle (L - R)^2 \rangle / \langle L^2 +
+    R^2 \rangle` is near 0 on an unbroken reflector and 1 on average where the sides are unrelated: a semblance of
+    two. Its
     logarithm, softened by the cube's own noise, is the evidence: the mean logarithm over a patch cannot be raised by a
     few bright voxels. How many traces are averaged follows from the cube's noise, which is measured first.
 
@@ -120,7 +120,7 @@ def measure_misfit(
     ratios, known = _ratios(volume, valid, p, q, least, settings)
     noise = _median_ratio(ratios, known)
     noisiness = float(np.clip((noise - 0.05) / 0.4, 0.0, 1.0))
-    reach = int(round(least + noisiness * (most - least)))
+    reach = round(least + noisiness * (most - least))
     if reach != least:
         ratios, known = _ratios(volume, valid, p, q, reach, settings)
         noise = _median_ratio(ratios, known)
@@ -133,25 +133,24 @@ def measure_misfit(
     background = float(np.log1p(noise / softness))
     filled = [_fill_unknown(ratio, weight, background) for ratio, weight in zip(ratios, known, strict=True)]
     for axis, values in enumerate(filled):
-        _remove_footprint(values, axis, settings)
+        _remove_footprint(values, axis, settings.footprint * min(1.0, noise / 0.05))
         _spread_laterally(values, settings.lateral)
         _level(values, settings)
     return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
 
 
-def _remove_footprint(evidence: Float32Array, axis: int, settings: MisfitSettings) -> None:
-    """Take out what an acquisition footprint adds: evidence that a whole line has more, or less, of than its neighbours.
+def _remove_footprint(evidence: Float32Array, axis: int, most: float) -> None:
+    """Take out what an acquisition footprint adds: evidence that a whole line has more of than its neighbours.
 
-    The median over a line does not see a fault that crosses it, and at most `footprint` is taken out, a fraction of what
-    a fault shows, so that one that runs along the line is left standing.
+    The median over a line and all its samples does not see a fault, which crosses the line somewhere or leaves it with
+    depth, and at most `footprint` is taken out, a fraction of what a fault shows.
     """
     n_along = evidence.shape[1 - axis]
     if n_along < _LEAST_LINE:
         return
-    median = np.median(evidence, axis=1 - axis)
-    median = ndimage.gaussian_filter1d(median, 12.0 / settings.step, axis=1)
-    excess = median - ndimage.gaussian_filter1d(median, 8.0, axis=0)
-    evidence -= np.expand_dims(np.clip(excess, -settings.footprint, settings.footprint), 1 - axis).astype(np.float32)
+    median = np.median(np.median(evidence, axis=2), axis=1 - axis)
+    excess = np.clip(median - ndimage.gaussian_filter1d(median, 8.0), -most, most)
+    evidence -= excess.astype(np.float32).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
 
 
 def _spread_laterally(evidence: Float32Array, sigma: float) -> None:
@@ -163,7 +162,7 @@ def _spread_laterally(evidence: Float32Array, sigma: float) -> None:
 
 
 def _level(evidence: Float32Array, settings: MisfitSettings) -> None:
-    """Take out part of the wide local mean: chaotic and noisy zones have more evidence everywhere, not only at faults."""
+    """Take out part of the wide local mean: chaotic and noisy zones have more evidence everywhere."""
     lateral, vertical = settings.background
     mean = smooth(evidence, (lateral, lateral, vertical / settings.step))
     mean -= mean.mean()
@@ -227,7 +226,7 @@ def _slab_ratios(
         difference, energy = np.empty_like(volume), np.empty_like(volume)
         side_misfit(volume, valid, slopes[axis], axis, reach, difference, energy)
         weight = np.empty_like(volume)
-        clear_unknown(difference, energy, weight)
+        clear_unknown(energy, weight)
         total += energy
         weights += weight
         smoothed = np.empty_like(volume)
@@ -239,13 +238,24 @@ def _slab_ratios(
     total /= np.maximum(smooth(weights, (lateral, lateral, vertical)), np.float32(1e-3))
     for axis, (smoothed, weight) in enumerate(parts):
         divide_thinned(
-            smoothed[inner], total[inner], weight[inner], settings.step, floor, np.float32(settings.most), ratios[axis], known[axis]
+            smoothed[inner],
+            total[inner],
+            weight[inner],
+            settings.step,
+            floor,
+            np.float32(settings.most),
+            ratios[axis],
+            known[axis],
         )
 
 
 def _mean_energy(volume: Float32Array, valid: BoolArray) -> float:
     n_valid = int(valid.sum())
-    return 2.0 * float(np.square(volume, dtype=np.float64, where=valid, out=np.zeros_like(volume, np.float64)).sum()) / max(n_valid, 1)
+    return (
+        2.0
+        * float(np.square(volume, dtype=np.float64, where=valid, out=np.zeros_like(volume, np.float64)).sum())
+        / max(n_valid, 1)
+    )
 
 
 def _fill_unknown(evidence: Float32Array, weight: Float32Array, background: float) -> Float32Array:

@@ -113,7 +113,7 @@ def scan_planes(
     along_strike = 0.0 if 1 in evidence.known.shape[:2] else _between(settings.along_strike, noisiness)
     strike_taps = gaussian_taps(along_strike)
     dip_taps = gaussian_taps(_between(settings.along_dip, noisiness) / evidence.step)
-    n_dips = int(round(_between((float(settings.n_dips[0]), float(settings.n_dips[1])), noisiness)))
+    n_dips = round(_between((float(settings.n_dips[0]), float(settings.n_dips[1])), noisiness))
     cotangents = np.linspace(-1.0, 1.0, n_dips) / np.tan(np.radians(settings.lowest_dip_deg))
     first, second = evidence.along_inlines, evidence.along_crosslines
     prior = np.float32(0.5 * (np.median(first) + np.median(second)))

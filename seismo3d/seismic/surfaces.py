@@ -1,4 +1,4 @@
-"""Sheets turned into surfaces: triangles or segments, with normals, strike, dip, likelihood and throw at the vertices."""
+"""Sheets turned into surfaces: triangles or segments, with normals, strike, dip, likelihood and throw."""
 
 from __future__ import annotations
 
@@ -15,7 +15,12 @@ from seismo3d.seismic.throw import SheetThrow
 
 
 def build_surface(
-    sheet: Sheet, throw: SheetThrow, likelihood: Float32Array, *, geometry: SurveyGeometry | None, sampling: tuple[float, str]
+    sheet: Sheet,
+    throw: SheetThrow,
+    likelihood: Float32Array,
+    *,
+    geometry: SurveyGeometry | None,
+    sampling: tuple[float, str],
 ) -> FaultSurface:
     """Turn a sheet into a surface.
 
@@ -52,12 +57,20 @@ def build_surface(
     area = _area(vertices, cells)
     at_nodes = likelihood[rows, columns]
     # a surface of a hundred voxels has half the weight that a large one has
-    confidence = float(at_nodes.mean() * area / (area + 100.0))
+    confidence = float(at_nodes.mean() * area / (area + 100.0)) if len(at_nodes) else 0.0
     return FaultSurface(
-        *(_frozen32(values) for values in (vertices,)), freeze(cells),
-        *(_frozen32(v) for v in (normals, at_nodes, throw.throw[rows, columns], strike_deg, dip_deg)),
-        sample_interval=sampling[0], sample_unit=sampling[1], confidence=confidence, area=area,
-    )  # fmt: skip
+        vertices=_frozen32(vertices),
+        cells=freeze(cells),
+        normals=_frozen32(normals),
+        likelihood=_frozen32(at_nodes),
+        throw=_frozen32(throw.throw[rows, columns]),
+        strike_deg=_frozen32(strike_deg),
+        dip_deg=_frozen32(dip_deg),
+        sample_interval=sampling[0],
+        sample_unit=sampling[1],
+        confidence=confidence,
+        area=area,
+    )
 
 
 def _frozen32(values: Any) -> Any:
@@ -65,7 +78,7 @@ def _frozen32(values: Any) -> Any:
 
 
 def _number_nodes(sheet: Sheet) -> Int32Array:
-    """Number the nodes that some cell uses; -1 elsewhere."""
+    """Give a number to every node that some cell uses; -1 to the others."""
     inside = sheet.inside
     used = np.zeros_like(inside)
     if inside.shape[0] == 1:
@@ -97,7 +110,7 @@ def _segments(number: Int32Array) -> Int32Array:
 
 
 def _normals(sheet: Sheet) -> Float64Array:
-    """Unit normals at every node, along the sheet's `across`."""
+    """Return the unit normals at every node, along the sheet's `across`."""
     w = sheet.w.astype(np.float64)
     ds = _slope(w, 0)
     dz = _slope(w, 1) / sheet.step

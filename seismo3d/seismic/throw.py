@@ -9,7 +9,14 @@ from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import filter_crosslines, filter_samples, gaussian_taps
-from seismo3d.seismic._kernels_throw import bar_far_shifts, finish_costs, pick_shifts, read_sides, shift_costs, sum_paths
+from seismo3d.seismic._kernels_throw import (
+    bar_far_shifts,
+    finish_costs,
+    pick_shifts,
+    read_sides,
+    shift_costs,
+    sum_paths,
+)
 from seismo3d.seismic.linking import Sheet
 
 
@@ -119,8 +126,8 @@ def measure_throw(
 
 
 def _every_sample(sheet: Sheet) -> Float32Array:
-    """The sheet's position at every sample in place of every step-th."""
-    n_rows, n_columns = sheet.w.shape
+    """Return the sheet's position at every sample in place of every step-th."""
+    n_columns = sheet.w.shape[1]
     if n_columns == 1:
         return sheet.w.copy()
     at = np.arange((n_columns - 1) * sheet.step + 1) / sheet.step
@@ -134,7 +141,10 @@ def _smoothed_costs(sides: Float32Array, known: Float32Array, settings: ThrowSet
     n_rows, n_samples = sides.shape[1:]
     longest = min(settings.longest, max(1, n_samples // 2))
     n_shifts = 2 * longest + 1
-    cost, weight = np.empty((n_shifts, n_rows, n_samples), np.float32), np.empty((n_shifts, n_rows, n_samples), np.float32)
+    cost, weight = (
+        np.empty((n_shifts, n_rows, n_samples), np.float32),
+        np.empty((n_shifts, n_rows, n_samples), np.float32),
+    )
     shift_costs(sides, known, n_shifts, cost, weight)
     rows, samples = gaussian_taps(settings.along_strike), gaussian_taps(settings.down)
     buffer = np.empty_like(cost)
@@ -161,7 +171,7 @@ def _cheapest(cost: Float32Array, settings: ThrowSettings) -> tuple[Float32Array
 
 
 def _usual(shift: Float32Array, trusted: BoolArray, settings: ThrowSettings) -> Float32Array:
-    """Median shift of a wide neighbourhood: where the sides match a reflector too high or too low, the others outvote it."""
+    """Return the median shift of a wide neighbourhood: it outvotes places that match the wrong reflector."""
     step = 4
     coarse = np.where(trusted, shift, np.nan)[::step, ::step]
     coarse = _spread(coarse.astype(np.float32), np.isfinite(coarse))

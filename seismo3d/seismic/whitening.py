@@ -1,4 +1,4 @@
-"""Spectral whitening: the wavelet shortened as far as the cube's own noise allows, so that breaks are seen where they are."""
+"""Spectral whitening: the wavelet shortened as far as the cube's own noise allows."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ def whiten(volume: Float32Array, valid: BoolArray) -> Float32Array:
     r"""Flatten the amplitude spectrum along the traces where neighbouring traces agree.
 
     One zero-phase filter serves the whole cube: :math:`W(f) = \gamma(f) / (A(f) + 0.01 \max A)`, with :math:`A` the
-    root-mean-square amplitude spectrum and :math:`\gamma` the coherence of neighbouring traces: their mean cross-spectrum
-    over their mean power, 1 where all is signal and 0 where all is noise. A wavelet smears a fault's break along the
+    root-mean-square amplitude spectrum and :math:`\gamma` the coherence of neighbouring traces: their mean
+    cross-spectrum over their mean power, 1 where all is signal and 0 where all is noise. A wavelet smears a
+    fault's break along the
     trace by its own length; a shorter one shows it where it is.
 
     Parameters
@@ -87,7 +88,7 @@ def _neighbours(volume: Float32Array, valid: BoolArray) -> tuple[Float64Array, F
 
 
 def _short_spectra(traces: Float64Array, n_fft: int) -> np.ndarray:
-    """Spectra of tapered pieces of n_fft samples, spread evenly over the traces and overlapping; or of short traces whole."""
+    """Return spectra of tapered pieces of n_fft samples, spread evenly over the traces; of short traces whole."""
     length = min(traces.shape[1], n_fft)
     taper = np.hanning(length + 2)[1:-1]
     n_pieces = 1 if length < n_fft else int(np.ceil(2 * (traces.shape[1] - length) / length)) + 1
