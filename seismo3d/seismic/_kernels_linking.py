@@ -37,7 +37,7 @@ def grow_surfaces(voxels, positions, normals, score, order, where, reach, least_
 
     A surface takes the best free point beside it that lies on the plane of the point it is reached from. It is a height
     field over the vertical plane through its seed's strike: a point that would be its second one at a place (farther
-    than `fold` from the first), or whose plane turns away too far (horizontal cosine below `widest`), stays free.
+    than `fold` from the first), or whose plane turns away too far from the seed's (cosine below `widest`), stays free.
     """
     n = len(voxels)
     n0, n1, n2 = where.shape
@@ -83,9 +83,12 @@ def grow_surfaces(voxels, positions, normals, score, order, where, reach, least_
                         b = where[ii, jj, kk]
                         if b < 0 or label[b] >= 0:
                             continue
-                        if abs(normals[b, 0] * nx + normals[b, 1] * ny) < widest * np.hypot(
-                            normals[b, 0], normals[b, 1]
-                        ):
+                        turned = (
+                            normals[b, 0] * normals[seed, 0]
+                            + normals[b, 1] * normals[seed, 1]
+                            + normals[b, 2] * normals[seed, 2]
+                        )
+                        if abs(turned) < widest:
                             continue
                         if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
                             heapq.heappush(heap, (-score[b], np.int64(b)))

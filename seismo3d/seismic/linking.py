@@ -27,7 +27,7 @@ class LinkSettings:
     off_plane : float
         Farthest a point may lie off its neighbour's plane.
     turn_deg : float
-        Farthest a surface's strike may turn away from that of its best point.
+        Farthest a surface's plane may turn away from that of its best point.
     fold : float
         Farthest a point may lie off its surface at the same place; what lies farther belongs to another one.
     fragment : int
@@ -47,7 +47,7 @@ class LinkSettings:
     reach: int = 2
     angle_deg: float = 25.0
     off_plane: float = 1.4
-    turn_deg: float = 50.0
+    turn_deg: float = 30.0
     fold: float = 2.5
     fragment: int = 20
     gap: int = 5

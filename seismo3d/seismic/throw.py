@@ -118,7 +118,9 @@ def measure_throw(
     bar_far_shifts(cost, _usual(shift, trusted, settings), np.float32(settings.band))
     shift, fit = _cheapest(cost, settings)
     hanging_side = 1 if np.nanmean(np.gradient(sheet.w, axis=1)) >= 0 else -1 if sheet.w.shape[1] > 1 else 1
-    measured = np.isfinite(w) & (ndimage.uniform_filter(known.min(axis=0), 5) > 0.1)
+    # a shift at the end of its range is no match: its place takes the throw of the nearest one that is
+    within = np.abs(shift) < cost.shape[2] // 2 - 1
+    measured = np.isfinite(w) & (ndimage.uniform_filter(known.min(axis=0), 5) > 0.1) & within
     columns = np.arange(sheet.w.shape[1]) * sheet.step
     throw = _spread(hanging_side * shift, measured)[:, columns]
     throw[~sheet.inside] = np.nan
