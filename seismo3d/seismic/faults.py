@@ -121,12 +121,13 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     evidence = measure_misfit(volume, valid, *slopes, settings=settings.misfit)
     report("scan", 0.0)
     support = scan_planes(evidence, settings=settings.scan, progress=progress)
-    ridges = thin(support, evidence, least=_at_noise(settings.least_score, evidence))
+    ridges = thin(support, evidence, least=0.0)
+    strong = ridges.select(ridges.score >= _at_noise(settings.least_score, evidence))
     del support
     report("link", 0.0)
     width = _SECTION_WIDTH if 1 in volume.shape[:2] else 1.0
     sheets = _choose(link_sheets(
-        ridges, evidence.along_inlines.shape, step=evidence.step,
+        strong, evidence.along_inlines.shape, step=evidence.step,
         least_points=max(4, int(0.5 * settings.least_area / width / evidence.step)),
         end_score=_at_noise(settings.end_score, evidence), settings=settings.link,
     ), settings, width)  # fmt: skip

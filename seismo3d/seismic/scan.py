@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seismo3d._typing import Float32Array, Progress
+from seismo3d._typing import BoolArray, Float32Array, Progress
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_scan import find_ridges, keep_best_dip, merge_best, sum_strike_lines
 from seismo3d.seismic.misfit import Evidence
@@ -80,6 +80,10 @@ class RidgePoints:
     positions: Float32Array
     planes: Float32Array
     score: Float32Array
+
+    def select(self, chosen: BoolArray) -> RidgePoints:
+        """Return the chosen points, a boolean for each."""
+        return RidgePoints(self.voxels[chosen], self.positions[chosen], self.planes[chosen], self.score[chosen])
 
 
 def scan_planes(
