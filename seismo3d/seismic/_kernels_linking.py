@@ -5,7 +5,8 @@ from __future__ import annotations
 import heapq
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.typed import Dict
 
 
 @njit(cache=True, nogil=True)
@@ -97,12 +98,13 @@ def grow_surfaces(voxels, positions, normals, score, order, where, reach, least_
 
 
 @njit(cache=True, nogil=True)
-def find_contacts(voxels, positions, normals, label, where, reach, least_cosine, off_plane):  # type: ignore[no-untyped-def]
-    """Return rows (surface, surface, 1 where the points lie on each other's planes else 0) of neighbouring points."""
+def count_contacts(voxels, positions, normals, label, n_surfaces, where, reach, least_cosine, off_plane):  # type: ignore[no-untyped-def]
+    """Return a row (surface, surface, pairs of near points, those of them that agree) for every two in touch."""
     n0, n1, n2 = where.shape
-    rows = [(np.int32(0), np.int32(0), np.int32(0)) for _ in range(0)]
+    near = Dict.empty(types.int64, types.int64)
+    along = Dict.empty(types.int64, types.int64)
     for a in range(len(voxels)):
-        la = label[a]
+        la = np.int64(label[a])
         if la < 0:
             continue
         i, j, k = voxels[a, 0], voxels[a, 1], voxels[a, 2]
@@ -112,9 +114,15 @@ def find_contacts(voxels, positions, normals, label, where, reach, least_cosine,
                     b = where[ii, jj, kk]
                     if b < 0 or label[b] < 0 or label[b] == la:
                         continue
-                    along = _on_each_other(positions, normals, a, b, least_cosine, off_plane)
-                    rows.append((min(la, label[b]), max(la, label[b]), np.int32(1) if along else np.int32(0)))
-    out = np.empty((len(rows), 3), np.int32)
-    for m in range(len(rows)):
-        out[m, 0], out[m, 1], out[m, 2] = rows[m]
+                    lb = np.int64(label[b])
+                    key = min(la, lb) * n_surfaces + max(la, lb)
+                    near[key] = near.get(key, 0) + 1
+                    if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
+                        along[key] = along.get(key, 0) + 1
+    out = np.empty((len(near), 4), np.int64)
+    for row, key in enumerate(near):
+        out[row, 0] = key // n_surfaces
+        out[row, 1] = key % n_surfaces
+        out[row, 2] = near[key]
+        out[row, 3] = along.get(key, 0)
     return out

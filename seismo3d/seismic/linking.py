@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
-from seismo3d.seismic._kernels_linking import find_contacts, grow_surfaces, index_points
+from seismo3d.seismic._kernels_linking import count_contacts, grow_surfaces, index_points
 from seismo3d.seismic.scan import RidgePoints
 
 
@@ -177,17 +177,14 @@ def _grow(ridges: RidgePoints, shape: tuple[int, int, int], settings: LinkSettin
         np.float32(settings.off_plane), np.float32(settings.fold), np.float32(np.cos(np.radians(settings.turn_deg))),
     )  # fmt: skip
     label[np.bincount(label)[label] < settings.fragment] = -1
-    contacts = find_contacts(
-        ridges.voxels,
-        ridges.positions,
-        normals,
-        label,
-        where,
-        settings.gap,
-        np.float32(np.cos(np.radians(0.7 * settings.angle_deg))),
-        np.float32(1.0 * settings.off_plane),
-    )
-    group = _join(label, contacts, settings.contacts)
+    n_surfaces = int(label.max()) + 1
+    if n_surfaces == 0:
+        return []
+    contacts = count_contacts(
+        ridges.voxels, ridges.positions, normals, label, n_surfaces, where, settings.gap,
+        np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(settings.off_plane),
+    )  # fmt: skip
+    group = _join(n_surfaces, contacts, settings.contacts)
     parts: dict[int, list[IntArray]] = {}
     for part in _split(label):
         parts.setdefault(int(group[label[part[0]]]), []).append(part)
@@ -202,18 +199,11 @@ def _split(label: IntArray) -> list[IntArray]:
     return np.split(order, starts + 1) if len(order) else []
 
 
-def _join(label: IntArray, contacts: IntArray, least: int) -> IntArray:
+def _join(n_surfaces: int, contacts: IntArray, least: int) -> IntArray:
     """Return the group of every surface: united are those most of whose close points lie on each other's planes."""
-    n_surfaces = int(label.max(initial=-1)) + 1
-    if len(contacts) == 0:
-        return np.arange(n_surfaces)
-    key = contacts[:, 0].astype(np.int64) * n_surfaces + contacts[:, 1]
-    pairs, inverse = np.unique(key, return_inverse=True)
-    count, along = np.bincount(inverse), np.bincount(inverse, contacts[:, 2])
-    joined = pairs[(along >= least) & (along > 0.7 * count)]
-    graph = coo_matrix(
-        (np.ones(len(joined)), (joined // n_surfaces, joined % n_surfaces)), shape=(n_surfaces, n_surfaces)
-    )
+    first, second, near, along = contacts.T
+    joined = (along >= least) & (along > 0.7 * near)
+    graph = coo_matrix((np.ones(joined.sum()), (first[joined], second[joined])), shape=(n_surfaces, n_surfaces))
     _, group = connected_components(graph, directed=False)
     return group
 

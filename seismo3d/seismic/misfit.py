@@ -250,12 +250,11 @@ def _slab_ratios(
 
 
 def _mean_energy(volume: Float32Array, valid: BoolArray) -> float:
-    n_valid = int(valid.sum())
-    return (
-        2.0
-        * float(np.square(volume, dtype=np.float64, where=valid, out=np.zeros_like(volume, np.float64)).sum())
-        / max(n_valid, 1)
+    """Twice the mean square where there are data: the energy that two sides have together."""
+    total = sum(
+        float(np.square(line, dtype=np.float64)[known].sum()) for line, known in zip(volume, valid, strict=True)
     )
+    return 2.0 * total / max(int(valid.sum()), 1)
 
 
 def _fill_unknown(evidence: Float32Array, weight: Float32Array, background: float) -> Float32Array:

@@ -40,7 +40,7 @@ def whiten(volume: Float32Array, valid: BoolArray) -> Float32Array:
     filter_samples(volume, taps, out)
     out[~valid] = 0.0
     count = max(int(valid.sum()), 1)
-    power = float(np.einsum("ijk,ijk->", out, out, dtype=np.float64))
+    power = sum(float(np.square(line, dtype=np.float64).sum()) for line in out)
     if power > 0.0:
         out /= np.float32(np.sqrt(power / count))
         np.clip(out, -8.0, 8.0, out=out)
