@@ -104,7 +104,7 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
 
     Notes
     -----
-    Memory at its peak is about nine times the cube as float32. Orientations are those of the index grid: in a time cube
+    Memory at its peak is about eleven times the cube as float32, the cube itself included. Orientations are those of the index grid: in a time cube
     a dip is in samples a trace until a velocity is given.
 
     References
