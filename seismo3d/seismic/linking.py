@@ -42,6 +42,8 @@ class LinkSettings:
         Gaps in a sheet up to about twice this many grid steps are bridged.
     smoothing : float
         Width, in grid steps, of the smoothing of a sheet's position.
+    swing, swing_width : float
+        Farthest a sheet may swing from its own mean, and the width, in grid steps, of the window of that mean.
     """
 
     reach: int = 2
@@ -55,6 +57,8 @@ class LinkSettings:
     joint_share: float = 0.93
     closing: int = 5
     smoothing: float = 2.0
+    swing: float = 3.5
+    swing_width: float = 8.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -233,11 +237,24 @@ def _fit_sheet(
     score, _ = _smoothed(cells, weight, on_sheet.astype(np.float64), shape, settings.smoothing)
     strong = on_sheet & (score[cells] >= end_score)
     inside = _bridge(cells, strong, shape, settings.closing) & (count > 1e-6)
+    inside &= _even(height, inside, settings)
     sheet = Sheet(
         origin, across, first_column * step, step, first_s,
         np.where(inside, height, np.nan).astype(np.float32), np.where(inside, score, np.nan).astype(np.float32),
     )  # fmt: skip
     return sheet, float(on_sheet.mean())
+
+
+def _even(height: Float64Array, inside: BoolArray, settings: LinkSettings) -> BoolArray:
+    """Mark where a sheet stays near its own wide mean: a fault does not swing from strand to strand and back."""
+    rows, columns = np.nonzero(inside)
+    if len(rows) < 4:
+        return inside
+    trend = _plane((rows, columns), height[inside], np.ones(len(rows)))
+    rest = np.where(inside, height - trend(*np.indices(inside.shape)), 0.0)
+    weight = ndimage.gaussian_filter(inside.astype(np.float64), settings.swing_width, mode="constant")
+    mean = ndimage.gaussian_filter(rest, settings.swing_width, mode="constant") / np.maximum(weight, 1e-6)
+    return np.asarray(np.abs(rest - mean) <= settings.swing)
 
 
 def _mean_normal(planes: Float32Array, weight: Float64Array) -> Float64Array:
