@@ -104,8 +104,8 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
 
     Notes
     -----
-    Memory at its peak is about eleven times the cube as float32, the cube itself included. Orientations are those of the
-    index grid: in a time cube a dip is in samples a trace until a velocity is given.
+    Memory at its peak is about eleven times the cube as float32, the cube itself included. Orientations are those of
+    the index grid: in a time cube a dip is in samples a trace until a velocity is given.
 
     References
     ----------
