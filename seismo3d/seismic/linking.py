@@ -53,7 +53,7 @@ class LinkSettings:
     fold: float = 2.5
     fragment: int = 20
     gap: int = 5
-    contacts: int = 12
+    contacts: int = 22
     joint_share: float = 0.93
     closing: int = 5
     smoothing: float = 2.0
@@ -151,7 +151,7 @@ def link_sheets(
     """
     settings = settings or LinkSettings()
     sheets: list[Sheet] = []
-    for parts in _grow(ridges, shape, settings):
+    for parts in _grow(ridges, shape, step, settings):
         whole = np.concatenate(parts)
         sheet, share = _fit_sheet(ridges, whole, step, end_score, settings)
         if len(parts) == 1 or share > settings.joint_share:
@@ -168,7 +168,7 @@ def _unit_normals(planes: Float32Array) -> Float32Array:
     return (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
 
 
-def _grow(ridges: RidgePoints, shape: tuple[int, int, int], settings: LinkSettings) -> list[list[IntArray]]:
+def _grow(ridges: RidgePoints, shape: tuple[int, int, int], step: int, settings: LinkSettings) -> list[list[IntArray]]:
     """Return the points of every surface: as parts grown apart, one continuing another across a gap."""
     if len(ridges.score) == 0:
         return []
@@ -177,7 +177,7 @@ def _grow(ridges: RidgePoints, shape: tuple[int, int, int], settings: LinkSettin
     order = np.argsort(-ridges.score, kind="stable")
     cosine = np.float32(np.cos(np.radians(settings.angle_deg)))
     label = grow_surfaces(
-        ridges.voxels, ridges.positions, normals, ridges.score, order, where, settings.reach, cosine,
+        ridges.voxels, ridges.positions, normals, ridges.score, order, where, step, settings.reach, cosine,
         np.float32(settings.off_plane), np.float32(settings.fold), np.float32(np.cos(np.radians(settings.turn_deg))),
     )  # fmt: skip
     label[np.bincount(label)[label] < settings.fragment] = -1
@@ -185,7 +185,7 @@ def _grow(ridges: RidgePoints, shape: tuple[int, int, int], settings: LinkSettin
     if n_surfaces == 0:
         return []
     contacts = count_contacts(
-        ridges.voxels, ridges.positions, normals, label, n_surfaces, where, settings.gap,
+        ridges.voxels, ridges.positions, normals, label, n_surfaces, where, step, settings.gap,
         np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(settings.off_plane),
     )  # fmt: skip
     group = _join(n_surfaces, contacts, settings.contacts)

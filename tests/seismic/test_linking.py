@@ -238,3 +238,12 @@ def test_section_becomes_one_row():
         # not off the section by as much as a rounding error: a place outside has no data
         assert not at[:, 0].any()
         np.testing.assert_allclose(at[:, 1], 10.0 + 0.25 * at[:, 2], atol=0.1)
+
+
+@pytest.mark.parametrize("dip_deg", [32.0, 40.0])
+@pytest.mark.parametrize("normal_deg", [0.0, 35.0, 90.0])
+def test_a_low_dip_is_linked_down_its_dip(dip_deg, normal_deg):
+    ridges = plane_points(normal_deg, 1.0 / np.tan(np.radians(dip_deg)))
+    sheets = link(ridges)
+    assert len(sheets) == 1
+    assert sheets[0].inside.sum() >= 0.8 * len(ridges.score)
