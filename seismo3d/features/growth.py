@@ -110,6 +110,30 @@ def polish_pairs(
     return Pairs(pairs.row, pairs.target, points, linear, correlation)
 
 
+def sharpen_pairs(
+    target: ImagePyramid, source: ImagePyramid, keypoints: Keypoints, pairs: Pairs, *, min_correlation: float
+) -> Pairs:
+    """Refine all matches on ever finer levels, as far as the patches are alike there.
+
+    Where depth changes from one pixel to the next, a coarse patch says how its larger part moves; a fine one, how its
+    middle does.
+    """
+    level = keypoints.level[pairs.row].astype(np.int64)
+    for n_finer in (2, 4, 8):
+        finer = np.maximum(level - n_finer, 0)
+        again = refine_pairs(target, source, finer, pairs)
+        good = again.correlation >= min_correlation
+        level = np.where(good, finer, level)
+        pairs = Pairs(
+            pairs.row,
+            pairs.target,
+            np.where(good[:, None], again.source, pairs.source),
+            np.where(good[:, None, None], again.linear, pairs.linear),
+            np.where(good, again.correlation, pairs.correlation),
+        )
+    return pairs
+
+
 def check_pairs(pairs: Pairs, *, min_agreeing: int, max_misfit: float) -> Pairs:
     """Keep matches that their neighbours agree with, more closely so off the plane that most of a scene may be.
 

@@ -24,8 +24,9 @@ from seismo3d._typing import AnyArray, ArrayLike, BoolArray, Float32Array, Float
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.features.inputs import as_grey, as_grid
-from seismo3d.features.planar import PlanarSettings, match_images
+from seismo3d.features.planar import PlanarSettings, describe_both, match_images
 from seismo3d.features.solid import SolidSettings, match_volumes
+from seismo3d.features.views import GreyImage
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +128,8 @@ def match(
     if first.ndim == 3:
         return _match_solid(grey_t, valid_t, grey_s, valid_s, n_points)
     settings = PlanarSettings(tilts=tilts) if n_points is None else PlanarSettings(n_points=int(n_points), tilts=tilts)
-    pairs, found = match_images(grey_t, valid_t, grey_s, valid_s, settings)
+    one, other = describe_both(GreyImage(grey_t, valid_t), GreyImage(grey_s, valid_s), settings)
+    pairs, found = match_images(one, other, settings), (len(one), len(other))
     A = np.linalg.inv(pairs.linear)
     angle = np.arctan2(A[:, 1, 0] - A[:, 0, 1], A[:, 0, 0] + A[:, 1, 1])
     scale = np.sqrt(np.abs(np.linalg.det(A)))

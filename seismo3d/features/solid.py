@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
-from seismo3d.features.cyclic import match_descriptors
+from seismo3d.features.cyclic import compare_descriptors, pick_matches
 from seismo3d.features.poses import Pose, agree_on_pose, refine_pose
 from seismo3d.features.spheres import SphereLayout, VolumePoints, describe_corners, detect_corners, flip_frames
 
@@ -117,9 +117,8 @@ def propose_poses(
     both = np.concatenate([described_s, flipped_s])
     points_s = np.concatenate([corners_s.points, corners_s.points])
     frames_s = np.concatenate([corners_s.frames, flip_frames(corners_s.frames)])
-    near = match_descriptors(
-        described_t, both, corners_t.points, points_s, max_ratio=settings.max_ratio, apart=settings.apart
-    )
+    compared = compare_descriptors(described_t, both)
+    near = pick_matches(compared, corners_t.points, points_s, max_ratio=settings.max_ratio, apart=settings.apart)
     c, s = np.cos(near.shift), np.sin(near.shift)
     turn = np.zeros((len(c), 3, 3))
     turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
