@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -73,19 +72,6 @@ class ImageFeatures:
 def describe_image(image: GreyImage, settings: PlanarSettings) -> ImageFeatures:
     """Detect and describe the points of a grey image with a spread of about 160 grey levels."""
     return ImageFeatures(image, _view(image, settings))
-
-
-def describe_both(
-    target: GreyImage, source: GreyImage, settings: PlanarSettings
-) -> tuple[ImageFeatures, ImageFeatures]:
-    """Describe two images: at the same time where OpenCV may use more than one thread."""
-    import cv2
-
-    if cv2.getNumThreads() < 2:
-        return describe_image(target, settings), describe_image(source, settings)
-    with ThreadPoolExecutor(1) as pool:
-        later = pool.submit(describe_image, source, settings)
-        return describe_image(target, settings), later.result()
 
 
 def match_images(target: ImageFeatures, source: ImageFeatures, settings: PlanarSettings) -> Pairs:
