@@ -24,8 +24,8 @@ class Features:
     n_points : int
         Points asked for.
     described : ImageFeatures or SolidFeatures
-        What matching compares: pyramid or volume, and descriptors. Twice an image's size in float32, and a fifth; a
-        volume's own size; 0.9 MB of descriptors for 500 points.
+        What matching compares: the image with its pyramid, 4.3 times its size in float32, or the smoothed volume; and
+        descriptors, 0.4 MB for 500 points of an image.
     """
 
     points: Float64Array

@@ -119,19 +119,17 @@ def sharpen_pairs(
     middle does.
     """
     level = keypoints.level[pairs.row].astype(np.int64)
+    linear, points, correlation = pairs.linear.copy(), pairs.source.copy(), pairs.correlation.copy()
     for n_finer in (2, 4, 8):
-        finer = np.maximum(level - n_finer, 0)
-        again = refine_pairs(target, source, finer, pairs)
+        rows = np.flatnonzero((level > 0) | (n_finer == 8))  # what is finest already takes more steps there, once
+        finer = np.maximum(level[rows] - n_finer, 0)
+        again = Pairs(pairs.row[rows], pairs.target[rows], points[rows], linear[rows], correlation[rows])
+        again = refine_pairs(target, source, finer, again)
         good = again.correlation >= min_correlation
-        level = np.where(good, finer, level)
-        pairs = Pairs(
-            pairs.row,
-            pairs.target,
-            np.where(good[:, None], again.source, pairs.source),
-            np.where(good[:, None, None], again.linear, pairs.linear),
-            np.where(good, again.correlation, pairs.correlation),
-        )
-    return pairs
+        rows, again = rows[good], again.take(good)
+        points[rows], linear[rows], correlation[rows] = again.source, again.linear, again.correlation
+        level[rows] = finer[good]
+    return Pairs(pairs.row, pairs.target, points, linear, correlation)
 
 
 def check_pairs(pairs: Pairs, *, min_agreeing: int, max_misfit: float) -> Pairs:

@@ -107,7 +107,7 @@ def match(
     Images may be of scenes in depth: matches are checked by their neighbours, and where one plane does not explain
     them and epipolar lines do, by those. Volumes are taken
     to be carried into each other by one rigid motion of any size; ``align_pairs`` gets the transform from the matches.
-    Beyond its input, a pair of images of 640 x 480 pixels takes 20 MB; a pair of cubes, 8 times one's size in float32.
+    Beyond its input, a pair of images of 640 x 480 pixels takes 22 MB; a pair of cubes, 8 times one's size in float32.
 
     Examples
     --------

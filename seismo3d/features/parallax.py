@@ -24,7 +24,7 @@ _FEWEST = 15
 """Matches on their lines, at least: seven fix the lines."""
 _OFF_LINE = 1.0
 """Largest distance of a match from its line, in pixels."""
-_OFF_AFFINE = 0.3
+_OFF_AFFINE = 0.25
 """Largest misfit of its affine map."""
 
 
