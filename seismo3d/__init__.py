@@ -7,6 +7,7 @@ The flow of data, top to bottom::
     FaultSet.save      surfaces and volumes to a folder
     Scan, register     any two scans -> Registration (transform, covariance, certificate)
     match              images, sections or cubes -> Matches (places in common, with angle and scale)
+    describe           image or cube -> Features, to be matched many times; PlaceIndex finds the like among them
     plot               sections, time slices and 3D scenes
 
 Every name is imported when it is first used, so that ``import seismo3d`` stays light.
@@ -21,7 +22,9 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from seismo3d import plot, synthetic
+    from seismo3d.features.describing import Features, describe
     from seismo3d.features.matching import Matches, match
+    from seismo3d.features.places import PlaceIndex
     from seismo3d.io.cubes import as_cube, open_cube
     from seismo3d.io.segy import write_segy
     from seismo3d.registration.align import align_pairs
@@ -35,11 +38,14 @@ if TYPE_CHECKING:
 _PUBLIC = {
     "Constraints": "seismo3d.registration.constraints",
     "FaultSet": "seismo3d.seismic.faultset",
+    "Features": "seismo3d.features.describing",
     "Matches": "seismo3d.features.matching",
+    "PlaceIndex": "seismo3d.features.places",
     "Registration": "seismo3d.registration.result",
     "Scan": "seismo3d.scan",
     "align_pairs": "seismo3d.registration.align",
     "as_cube": "seismo3d.io.cubes",
+    "describe": "seismo3d.features.describing",
     "match": "seismo3d.features.matching",
     "open_cube": "seismo3d.io.cubes",
     "register": "seismo3d.registration.register",
@@ -51,12 +57,15 @@ _MODULES = ("plot", "synthetic")
 __all__ = [
     "Constraints",
     "FaultSet",
+    "Features",
     "Matches",
+    "PlaceIndex",
     "Registration",
     "Scan",
     "__version__",
     "align_pairs",
     "as_cube",
+    "describe",
     "match",
     "open_cube",
     "plot",
