@@ -41,7 +41,7 @@ class DipSettings:
     lateral: float = 5.0
     vertical: float = 8.0
     steepest: float = 4.0
-    rim: float = 1.0
+    rim: float = 0.05
     slab: int = 48
 
 
