@@ -76,8 +76,8 @@ def local_trend(values: Float32Array, known: BoolArray, *, width: float) -> Floa
     row, column, value = (
         np.divide(part, mass, out=np.zeros_like(part), where=mass > 0) for part in (row, column, value)
     )
-    narrow, weight = _planes(mass, row, column, value, values.shape, width)
-    wide, spare = _planes(mass, row, column, value, values.shape, 3.0 * width)
+    narrow, weight = _planes(mass, row, column, value, width)
+    wide, spare = _planes(mass, row, column, value, 3.0 * width)
     share = np.clip(20.0 * weight / max(float(weight.max()), 1e-12), 0.0, 1.0)
     mean = (value * mass).sum() / mass.sum()
     trend = np.where(spare > 1e-9, share * narrow + (1.0 - share) * wide, mean)
@@ -99,7 +99,6 @@ def _planes(
     row: Float64Array,
     column: Float64Array,
     value: Float64Array,
-    shape: tuple[int, ...],
     width: float,
 ) -> tuple[Float64Array, Float64Array]:
     """Value at the middle of every block of the plane through the blocks around it, and the weight of these."""

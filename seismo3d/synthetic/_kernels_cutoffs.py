@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit, prange
 
 from seismo3d.synthetic import _kernels as k
+from seismo3d.synthetic._kernels import _bend, _ramp, _slide
 
 ROUNDS = 80
 
@@ -17,20 +18,20 @@ def undo_on_side(place, f, hanging):
     """Return where a grain lay before a fault moved, taken to be on a given side of it."""
     ui, ux, z = place[0] - f[k.CI], place[1] - f[k.CX], place[2] - f[k.CS]
     a = ui * f[k.DX] - ux * f[k.DI]
-    bent = ui * f[k.DI] + ux * f[k.DX] - k._bend(a, f)
+    bent = ui * f[k.DI] + ux * f[k.DX] - _bend(a, f)
     out = place.copy()
     if f[k.SHAPE] == k.LISTRIC:
         if hanging:
             heave = f[k.THROW] * f[k.COT] * k.slip_profile(a, z, f)
             out[0] -= heave * f[k.DI]
             out[1] -= heave * f[k.DX]
-            out[2] -= k._ramp(bent, f) - k._ramp(bent - heave, f)
+            out[2] -= _ramp(bent, f) - _ramp(bent - heave, f)
         return out
     moved = f[k.THROW] * k.slip_profile(a, z, f) * (f[k.SHARE] if hanging else f[k.SHARE] - 1.0)
     if f[k.DRAG] > 0.0:
         side = bent - z * (f[k.COT] + 0.5 * f[k.BEND_S] * z)
         moved *= max(0.0, 1.0 - abs(side) * f[k.SIN_DIP] / f[k.DRAG]) ** 2
-    down_dip, along = k._slide(a, z, moved, f)
+    down_dip, along = _slide(a, z, moved, f)
     out[0] -= down_dip * f[k.DI] + along * f[k.DX]
     out[1] -= down_dip * f[k.DX] - along * f[k.DI]
     out[2] -= moved

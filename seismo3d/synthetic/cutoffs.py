@@ -1,8 +1,8 @@
 """Where the two sides of a synthetic cube's faults that once touched lie today.
 
 A cube's ``throw`` is that of the fault when it moved, at the place where its surface then was. What can be measured
-today is how far a layer in the hanging wall lies from the same layer in the footwall. The two differ where throw changes
-down the surface and the footwall moved too, and where later faults have strained an earlier one.
+today is how far a layer in the hanging wall lies from the same layer in the footwall. The two differ where throw
+changes down the surface and the footwall moved too, and where later faults have strained an earlier one.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from seismo3d.synthetic.faulting import fault_rows
 def present_slip(cube: SyntheticCube) -> Float32Array:
     """Vectors from the footwall counterpart to each fault voxel of a cube, as they lie today.
 
-    The counterpart of a voxel is where the grain that touched its hanging-wall grain before the fault moved lies now, on
-    the footwall.
+    The counterpart of a voxel is where the footwall grain that touched its hanging-wall grain before the fault moved
+    lies now.
 
     Parameters
     ----------
