@@ -177,7 +177,9 @@ def _match(sides: _Sides, inside: BoolArray, settings: ThrowSettings) -> tuple[F
     trend = fit_trend(cost, inside, unmatched=settings.unmatched)
     for _ in range(2):
         throw, fit = _cheapest(cost, trend, settings)
-        matched = inside & _has_counterpart(sides, throw, thin) & (fit > 1.0 - _MISMATCH)
+        # what matches where the trend has the counterpart out of view does so by chance
+        in_view = _has_counterpart(sides, throw, thin) & _has_counterpart(sides, trend, thin)
+        matched = inside & in_view & (fit > 1.0 - _MISMATCH)
         trend = local_trend(throw, matched, width=24.0 / thin)
         near = matched & (np.abs(throw - trend) < _OUTLIER)
         if near.any():
