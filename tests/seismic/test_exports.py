@@ -53,7 +53,8 @@ def test_gocad_surfaces(tmp_path: Path) -> None:
         throw = np.array(written["values"])[:, 0]
         assert (throw[:3] == -99999).all()
         np.testing.assert_allclose(throw[3:], surface.throw[3:], rtol=1e-5)
-        np.testing.assert_allclose(np.array(written["values"])[:, 2], surface.likelihood, rtol=1e-5)
+        np.testing.assert_allclose(np.array(written["values"])[:, 2], surface.throw_fit, atol=1e-5)
+        np.testing.assert_allclose(np.array(written["values"])[:, 3], surface.likelihood, rtol=1e-5)
 
 
 def test_vtk_surfaces_are_read_by_vtk(tmp_path: Path) -> None:
