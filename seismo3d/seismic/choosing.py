@@ -33,8 +33,10 @@ class ChoiceSettings:
         Height from which on a sheet is no channel's edge, and the strength that is enough there.
     host_strength : float
         Strength of a fault beside which weaker ones are looked for: faults come in families, and cut each other up.
-    company_area, company_strength, company_height, company_throw, company_fit : float
-        Smallest area, strength, height, median throw and median fit of the moved sides of such a weaker one.
+    company_area, company_strength, company_height, company_throw : float
+        Smallest area, strength, height and median throw of such a weaker one.
+    company_matched, company_fit : float
+        Smallest share of it where its moved sides match, and their median fit there.
     gap : float
         Farthest that it may be from its host.
     overlap, beside : float
@@ -53,7 +55,8 @@ class ChoiceSettings:
     company_strength: float = 18.0
     company_height: float = 14.0
     company_throw: float = 2.0
-    company_fit: float = 0.5
+    company_matched: float = 0.3
+    company_fit: float = 0.75
     gap: float = 8.0
     overlap: float = 0.3
     beside: float = 2.5
@@ -187,13 +190,15 @@ def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
 
 
 def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
-    fit = throw.fit[np.isfinite(throw.throw)]
+    fit = throw.fit[sheet.inside]
+    matched = fit > 0.0
     return (
         sheet.area >= settings.company_area
         and _height(sheet) >= settings.company_height
         and strength(sheet) >= settings.company_strength
         and median_throw(throw) >= settings.company_throw
-        and float(np.median(fit)) >= settings.company_fit
+        and float(matched.mean()) >= settings.company_matched
+        and float(np.median(fit[matched])) >= settings.company_fit
     )
 
 
