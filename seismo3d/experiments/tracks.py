@@ -162,7 +162,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--shape", type=int, default=128, help="samples along each side")
     options = parser.parse_args(arguments)
     run_cube("clean", 0, shape=(32, 32, 48))  # compiles, or loads what was compiled
-    print("kind seed | layer time: rms, traces within 1, floor | tracks: area within 1, traced | s, x filter")
+    print("kind seed | layer time: rms, traces within 1, floor | tracks: area within 1, traced | s, ratio")
     for kind in options.kinds:
         for seed in options.seeds:
             r = run_cube(kind, seed, shape=(options.shape,) * 3)

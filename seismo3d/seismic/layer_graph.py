@@ -53,8 +53,8 @@ class LayerTimeSettings:
     clear: int = 2
     least: float = 1e-3
     first_cutoffs: tuple[float, ...] = (np.inf, 30.0, 15.0, 8.0, 5.0, 3.0, 3.0, 3.0)
-    cutoffs: tuple[float, ...] = (3.0, 3.0)
-    iterations: int = 100
+    cutoffs: tuple[float, ...] = (3.0,)
+    iterations: int = 50
     dip: DipSettings = field(default_factory=DipSettings)
     shifts: ShiftSettings = field(default_factory=ShiftSettings)
     links: LinkSettings = field(default_factory=LinkSettings)
@@ -128,7 +128,7 @@ def _round(
 ) -> tuple[Float32Array, float]:
     """One robust round; the thickness of layers is that of their surroundings in the round before."""
     joined = ScalarEdges.join(edges, _thickness_edges(graph, values, stride))
-    settings = SolveSettings((cutoff,), graph.settings.iterations * stride**2)
+    settings = SolveSettings((cutoff,), graph.settings.iterations * stride**2, tolerance=1e-3)
     found = solve_scalars(values.size, joined, start=values.ravel(), settings=settings)
     return found.values.reshape(values.shape), float(found.rejected.mean())
 
