@@ -167,9 +167,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for seed in options.seeds:
             r = run_cube(kind, seed, shape=(options.shape,) * 3)
             within, traced = np.mean(r.within), np.mean(r.traced)
+            each = ", ".join(f"{w:.2f}" for w in r.within)
             print(
                 f"{kind:9s} {seed} | {r.layer_rms:.2f} {r.layer_within:.2f} {r.floor:.2f} | "
-                f"{within:.3f} ({', '.join(f'{w:.2f}' for w in r.within)}) {traced:.3f} | {r.seconds:.1f} {r.ratio:.0f}",
+                f"{within:.3f} ({each}) {traced:.3f} | {r.seconds:.1f} {r.ratio:.0f}",
                 flush=True,
             )
     return 0
