@@ -25,6 +25,8 @@ class ShiftSettings:
         Steps of the least-squares fit.
     floor : float
         Squared derivative, relative to the cube's mean square, below which nothing is to be matched.
+    misfit : float
+        Misfit ratio that, above twice the cube's usual one, makes a shift doubtful: its variance grows from there.
     most : float
         Variance, in samples squared a trace, of a shift that is carried over from the slopes alone.
     """
@@ -48,6 +50,8 @@ class ShiftField:
         0 for inlines, 1 for crosslines; and how many traces apart.
     shift, variance : ndarray of shape (inline, crossline, ceil(sample / step)), float32
         How far a reflector at this sample lies deeper on the other trace, in samples, and its variance.
+    misfit : ndarray of the same shape, float32
+        What the shift leaves over the energy, relative to what counts as doubtful: 1 or more is doubtful.
     """
 
     axis: int
