@@ -4,6 +4,8 @@ The flow of data, top to bottom::
 
     open_cube          SEG-Y, Zarr or NPY -> cube (xarray.DataArray: inline, crossline, time or depth)
     trace_faults       cube -> FaultSet (likelihood, labels, throw, surfaces)
+    layer_time         cube, FaultSet -> layer time of every voxel
+    trace_tracks       cube, seeds, FaultSet -> Tracks (horizons through the cube and across its faults)
     FaultSet.save      surfaces and volumes to a folder
     Scan, register     any two scans -> Registration (transform, covariance, certificate)
     match              images, sections or cubes -> Matches (places in common, with angle and scale)
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
     from seismo3d.scan import Scan
     from seismo3d.seismic.faults import trace_faults
     from seismo3d.seismic.faultset import FaultSet
+    from seismo3d.seismic.layer_time import layer_time
+    from seismo3d.seismic.tracks import Track, trace_tracks
 
 _PUBLIC = {
     "Constraints": "seismo3d.registration.constraints",
@@ -43,13 +47,16 @@ _PUBLIC = {
     "PlaceIndex": "seismo3d.features.places",
     "Registration": "seismo3d.registration.result",
     "Scan": "seismo3d.scan",
+    "Track": "seismo3d.seismic.tracks",
     "align_pairs": "seismo3d.registration.align",
     "as_cube": "seismo3d.io.cubes",
     "describe": "seismo3d.features.describing",
+    "layer_time": "seismo3d.seismic.layer_time",
     "match": "seismo3d.features.matching",
     "open_cube": "seismo3d.io.cubes",
     "register": "seismo3d.registration.register",
     "trace_faults": "seismo3d.seismic.faults",
+    "trace_tracks": "seismo3d.seismic.tracks",
     "write_segy": "seismo3d.io.segy",
 }
 _MODULES = ("plot", "synthetic")
@@ -62,16 +69,19 @@ __all__ = [
     "PlaceIndex",
     "Registration",
     "Scan",
+    "Track",
     "__version__",
     "align_pairs",
     "as_cube",
     "describe",
+    "layer_time",
     "match",
     "open_cube",
     "plot",
     "register",
     "synthetic",
     "trace_faults",
+    "trace_tracks",
     "write_segy",
 ]
 

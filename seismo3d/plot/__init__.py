@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from seismo3d.plot.reports import write_report
     from seismo3d.plot.scenes import cube
     from seismo3d.plot.sections import likelihood, section
+    from seismo3d.plot.track_pictures import track_map, track_section
 
 _PUBLIC = {
     "cube": "scenes",
@@ -28,6 +29,8 @@ _PUBLIC = {
     "throw_histogram": "distributions",
     "throw_map": "maps",
     "time_slice": "maps",
+    "track_map": "track_pictures",
+    "track_section": "track_pictures",
     "write_report": "reports",
 }
 
@@ -41,6 +44,8 @@ __all__ = [
     "throw_histogram",
     "throw_map",
     "time_slice",
+    "track_map",
+    "track_section",
     "write_report",
 ]
 
