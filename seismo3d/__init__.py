@@ -7,6 +7,7 @@ The flow of data, top to bottom::
     FaultSet.save      surfaces and volumes to a folder
     Scan, register     any two scans -> Registration (transform, covariance, certificate)
     match              images, sections or cubes -> Matches (places in common, with angle and scale)
+    terrain            elevation maps: alignment, change, lineaments and scarps
     plot               sections, time slices and 3D scenes
 
 Every name is imported when it is first used, so that ``import seismo3d`` stays light.
@@ -20,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from seismo3d import plot, synthetic
+    from seismo3d import plot, synthetic, terrain
     from seismo3d.features.matching import Matches, match
     from seismo3d.io.cubes import as_cube, open_cube
     from seismo3d.io.segy import write_segy
@@ -46,7 +47,7 @@ _PUBLIC = {
     "trace_faults": "seismo3d.seismic.faults",
     "write_segy": "seismo3d.io.segy",
 }
-_MODULES = ("plot", "synthetic")
+_MODULES = ("plot", "synthetic", "terrain")
 
 __all__ = [
     "Constraints",
@@ -62,6 +63,7 @@ __all__ = [
     "plot",
     "register",
     "synthetic",
+    "terrain",
     "trace_faults",
     "write_segy",
 ]

@@ -27,7 +27,8 @@ def read_elevation(path: str | Path, *, band: int = 1) -> Any:
     path : str or Path
         GeoTIFF or ESRI ASCII grid (with the extra ``terrain``, which brings rasterio); ``.npz`` with an array
         ``elevation`` and either ``transform`` (six numbers, see :mod:`seismo3d.geometry.map_grid`) or the outer edges
-        ``xmin, xmax, ymin, ymax``, perhaps ``crs`` and ``nodata``; ``.npy``, without georeference.
+        ``xmin, xmax, ymin, ymax``, perhaps ``crs`` and ``nodata`` (without ``crs``, edges that fit the globe and cells
+        below 0.02 are taken as degrees, EPSG:4326); ``.npy``, without georeference.
     band : int
         Band of a raster file, from 1.
 
@@ -133,6 +134,20 @@ def make_elevation(
         if b == 0.0 and d == 0.0:
             coords = {"y": f + e * (np.arange(z.shape[0]) + 0.5), "x": c + a * (np.arange(z.shape[1]) + 0.5)}
     return xarray.DataArray(z, dims=("y", "x"), coords=coords, attrs=attrs, name=name)
+
+
+def holds_elevation(path: str | Path) -> bool:
+    """Whether a file is an elevation map by its ending, or, of ``.npz``, by an array named for it."""
+    path = Path(path)
+    if path.suffix.lower() in RASTERS:
+        return True
+    if path.suffix.lower() != ".npz" or not path.is_file():
+        return False
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            return any(name in held.files for name in _NAMES[:1] + _NAMES[2:])
+    except (ValueError, EOFError, OSError, BadZipFile):
+        return False
 
 
 def import_rasterio(purpose: str) -> Any:

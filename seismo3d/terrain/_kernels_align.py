@@ -95,9 +95,9 @@ def resample(z, M, out):  # type: ignore[no-untyped-def]
 def alignment_sums(target, gx, gy, source, M, vertical, centre, E, half, cutoff, residuals, sums):  # type: ignore[no-untyped-def]
     """Write residuals, and for every row of the target the sums of one Gauss-Newton step.
 
-    The residual is ``target - (k source(M place) + c0 + c1 U + c2 V)`` with U, V = E (place - centre); `half` is the length
-    for which U and V stand for 1, gx and gy are slopes along them. `vertical` holds (c0, c1, c2, k). Tukey's weights
-    reach zero at `cutoff`. A row of `sums`: the matrix, the vector, the sum of weights and the number of cells used.
+    The residual is ``target - (k source(M place) + c0 + c1 U + c2 V)`` with U, V = E (place - centre); `half` is the
+    length for which U and V stand for 1, gx and gy are slopes along them. `vertical` holds (c0, c1, c2, k). Tukey's
+    weights reach zero at `cutoff`. A row of `sums`: the matrix, the vector, the sum of weights and the number of cells.
     """
     rows, columns = target.shape
     for line in prange(rows):

@@ -190,7 +190,15 @@ def _down(levels: list[Level], start: Pose, free: tuple[int, ...]) -> Fit | None
 
 
 def _assemble(
-    level: Level, found: Fit, here: MapGrid, scale: float, *, stage: str, model: str, vertical: str, free: tuple[int, ...]
+    level: Level,
+    found: Fit,
+    here: MapGrid,
+    scale: float,
+    *,
+    stage: str,
+    model: str,
+    vertical: str,
+    free: tuple[int, ...],
 ) -> ElevationRegistration:
     pose = found.pose
     # metres about the target's middle -> map coordinates

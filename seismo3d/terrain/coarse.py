@@ -35,7 +35,9 @@ def match_pose(levels: list[Level], model: str, matches: Any = None) -> Pose | N
         q, p = as_pairs(matches)
         turn, scale = np.zeros(0), np.zeros(0)
     else:
-        level = next((made for made in levels if max(*made.target.shape, *made.source.shape) <= LONGEST_SIDE), levels[-1])
+        level = next(
+            (made for made in levels if max(*made.target.shape, *made.source.shape) <= LONGEST_SIDE), levels[-1]
+        )
         if min(*level.target.shape, *level.source.shape) < 16:
             return None
         found = match(fill_holes(level.target), fill_holes(level.source))
@@ -97,7 +99,7 @@ def _hypotheses(
 def _ratio(a: Float64Array, b: Float64Array, model: str) -> float:
     if model != "similarity":
         return 1.0
-    return float(np.linalg.norm(a) / max(np.linalg.norm(b), 1e-12))
+    return float(np.linalg.norm(a)) / max(float(np.linalg.norm(b)), 1e-12)
 
 
 def _turned(angle: float, growth: float) -> Float64Array:

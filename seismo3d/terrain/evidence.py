@@ -101,7 +101,9 @@ def _measure(z: Float64Array, factor: int, around: float) -> TerrainEvidence:
     filled = fill_smoothly(z, known)
     pad = int(np.ceil(4.0 * REGION * SCALE))
     # turned about its edge, a slope goes on as a slope
-    wide = np.pad(filled - filled.mean(), pad, mode="reflect" if min(z.shape) > pad else "symmetric", reflect_type="odd")
+    wide = np.pad(
+        filled - filled.mean(), pad, mode="reflect" if min(z.shape) > pad else "symmetric", reflect_type="odd"
+    )
     near = ndimage.gaussian_filter(wide, SCALE)
     rest = near - ndimage.gaussian_filter(wide, REGION * SCALE)
     inner = (slice(pad, -pad), slice(pad, -pad))

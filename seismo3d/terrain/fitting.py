@@ -162,7 +162,9 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
         vertical = vertical + x[4:]
         reach = np.abs([x[0], x[1], x[2] * level.half, x[3] * level.half]).max() / level.cell
         settled = bool(reach < tolerance and step >= 2)
-    back = np.array([vertical[0] - vertical[3] * middle, vertical[1] / level.half, vertical[2] / level.half, vertical[3]])
+    back = np.array(
+        [vertical[0] - vertical[3] * middle, vertical[1] / level.half, vertical[2] / level.half, vertical[3]]
+    )
     return Fit(Pose(motion, back), spread, first, count / known, settled, residuals, matrix, middle)
 
 

@@ -14,9 +14,7 @@ LEAST_SIDE = 24
 """Rows or columns below which a map is not halved again."""
 
 
-def make_levels(
-    target: Float64Array, here: MapGrid, source: Float64Array, there: MapGrid
-) -> list[Level]:
+def make_levels(target: Float64Array, here: MapGrid, source: Float64Array, there: MapGrid) -> list[Level]:
     """Return the levels of a pair, finest first; the finer map is first brought near the other's cell size.
 
     Parameters

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -10,43 +11,42 @@ from seismo3d._typing import Float32Array, Float64Array
 from seismo3d.terrain._kernels_lines import keep_best_line
 from seismo3d.terrain.evidence import SCALE, TerrainEvidence
 
+KINDS = ("step", "trough", "both")
+CERTAIN = 20.0
+"""Score that no line exceeds: beyond it, all are certain, and a perfect one must not outweigh its neighbours."""
 STRIDE = 2
 """Cells between the values that a line's mean is taken of: the evidence is smooth over them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineSupport:
-    """The best line through every cell, at one level.
+    """The best line through every cell, for one kind of evidence at one level.
 
     Attributes
     ----------
+    kind : {"step", "trough", "both"}
     factor : int
         Cells of the map in a cell of the level.
     score : ndarray of shape (rows, columns), float32
-        Means of step and trough along the line over their standard errors, joined; 0 where nothing is known.
-    step, trough : ndarray of that shape, float32
-        The means over the steepness around; a step is positive up the normal of the strike, a trough where hollow.
+        Mean along the line over its standard error; 0 where nothing is known.
+    contrast : ndarray of that shape, float32
+        Size of that mean over the steepness around.
     orientation : ndarray of that shape, int16
         Row of `normals`.
     normals : ndarray of shape (m, 2), float64
         Unit normals (row, column) of the strikes.
     """
 
+    kind: str
     factor: int
     score: Float32Array
-    step: Float32Array
-    trough: Float32Array
+    contrast: Float32Array
     orientation: np.ndarray
     normals: Float64Array
 
-    @property
-    def contrast(self) -> Float32Array:
-        """The larger of step, in size, and trough."""
-        return np.maximum(np.abs(self.step), self.trough)
 
-
-def scan_lines(evidence: TerrainEvidence, *, length: float, n_strikes: int, floor: float) -> LineSupport:
-    """Scan lines of all strikes for steps and troughs that keep their sign and size along them.
+def scan_lines(evidence: TerrainEvidence, *, length: float, n_strikes: int, floor: float) -> list[LineSupport]:
+    """Scan lines of all strikes for steps, for troughs, and for both together, that keep their sign and size.
 
     Parameters
     ----------
@@ -64,18 +64,20 @@ def scan_lines(evidence: TerrainEvidence, *, length: float, n_strikes: int, floo
     n_free = np.float32(length / SCALE)
     least = (floor * evidence.steepness + 1e-6).astype(np.float32)
     strikes = _strikes(n_strikes)
-    best, step, trough = (np.zeros(shape, np.float32) for _ in range(3))
-    arg = np.zeros(shape, np.int16)
+    best, mean = np.zeros((3, *shape), np.float32), np.zeros((3, *shape), np.float32)
+    arg = np.zeros((3, *shape), np.int16)
     for code, (across, shear, normal) in enumerate(strikes):
-        given = (*_directed(evidence, normal), evidence.known, least)
-        kept = (best, step, trough, arg)
+        given: tuple[Any, ...] = (*_directed(evidence, normal), evidence.known, least)
+        kept: tuple[Any, ...] = (best, mean, arg)
         if across == 1:
-            given, kept = tuple(np.ascontiguousarray(a.T) for a in given), tuple(a.T for a in kept)
-        one, two, known, low = given
-        keep_best_line(one, two, known, shear, taps, STRIDE, n_free, low, np.int16(code), *kept)
-    around = np.maximum(evidence.steepness, 1e-6)
+            given = tuple(np.ascontiguousarray(a.T) for a in given)
+            kept = tuple(a.transpose(0, 2, 1) for a in kept)
+        step, trough, known, low = given
+        keep_best_line(step, trough, known, shear, taps, STRIDE, n_free, low, np.int16(code), *kept)
+    contrast = np.abs(mean) / np.maximum(evidence.steepness, 1e-6)
+    score = (CERTAIN * np.tanh(np.sqrt(best) / CERTAIN)).astype(np.float32)
     normals = np.array([normal for _, _, normal in strikes])
-    return LineSupport(evidence.factor, np.sqrt(best), step / around, trough / around, arg, normals)
+    return [LineSupport(kind, evidence.factor, score[k], contrast[k], arg[k], normals) for k, kind in enumerate(KINDS)]
 
 
 def _directed(evidence: TerrainEvidence, normal: Float64Array) -> tuple[Float32Array, Float32Array]:

@@ -5,15 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from seismo3d._typing import BoolArray, Float64Array
+from seismo3d._typing import Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_scan import find_ridges
 from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
 from seismo3d.seismic.scan import RidgePoints
 from seismo3d.terrain.support import LineSupport
 
 _LINK = LinkSettings(fragment=8, contacts=4, closing=6, gap=6, smoothing=3.0, off_plane=1.6)
+
+_END = 36
+"""Places at a line's end that its direction there is taken from."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,15 +29,14 @@ class TracedLine:
     places : ndarray of shape (n, 2), float64
         (row, column) on the finest level, about one cell of the line's own level apart.
     score : ndarray of shape (n,), float64
-    step : float
-        Share of the steps in the contrast of steps and troughs along it, 0 to 1.
+    kind : {"step", "trough", "both"}
     factor : int
         Cells of the map in a cell of the line's level.
     """
 
     places: Float64Array
     score: Float64Array
-    step: float
+    kind: str
     factor: int
 
     @property
@@ -86,10 +89,7 @@ def _as_line(sheet: Sheet, support: LineSupport) -> TracedLine | None:
     places = sheet.points(rows.astype(np.float64), np.zeros(len(rows)), w)[:, :2]
     # a cell of a level covers `factor` cells: its centre lies between theirs
     fine = support.factor * (places + 0.5) - 0.5
-    at = tuple(np.clip(np.rint(places).astype(np.int64), 0, np.array(support.score.shape) - 1).T)
-    steps, troughs = np.abs(support.step[at]).sum(), np.maximum(support.trough[at], 0.0).sum()
-    share = float(steps / max(steps + troughs, 1e-9))
-    return TracedLine(fine, sheet.score[rows, 0].astype(np.float64), share, support.factor)
+    return TracedLine(fine, sheet.score[rows, 0].astype(np.float64), support.kind, support.factor)
 
 
 def join_lines(lines: list[TracedLine], *, gap: float, turn_deg: float = 20.0, aside: float = 3.0) -> list[TracedLine]:
@@ -160,7 +160,7 @@ def _facing_ends(lines: list[TracedLine], gap: float, turn_deg: float, aside: fl
 
 def _end(line: TracedLine, last: bool) -> tuple[Float64Array, Float64Array]:
     """Return an end's place and the direction in which the line would go on from it."""
-    part = line.places[-24:] if last else line.places[:24][::-1]
+    part = line.places[-_END:] if last else line.places[:_END][::-1]
     way = part[-1] - part[0]
     return part[-1], way / max(float(np.hypot(*way)), 1e-9)
 
@@ -183,50 +183,154 @@ def _chained(parts: list[tuple[TracedLine, bool]]) -> TracedLine:
         scores.append(score)
     whole, score = np.concatenate(places), np.concatenate(scores)
     keep = np.concatenate([[True], np.linalg.norm(np.diff(whole, axis=0), axis=1) > 1e-6])
-    return TracedLine(whole[keep], score[keep], longest.step, longest.factor)
+    return TracedLine(whole[keep], score[keep], longest.kind, longest.factor)
 
 
-def drop_doubles(lines: list[TracedLine], *, near: float, least_length: float, turn_deg: float = 30.0) -> list[TracedLine]:
-    """Keep, where lines run beside each other, the most significant, and of the others what goes beyond it.
+def fuse_lines(
+    lines: list[TracedLine], *, near: float, share: float = 0.25, turn_deg: float = 20.0
+) -> list[TracedLine]:
+    """Fuse lines that run beside each other, of other kinds and levels, into one; most significant first.
+
+    Slope, hollow and their scales see one fault at places a little apart and over parts of its length. The most
+    significant line takes up those that lie beside it, and goes on as far as they do.
 
     Parameters
     ----------
     lines : list of TracedLine
-        Of any levels.
     near : float
-        Distance, in cells of the coarser line's level, within which two lines are one.
-    least_length : float
-        Shortest rest, in cells of the line's own level, that is kept.
+        Distance, in cells of the coarser line's level, within which two lines run beside each other.
+    share : float
+        Share of a line that must.
     turn_deg : float
-        Lines that cross at a larger angle are never one.
+        Largest angle between them.
     """
-    kept: list[TracedLine] = []
-    trees: list[cKDTree] = []
+    rest = sorted(lines, key=lambda one: -one.strength)
+    out = []
     cosine = np.cos(np.radians(turn_deg))
+    while rest:
+        group, fused = [rest[0]], rest[0]
+        rest = rest[1:]
+        while True:
+            tree = cKDTree(fused.places)
+            taken = [_is_beside(line, fused, tree, near, share, cosine) for line in rest]
+            if not any(taken):
+                break
+            group += [line for line, is_taken in zip(rest, taken, strict=True) if is_taken]
+            rest = [line for line, is_taken in zip(rest, taken, strict=True) if not is_taken]
+            fused = _fused(group)
+        out.append(fused)
+    return out
+
+
+def _is_beside(line: TracedLine, other: TracedLine, tree: cKDTree, near: float, share: float, cosine: float) -> bool:
+    reach = near * max(line.factor, other.factor)
+    if not _boxes_meet(line.places, other.places, reach) or abs(_way(line) @ _way(other)) <= cosine:
+        return False
+    distance, _ = tree.query(line.places, distance_upper_bound=reach)
+    return bool(np.isfinite(distance).mean() >= share)
+
+
+def _fused(group: list[TracedLine]) -> TracedLine:
+    """Return the mean of lines along the way of the first, weighed by score and by resolution."""
+    first = group[0]
+    along = _way(max(group, key=lambda line: line.length))
+    across = np.array([-along[1], along[0]])
+    origin = first.places[0]
+    places = np.concatenate([line.places for line in group]) - origin
+    score = np.concatenate([line.score for line in group])
+    factor = np.concatenate([np.full(len(line.places), float(line.factor)) for line in group])
+    s, w = places @ along, places @ across
+    bins = np.floor((s - s.min()) / first.factor).astype(np.int64)
+    weight = (score / factor) ** 2 * factor
+    total = np.bincount(bins, weight)
+    mean = np.bincount(bins, weight * w)
+    best = np.zeros(len(total))
+    np.maximum.at(best, bins, score)
+    filled = np.flatnonzero(total > 0.0)
+    at = np.arange(len(total))
+    offset = np.interp(at, filled, mean[filled] / total[filled])
+    strong = np.interp(at, filled, total[filled])
+    # one member ends and another goes on a little aside: the way over takes a dozen cells
+    smooth = ndimage.gaussian_filter1d(offset * strong, 6.0, mode="nearest")
+    offset = smooth / np.maximum(ndimage.gaussian_filter1d(strong, 6.0, mode="nearest"), 1e-12)
+    line = origin + (s.min() + (at + 0.5) * first.factor)[:, None] * along + offset[:, None] * across
+    return TracedLine(line, np.interp(at, filled, best[filled]), first.kind, first.factor)
+
+
+def drop_echoes(
+    lines: list[TracedLine], *, near: float, share: float = 0.6, turn_deg: float = 20.0
+) -> list[TracedLine]:
+    """Drop lines beside a stronger one that are nearer than the regional surface can follow: their own side lobes.
+
+    Parameters
+    ----------
+    lines : list of TracedLine
+    near : float
+        Distance in cells of the coarser line's level.
+    share : float
+        Share of a line that lies beside a stronger one.
+    turn_deg : float
+        Largest angle between them.
+    """
+    cosine = np.cos(np.radians(turn_deg))
+    kept: list[TracedLine] = []
     for line in sorted(lines, key=lambda one: -one.strength):
-        beside = np.zeros(len(line.places), bool)
-        for better, tree in zip(kept, trees, strict=True):
-            reach = near * max(line.factor, better.factor)
-            if not _boxes_meet(line.places, better.places, reach) or abs(_way(line) @ _way(better)) <= cosine:
-                continue
-            distance, _ = tree.query(line.places, distance_upper_bound=reach)
-            beside |= np.isfinite(distance)
-        rest = _longest_run(~beside)
-        cut = TracedLine(line.places[rest], line.score[rest], line.step, line.factor)
-        if cut.length >= least_length * line.factor:
-            kept.append(cut)
-            trees.append(cKDTree(cut.places))
+        if not any(_is_beside(line, one, cKDTree(one.places), near, share, cosine) for one in kept):
+            kept.append(line)
     return kept
 
 
-def _longest_run(chosen: BoolArray) -> slice:
-    """Return where the longest run of True lies."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
-    if len(edges) == 0:
-        return slice(0, 0)
-    starts, stops = edges[::2], edges[1::2]
-    best = int(np.argmax(stops - starts))
-    return slice(int(starts[best]), int(stops[best]))
+def snap_line(line: TracedLine, score: Float32Array, *, stiffness: float, reach: float = 12.0) -> TracedLine:
+    """Move a line to the steadiest crest of the finest level's score beside it, without sharp bends.
+
+    Parameters
+    ----------
+    line : TracedLine
+    score : ndarray of shape (rows, columns), float32
+        Of the finest level.
+    stiffness : float
+        Width, in cells, of the Gaussian that the line and the score along it are smoothed by first.
+    reach : float
+        Farthest move, in cells.
+    """
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line.places, axis=0), axis=1))])
+    at = np.arange(0.0, arc[-1], 1.0)
+    if len(at) < 8:
+        return line
+    places = np.column_stack([_stiff(np.interp(at, arc, line.places[:, k]), stiffness) for k in (0, 1)])
+    way = np.gradient(places, axis=0)
+    normal = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    moves = np.arange(-reach, reach + 0.25, 0.5)
+    grid = places[:, None, :] + moves[None, :, None] * normal[:, None, :]
+    gain = ndimage.map_coordinates(score, grid.reshape(-1, 2).T, order=1, mode="nearest").reshape(grid.shape[:2])
+    gain = ndimage.gaussian_filter1d(gain.astype(np.float64), stiffness, axis=0, mode="nearest")
+    path = _best_path(gain, every=8)
+    moved = places + ndimage.gaussian_filter1d(moves[path], 8.0, mode="nearest")[:, None] * normal
+    return TracedLine(moved, np.interp(at, arc, line.score), line.kind, line.factor)
+
+
+def _stiff(values: Float64Array, width: float) -> Float64Array:
+    """Smooth a coordinate along a line; its ends go on as they come."""
+    pad = min(len(values) - 1, int(3.0 * width))
+    wide = np.pad(values, pad, mode="reflect", reflect_type="odd")
+    return np.asarray(ndimage.gaussian_filter1d(wide, width, mode="nearest")[pad : len(wide) - pad])
+
+
+def _best_path(gain: Float64Array, every: int) -> IntArray:
+    """Return the column of each row whose sum of gains is largest, moving by one column in `every` rows at most."""
+    nodes = np.arange(0, len(gain), every)
+    sums = np.add.reduceat(gain, nodes, axis=0)
+    best, back = sums[0], np.zeros(sums.shape, np.int64)
+    for n in range(1, len(sums)):
+        padded = np.pad(best, 1, constant_values=-np.inf)
+        choices = np.stack([padded[:-2], padded[1:-1] + 1e-3, padded[2:]])
+        back[n] = np.arange(len(best)) + choices.argmax(axis=0) - 1
+        best = choices.max(axis=0) + sums[n]
+    path = np.empty(len(sums), np.int64)
+    path[-1] = int(best.argmax())
+    for n in range(len(sums) - 1, 0, -1):
+        path[n - 1] = back[n, path[n]]
+    return np.repeat(path, every)[: len(gain)]
 
 
 def _boxes_meet(first: Float64Array, second: Float64Array, reach: float) -> bool:
