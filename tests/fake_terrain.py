@@ -56,5 +56,5 @@ def make_scarp(n: int = 200, height: float = 3.0, azimuth_deg: float = 0.0, widt
     i, j = np.mgrid[:n, :n] - 0.5 * (n - 1)
     a = np.radians(azimuth_deg)
     across = j * np.cos(a) + i * np.sin(a)
-    rough = ndimage.gaussian_filter(rng.normal(size=(n, n)), 3.0) * 1.5
+    rough = ndimage.gaussian_filter(rng.normal(size=(n, n)), 3.0) * 0.15
     return 0.02 * across + rough - 0.5 * height * erf(across / width)

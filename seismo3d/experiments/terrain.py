@@ -151,7 +151,8 @@ def report_lineaments(folder: Path) -> None:
     longest = max(found.lines, key=lambda line: line.length)
     order = np.argsort(longest.places[:, 1])
     rows = np.arange(carrizo.shape[0])
-    column = np.interp(rows, *longest.places[order].T[::-1], left=np.nan, right=np.nan)
+    across, down = longest.places[order].T
+    column = np.interp(rows, down, across, left=np.nan, right=np.nan)
     extent = np.isfinite(column).mean()
     middle = float(np.nanmedian(column))
     print(

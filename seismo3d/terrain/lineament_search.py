@@ -158,7 +158,8 @@ def lineaments(
     -----
     The line scan is that of :mod:`seismo3d.seismic` in two dimensions, in the manner of [1]_ for steps: there the
     signal-to-noise of a template along a scarp, here the signed mean against its own scatter. A fault that runs down
-    the slope, or bends within its window, is not found.
+    the slope, or bends within its window, is not found; ground that is rough but smooth over more than a few cells, as
+    after strong filtering, has chance lines of its own.
 
     References
     ----------
@@ -175,7 +176,7 @@ def lineaments(
     report = progress or _unheard
     supports, lines = _search(square, settings, report)
     report("fuse", 0.0)
-    lines = _choose(lines, _crest(supports), square, settings)
+    lines = _choose(lines, supports, square, settings)
     report("fuse", 1.0)
     made = tuple(make_lineament(line, grid, stretch, settings.least_score) for line in lines)
     likelihood = to_likelihood(supports[2].score, settings.least_score)
@@ -217,16 +218,17 @@ def _search(
 
 
 def _choose(
-    pieces: list[TracedLine], crest: Float32Array, z: Float64Array, settings: LineamentSettings
+    pieces: list[TracedLine], supports: list[LineSupport], z: Float64Array, settings: LineamentSettings
 ) -> list[TracedLine]:
     """Fuse and join pieces, bring them to the crest, and keep the lines that are long and significant enough."""
     gap = settings.gap * settings.length
+    crest = _crest(supports, by_contrast=False)
     lines = join_lines(fuse_lines(join_lines(pieces, gap=0.5 * gap), near=settings.near), gap=gap)
     # on the crest, pieces of other levels and kinds that looked apart come together
     lines = [snap_line(line, crest, stiffness=SCALE, reach=settings.near) for line in lines]
     lines = join_lines(fuse_lines(lines, near=settings.near), gap=gap)
     # the line that is reported is straight over two windows
-    stiff = 2.0 * settings.length
+    stiff, crest = 2.0 * settings.length, _crest(supports, by_contrast=True)
     lines = [snap_line(line, crest, stiffness=stiff, reach=3.0 * settings.near) for line in lines]
     # the regional surface answers to a line with two of the other sign beside it
     lines = drop_echoes(lines, near=REGION * SCALE + SCALE)
@@ -241,9 +243,12 @@ def _choose(
     return sorted(kept, key=lambda line: -line.strength)
 
 
-def _crest(supports: list[LineSupport]) -> Float32Array:
+def _crest(supports: list[LineSupport], *, by_contrast: bool) -> Float32Array:
     """Return where a line belongs: between a scarp's steepest part and the hollow at its foot."""
-    blurred = [ndimage.gaussian_filter(support.score, 2.0 * SCALE) for support in supports if support.kind != "both"]
+    # a certain line's score is flat across it: there the contrast tells where it is
+    chosen = [support for support in supports if support.kind != "both"]
+    parts = [one.score * one.contrast if by_contrast else one.score for one in chosen]
+    blurred = [ndimage.gaussian_filter(part, 2.0 * SCALE) for part in parts]
     return np.asarray(sum(blurred), np.float32)
 
 
