@@ -10,6 +10,7 @@ The flow of data, top to bottom::
     Scan, register     any two scans -> Registration (transform, covariance, certificate)
     match              images, sections or cubes -> Matches (places in common, with angle and scale)
     describe           image or cube -> Features, to be matched many times; PlaceIndex finds the like among them
+    terrain            elevation maps: alignment, change, lineaments and scarps
     plot               sections, time slices and 3D scenes
 
 Every name is imported when it is first used, so that ``import seismo3d`` stays light.
@@ -23,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from seismo3d import plot, synthetic
+    from seismo3d import plot, synthetic, terrain
     from seismo3d.features.describing import Features, describe
     from seismo3d.features.matching import Matches, match
     from seismo3d.features.places import PlaceIndex
@@ -59,7 +60,7 @@ _PUBLIC = {
     "trace_tracks": "seismo3d.seismic.tracks",
     "write_segy": "seismo3d.io.segy",
 }
-_MODULES = ("plot", "synthetic")
+_MODULES = ("plot", "synthetic", "terrain")
 
 __all__ = [
     "Constraints",
@@ -80,6 +81,7 @@ __all__ = [
     "plot",
     "register",
     "synthetic",
+    "terrain",
     "trace_faults",
     "trace_tracks",
     "write_segy",
