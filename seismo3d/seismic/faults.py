@@ -49,8 +49,8 @@ class FaultSettings:
         Settings of the stages.
     """
 
-    least_score: tuple[float, float, float] = (0.5, 0.42, 0.28)
-    end_score: tuple[float, float, float] = (0.45, 0.45, 0.3)
+    least_score: tuple[float, float, float] = (0.45, 0.42, 0.28)
+    end_score: tuple[float, float, float] = (0.42, 0.45, 0.3)
     dip: DipSettings = field(default_factory=DipSettings)
     misfit: MisfitSettings = field(default_factory=MisfitSettings)
     scan: ScanSettings = field(default_factory=ScanSettings)
