@@ -47,7 +47,7 @@ class ChoiceSettings:
     least_strength: float = 38.0
     least_height: float = 24.0
     least_throw: float = 1.0
-    still_score: float = 0.7
+    still_score: float = 1.0
     tall: float = 60.0
     tall_strength: float = 28.0
     host_strength: float = 55.0
