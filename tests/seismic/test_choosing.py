@@ -66,7 +66,7 @@ def test_a_weaker_sheet_is_kept_beside_a_strong_one_only():
     assert chosen(HOST, near, far) == [0, 1]
 
 
-@pytest.mark.parametrize("change", [{"throw": 1.2}, {"fit": 0.3}, {"score": 0.7}], ids=["unmoved", "unlike", "weak"])
+@pytest.mark.parametrize("change", [{"throw": 1.2}, {"fit": 0.3}, {"score": 0.6}], ids=["unmoved", "unlike", "weak"])
 def test_company_must_move_and_fit(change):
     assert chosen(HOST, candidate(16, 16, origin=(5.0, 10.0), **change)) == [0]
 
