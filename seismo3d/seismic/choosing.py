@@ -52,11 +52,11 @@ class ChoiceSettings:
     tall_strength: float = 28.0
     host_strength: float = 55.0
     company_area: float = 200.0
-    company_strength: float = 15.0
-    company_height: float = 14.0
+    company_strength: float = 18.0
+    company_height: float = 30.0
     company_throw: float = 1.4
     company_matched: float = 0.3
-    company_fit: float = 0.7
+    company_fit: float = 0.75
     gap: float = 8.0
     overlap: float = 0.3
     beside: float = 2.5

@@ -61,22 +61,22 @@ def test_a_tall_sheet_needs_less_strength_than_a_low_one():
 
 
 def test_a_weaker_sheet_is_kept_beside_a_strong_one_only():
-    near, far = candidate(16, 16, origin=(5.0, 10.0)), candidate(16, 16, origin=(40.0, 10.0))
+    near, far = candidate(20, 20, origin=(5.0, 10.0)), candidate(20, 20, origin=(40.0, 10.0))
     assert chosen(near) == []
     assert chosen(HOST, near, far) == [0, 1]
 
 
 @pytest.mark.parametrize("change", [{"throw": 1.2}, {"fit": 0.3}, {"score": 0.6}], ids=["unmoved", "unlike", "weak"])
 def test_company_must_move_and_fit(change):
-    assert chosen(HOST, candidate(16, 16, origin=(5.0, 10.0), **change)) == [0]
+    assert chosen(HOST, candidate(20, 20, origin=(5.0, 10.0), **change)) == [0]
 
 
 def test_the_same_fault_is_not_kept_twice():
-    assert chosen(HOST, candidate(16, 16, origin=(1.0, 10.0))) == [0]
+    assert chosen(HOST, candidate(20, 20, origin=(1.0, 10.0))) == [0]
 
 
 def test_of_two_weak_doubles_the_stronger_is_kept():
-    weaker, stronger = candidate(16, 16, origin=(6.0, 10.0), score=0.9), candidate(16, 16, origin=(5.0, 10.0))
+    weaker, stronger = candidate(20, 20, origin=(6.0, 10.0), score=0.9), candidate(20, 20, origin=(5.0, 10.0))
     assert chosen(HOST, weaker, stronger) == [0, 2]
 
 
