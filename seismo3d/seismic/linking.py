@@ -268,7 +268,7 @@ def _to_the_end(
     """Mark the nodes beside a sheet between it and an end of the cube that it nearly reaches; places in grid steps."""
     within, near = np.ones(inside.shape, bool), np.zeros(inside.shape, bool)
     for place, n in zip(places, grid, strict=True):
-        within &= (place >= 0) & (place <= n - 1)
+        within &= (place >= -1e-6) & (place <= n - 1 + 1e-6)
         if n > 1:
             near |= (place < rim) | (place > n - 1 - rim)
     return np.asarray(ndimage.binary_dilation(inside, np.ones((3, 3), bool), iterations=rim) & within & near)
