@@ -31,7 +31,7 @@ def run(
     The folder gets each track as XYZ, Charisma and IRAP classic text, tracks.csv, a depth map of each track, a section
     with all of them, and run.json. It appears when all is done, or not at all.
     """
-    from seismo3d.cli._run_folder import check_run_folder
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
     from seismo3d.cli._stages import StageClock
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
@@ -59,7 +59,7 @@ def run(
         write_tracks(tracks, opened, directory=aside)
         _draw(opened, tracks, known, aside)
         asked = {**options, "seed": seed, "faults": faults, "event": event, "count": count}
-        _record(aside, path=cube, asked=asked, timings=clock.stop())
+        write_record(aside / RECORD, {**describe_run(cube, asked), "timings_s": clock.stop()})
     for number, track in enumerate(tracks, start=1):
         typer.echo(f"{number:4d}  traced on {100 * track.share:3.0f} % of the traces")
     typer.echo(str(out))
@@ -94,19 +94,3 @@ def _draw(cube: Any, tracks: list[Any], faults: Any, folder: Path) -> None:
         figure = Figure(figsize=(10.0, 5.5), layout="constrained")
         track_section(cube, tracks, faults=faults, ax=figure.add_subplot(), **where)
         figure.savefig(folder / f"tracks_{name}.png", dpi=150)
-
-
-def _record(folder: Path, *, path: Path, asked: dict[str, Any], timings: dict[str, float]) -> None:
-    from datetime import UTC, datetime
-
-    from seismo3d.cli._run_folder import RECORD, find_versions, write_record
-    from seismo3d.io.fingerprint import fingerprint
-
-    record = {
-        "input": fingerprint(path),
-        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-        "options": {name: value for name, value in asked.items() if value is not None},
-        "versions": find_versions(),
-        "timings_s": timings,
-    }
-    write_record(folder / RECORD, record)
