@@ -33,12 +33,15 @@ class ChoiceSettings:
         Height from which on a sheet is no channel's edge, and the strength that is enough there.
     host_strength : float
         Strength of a fault beside which weaker ones are looked for: faults come in families, and cut each other up.
-    company_area, company_strength, company_height, company_throw : float
-        Smallest area, strength, height and median throw of such a weaker one.
+    company_area, company_strength, company_length, company_throw : float
+        Smallest area, strength, length down the dip and median throw of such a weaker one.
     company_matched, company_fit : float
         Smallest share of it where its moved sides match, and their median fit there.
     gap : float
         Farthest that it may be from its host.
+    low_dip_deg, kink_deg : float
+        Beside a host of a lower dip than the first, what strikes alike and stands steeper by more than the second is
+        the bend of layers over it, and no fault.
     overlap, beside : float
         Largest share of it that may lie within `beside` of faults chosen before: more is the same fault once more.
     """
@@ -53,11 +56,13 @@ class ChoiceSettings:
     host_strength: float = 55.0
     company_area: float = 200.0
     company_strength: float = 18.0
-    company_height: float = 30.0
+    company_length: float = 30.0
     company_throw: float = 1.4
     company_matched: float = 0.3
     company_fit: float = 0.75
     gap: float = 8.0
+    low_dip_deg: float = 55.0
+    kink_deg: float = 25.0
     overlap: float = 0.3
     beside: float = 2.5
 
@@ -104,7 +109,7 @@ def may_be_faults(sheets: list[Sheet], is_section: bool, settings: ChoiceSetting
         if (is_section or min(sheet.w.shape) > 1)
         and sheet.area >= min(settings.company_area, settings.least_area)
         and strength(sheet) >= min(settings.company_strength, settings.least_strength)
-        and _height(sheet) >= min(settings.company_height, settings.least_height)
+        and length_down_dip(sheet) >= min(settings.company_length, settings.least_height)
     ]
 
 
@@ -167,7 +172,8 @@ def choose_faults(
     hosts = [n for n in trees if significance[n] >= settings.host_strength]
     for n in weaker:
         nodes = _nodes(candidates[n][0])
-        if not any(_within(trees[host], nodes, settings.gap).any() for host in hosts):
+        near = [candidates[host][0] for host in hosts if _within(trees[host], nodes, settings.gap).any()]
+        if not near or any(_is_kink(candidates[n][0], host, settings) for host in near):
             continue
         taken = np.zeros(len(nodes), bool)
         for tree in trees.values():
@@ -194,7 +200,7 @@ def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool
     matched = fit > 0.0
     return (
         sheet.area >= settings.company_area
-        and _height(sheet) >= settings.company_height
+        and length_down_dip(sheet) >= settings.company_length
         and strength(sheet) >= settings.company_strength
         and median_throw(throw) >= settings.company_throw
         and float(matched.mean()) >= settings.company_matched
@@ -211,6 +217,26 @@ def median_throw(throw: SheetThrow) -> float:
 def _height(sheet: Sheet) -> float:
     columns = np.flatnonzero(sheet.inside.any(axis=0))
     return float(np.ptp(columns)) * sheet.step if len(columns) else 0.0
+
+
+def dip_deg(sheet: Sheet) -> float:
+    """Return a sheet's median dip in degrees, in traces and samples; 90 for a sheet of one column."""
+    if sheet.w.shape[1] < 2:
+        return 90.0
+    moves = np.abs(np.diff(sheet.w, axis=1))
+    moves = moves[np.isfinite(moves)]
+    return float(np.degrees(np.arctan2(sheet.step, np.median(moves)))) if moves.size else 90.0
+
+
+def length_down_dip(sheet: Sheet) -> float:
+    """Return a sheet's extent down its dip, in samples and traces."""
+    return _height(sheet) / np.sin(np.radians(max(dip_deg(sheet), 10.0)))
+
+
+def _is_kink(sheet: Sheet, host: Sheet, settings: ChoiceSettings) -> bool:
+    low = dip_deg(host)
+    strikes_alike = abs(float(sheet.across @ host.across)) > np.cos(np.radians(settings.kink_deg))
+    return low < settings.low_dip_deg and strikes_alike and dip_deg(sheet) - low > settings.kink_deg
 
 
 def _nodes(sheet: Sheet) -> Float64Array:
