@@ -123,8 +123,8 @@ def test_dip_and_length_down_it_are_those_of_the_plane(dip):
 
 def test_a_low_fragment_beside_a_fault_counts_by_its_length_down_the_dip():
     host = candidate(dip=45.0)
-    low = candidate(40, 12, origin=(5.0, 0.0), score=0.7, dip=45.0)
-    upright = candidate(40, 12, origin=(5.0, 0.0), score=0.7)
+    low = candidate(40, 13, origin=(5.0, 0.0), score=0.7, dip=45.0)
+    upright = candidate(40, 13, origin=(5.0, 0.0), score=0.7)
     assert chosen(host, low) == [0, 1]
     assert chosen(candidate(), upright) == [0]
 
@@ -135,3 +135,9 @@ def test_a_bend_over_a_low_fault_is_no_company():
     assert chosen(candidate(dip=45.0), bend) == [0]
     assert chosen(candidate(dip=45.0), across) == [0, 1]
     assert chosen(candidate(dip=75.0), bend) == [0, 1]
+
+
+def test_what_slopes_may_fit_less_well_than_what_may_be_a_channels_edge():
+    assert chosen(HOST, candidate(40, 20, origin=(5.0, 0.0), score=0.7, fit=0.7)) == [0]
+    sloping = candidate(40, 20, origin=(5.0, 0.0), score=0.7, fit=0.7, dip=50.0)
+    assert chosen(HOST, sloping) == [0, 1]
