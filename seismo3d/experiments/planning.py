@@ -180,7 +180,7 @@ def path_excess(path: Path, occupancy: Occupancy, robot: RobotLimits) -> dict[st
     Parameters
     ----------
     path : Path
-        One that was found.
+        One that was found, of two points or more.
     occupancy : Occupancy
         The map that it was found on; only what is occupied counts here.
     robot : RobotLimits

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float64Array, Int64Array
+from seismo3d._typing import AnyArray, ArrayLike, Float64Array, Int64Array
 from seismo3d._validate import freeze
 
 UNIT = 128
@@ -99,7 +99,7 @@ class Motions:
         return int(np.argmax(np.cos(self.headings - heading)))
 
 
-def make_motions(headings: Float64Array, steps: list[Motion], floor: AnyArray) -> Motions:
+def make_motions(headings: Float64Array, steps: list[Motion], floor: ArrayLike) -> Motions:
     """Gather steps into a table; they are ordered by their first heading."""
     steps = sorted(steps, key=lambda step: step.start)
     ints = {name: np.array([getattr(s, name) for s in steps], dtype=np.int64) for name in _INTS}

@@ -13,11 +13,13 @@ from seismo3d._validate import as_real_array, freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.robot.dstar import DStarLite, Repair
 from seismo3d.robot.lattice import lattice_motions
+from seismo3d.robot.motions import UNIT
 from seismo3d.robot.occupancy import Occupancy
 from seismo3d.robot.speeds import find_speeds
 from seismo3d.robot.traversability import (
     OPEN,
     REASONS,
+    TOO_NEAR,
     RobotLimits,
     Traversability,
     check_unknown,
@@ -30,6 +32,7 @@ __all__ = ["Path", "Planner", "RobotLimits", "plan_path"]
 
 COLUMNS = ("time", "x", "y", "heading", "speed", "curvature", "world_x", "world_y", "world_z")
 _TILE = 32
+_WAY_OUT_PRICE = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,6 +129,7 @@ class Planner:
         self._cells, self._height = np.array(occupancy.cells), np.array(occupancy.height)
         found = find_traversability(occupancy, self.robot, unknown=unknown)
         self._ground = Traversability(found.cost.copy(), found.reason.copy(), found.clearance.copy())
+        self._way_out = (slice(0, 0), slice(0, 0))
         self._motions = lattice_motions(1.0 / (self.robot.max_curvature * occupancy.cell))
         self._search = DStarLite(
             self._ground.cost, self._motions, start=self._as_place(start, "start"), goal=self._as_place(goal, "goal")
@@ -142,8 +146,10 @@ class Planner:
         Returns
         -------
         Path
-            Its state says whether there is a way.
+            Its state says whether there is a way. Where something has come nearer to the robot than its radius, the
+            way begins with one out of there, on which nothing comes nearer than it is.
         """
+        self._open_way_out()
         repair = self._search.repair()
         if repair.state != "found":
             none, reason = freeze(np.zeros(0)), self._ground.reason
@@ -177,8 +183,10 @@ class Planner:
         ShapeError, ParameterError
             If the cells are not of the map, or their values not what they can be.
         """
-        where = np.asarray(rows_columns, dtype=np.int64)
-        values = as_real_array(cells, "cells", ndim=1)
+        where, values = np.asarray(rows_columns, dtype=np.int64), np.asarray(cells)
+        if not values.size:
+            return 0
+        as_real_array(values, "cells", ndim=1)
         if where.shape != (len(values), 2):
             raise ShapeError(f"rows_columns has shape {where.shape}; expected ({len(values)}, 2), one cell a row.")
         if (where < 0).any() or (where >= self._cells.shape).any():
@@ -224,7 +232,7 @@ class Planner:
     def move_to(self, start: Sequence[float]) -> None:
         """Go on from where the robot is now, (x, y) or (x, y, heading).
 
-        Where it can't stand, because something has come too near, the next plan's state is "start blocked".
+        Where it can't stand, the next plan leads out of there, or its state is "start blocked".
 
         Raises
         ------
@@ -232,6 +240,22 @@ class Planner:
             If it is outside the map.
         """
         self._search.move_to(self._as_place(start, "start", must_stand=False))
+
+    def _open_way_out(self) -> None:
+        """Let the robot leave a place that has become too near to something: over cells that are no nearer, dearly."""
+        row, column, _ = self._search.start
+        reach, ground = reach_of(self.robot, self.occupancy.cell), self._ground
+        here = (slice(max(row - reach, 0), row + reach + 1), slice(max(column - reach, 0), column + reach + 1))
+        held = self._search.cost
+        for window in (self._way_out, here):
+            costs = ground.cost[window].copy()
+            if window == here and ground.reason[row, column] == TOO_NEAR:
+                near = (ground.reason[here] == TOO_NEAR) & (ground.clearance[here] >= ground.clearance[row, column])
+                costs[near] = _WAY_OUT_PRICE * UNIT
+            changed = np.argwhere(costs != held[window])
+            places = changed + np.array([window[0].start, window[1].start])
+            self._search.update(places, costs[changed[:, 0], changed[:, 1]])
+        self._way_out = here
 
     def _renew(self, where: AnyArray) -> int:
         """Judge the surroundings of changed cells anew, tile by tile, and hand the search what came out different."""
@@ -301,8 +325,9 @@ class Planner:
         cost = repair.cost / (408.0 * 128.0) * cell
         poses, length = np.ascontiguousarray(table[:, :3]), table[:, 3].copy()
         world = self.occupancy.in_world(poses[:, :2])
-        arrays = (freeze(a) for a in (poses, length, times, speeds, curvature, world))
-        return Path("found", *arrays, cost, repair.expansions)
+        for array in (poses, length, times, speeds, curvature, world):
+            freeze(array)
+        return Path("found", poses, length, times, speeds, curvature, world, cost, repair.expansions)
 
 
 def plan_path(
