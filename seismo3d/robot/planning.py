@@ -56,7 +56,8 @@ class Path:
     points_world : ndarray of shape (n, 3), float64
         On the ground, in the world's frame.
     cost : float
-        Metres, each counted as many times as the ground there costs, 1 on open and level ground.
+        Metres, each counted as many times as the ground there costs, 1 on open and level ground, and turns a tenth
+        more.
     expansions : int
         Vertices of the lattice that were expanded for it.
     """
