@@ -53,7 +53,7 @@ class Viewer:
         from seismo3d.viewer.page import Page
 
         self.session = session
-        self.token = secrets.token_urlsafe(24)
+        self.token = secrets.token_hex(24)
         self._wanted = port
         self._server = get_server(f"seismo3d-{uuid4().hex}", client_type="vue3")
         # trame reads the command line of whatever program runs; it is not its own here
@@ -112,6 +112,8 @@ class Viewer:
             self._problem = FileAccessError(
                 f"port {self._wanted} of {HOST} cannot be listened on: {error.strerror or error}. Choose another port."
             )
+        except BaseException as error:  # noqa: BLE001 - whatever ends this thread is raised by start()
+            self._problem = error
         finally:
             self._ready.set()
 
@@ -125,7 +127,7 @@ class Viewer:
 
     def _parse_nothing(self, *_: Any, **__: Any) -> Any:
         parser = self._server.cli
-        options, rest = type(parser).parse_known_args(parser, ["--authKey", self.token])
+        options, rest = type(parser).parse_known_args(parser, [f"--authKey={self.token}"])
         return options, rest
 
     def _guard(self, web: Any) -> None:
