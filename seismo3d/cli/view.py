@@ -6,9 +6,16 @@ from pathlib import Path
 
 import typer
 
-from seismo3d.cli._options import CrosslineByte, Domain, InlineByte, XByte, YByte
+from seismo3d.cli._options import Reading, reads_cube
+
+EXAMPLES = (
+    "seismo3d view f3.sgy",
+    "seismo3d view f3-faults",
+    "seismo3d view f3-faults --cube /data/f3.sgy -o f3-edited --port 8123 --no-browser",
+)
 
 
+@reads_cube
 def run(
     path: Path = typer.Argument(
         help="A cube (SEG-Y, Zarr, .npy, .npz), or the folder of a faults run or of an earlier view.",
@@ -24,14 +31,11 @@ def run(
         0, min=0, max=65535, help="Port to listen on, on this machine only. [default: a free one]"
     ),
     browser: bool = typer.Option(True, help="Open the page; without it only its address is printed."),
-    inline_byte: InlineByte = None,
-    crossline_byte: CrosslineByte = None,
-    x_byte: XByte = None,
-    y_byte: YByte = None,
-    domain: Domain = None,
     overwrite: bool = typer.Option(
         False, "--overwrite", help="Let Save replace the files of an earlier view in --out."
     ),
+    *,
+    reading: Reading,
 ) -> None:
     """Look at a cube, its faults and horizons in the browser; trace from clicks, edit, undo, save.
 
@@ -44,11 +48,7 @@ def run(
 
     check_installed()
     folder = choose_folder(path, out, overwrite=overwrite)
-    options = {
-        "inline_byte": inline_byte, "crossline_byte": crossline_byte, "x_byte": x_byte, "y_byte": y_byte,
-        "domain": domain,
-    }  # fmt: skip
-    opened = open_session(path, cube=cube, **options)
+    opened = open_session(path, cube=cube, **reading)
     viewer = show(
         opened.cube, opened.faults, tracks=opened.tracks, folder=folder, title=path.name, port=port,
         open_browser=browser,

@@ -30,18 +30,18 @@ def _env():
 
 
 def test_view_serves_the_printed_address_until_it_is_interrupted(cube, tmp_path):
-    running = start(cube, "--no-browser", cwd=tmp_path)
-    try:
-        url = running.stdout.readline().strip()
-        assert url.startswith("http://127.0.0.1:")
-        with urllib.request.urlopen(url, timeout=20) as page:  # noqa: S310 - an address of this machine
-            assert page.status == 200
-        with pytest.raises(urllib.error.HTTPError, match="403"):
-            urllib.request.urlopen(url.split("?")[0], timeout=20)  # noqa: S310
-        running.send_signal(signal.SIGINT)
-        out, err = running.communicate(timeout=60)
-    finally:
-        running.kill()
+    with start(cube, "--no-browser", cwd=tmp_path) as running:
+        try:
+            url = running.stdout.readline().strip()
+            assert url.startswith("http://127.0.0.1:")
+            with urllib.request.urlopen(url, timeout=20) as page:  # noqa: S310 - an address of this machine
+                assert page.status == 200
+            with pytest.raises(urllib.error.HTTPError, match="403"):
+                urllib.request.urlopen(url.split("?")[0], timeout=20)  # noqa: S310
+            running.send_signal(signal.SIGINT)
+            out, err = running.communicate(timeout=60)
+        finally:
+            running.kill()
     assert (running.returncode, out) == (130, "")
     assert err == "seismo3d: interrupted; nothing half-written was left\n"
 
@@ -55,7 +55,8 @@ def test_view_serves_the_printed_address_until_it_is_interrupted(cube, tmp_path)
     ],
 )
 def test_view_says_what_is_wrong_in_one_line(cube, words, line):
-    out, err = start(*words, cwd=cube.parent).communicate(timeout=60)
+    with start(*words, cwd=cube.parent) as running:
+        out, err = running.communicate(timeout=60)
     assert out == ""
     assert line in err
     assert err.count("\n") == 1
