@@ -13,6 +13,7 @@ The flow of data, top to bottom::
     terrain            elevation maps: alignment, change, lineaments and scarps
     robot              ways for a robot through a map
     plot               sections, time slices and 3D scenes
+    viewer             the same in the browser or a notebook, to trace from clicks and to edit
 
 Every name is imported when it is first used, so that ``import seismo3d`` stays light.
 """
@@ -25,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from seismo3d import plot, robot, synthetic, terrain
+    from seismo3d import plot, robot, synthetic, terrain, viewer
     from seismo3d.features.describing import Features, describe
     from seismo3d.features.matching import Matches, match
     from seismo3d.features.places import PlaceIndex
@@ -61,7 +62,7 @@ _PUBLIC = {
     "trace_tracks": "seismo3d.seismic.tracks",
     "write_segy": "seismo3d.io.segy",
 }
-_MODULES = ("plot", "robot", "synthetic", "terrain")
+_MODULES = ("plot", "robot", "synthetic", "terrain", "viewer")
 
 __all__ = [
     "Constraints",
@@ -86,6 +87,7 @@ __all__ = [
     "terrain",
     "trace_faults",
     "trace_tracks",
+    "viewer",
     "write_segy",
 ]
 

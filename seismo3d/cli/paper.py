@@ -13,6 +13,11 @@ _REGISTRATION = ("table1", "figure3")
 _MATCHING = ("table2", "table3", "table4")
 """Experiments on pictures: a function of the experiment's name in ``experiments.matching_tables`` gives its text."""
 _EXPERIMENTS = ("table1", "figure3", *_MATCHING)
+EXAMPLES = (
+    "seismo3d paper table1 --frames 2 --angles 10,45,90",
+    "seismo3d paper figure3 -o figures",
+    "seismo3d paper table2 --images 2",
+)
 _ANGLES = "5,10,15,20,25,30,45,60,75,90"
 _FIGURE_ANGLE_DEG = 20
 

@@ -7,9 +7,16 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import CrosslineByte, Cube, Domain, InlineByte, XByte, YByte
+from seismo3d.cli._options import Cube, Json, Overwrite, Reading, reads_cube
+
+EXAMPLES = (
+    "seismo3d tracks f3.sgy -o f3-tracks --seed 420,880,812",
+    "seismo3d tracks f3.sgy -o f3-tracks --faults f3-faults --seed 420,880,812 --seed 420,880,1104 --event peak",
+    "seismo3d tracks f3.sgy -o f3-tracks --count 8",
+)
 
 
+@reads_cube
 def run(
     cube: Cube,
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
@@ -19,37 +26,28 @@ def run(
     faults: Path | None = typer.Option(None, help="Folder of a faults run of this cube. [default: no faults]"),
     event: str | None = typer.Option(None, help="peak, trough or zero. [default: the seed's own phase]"),
     count: int = typer.Option(5, min=1, help="Number of horizons to find where no seed is given."),
-    inline_byte: InlineByte = None,
-    crossline_byte: CrosslineByte = None,
-    x_byte: XByte = None,
-    y_byte: YByte = None,
-    domain: Domain = None,
-    overwrite: bool = typer.Option(False, "--overwrite", help="Replace the results of an earlier run in the folder."),
+    overwrite: Overwrite = False,
+    json: Json = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Follow horizons from seeds through a cube and across its faults: grids, points, table and pictures.
 
     The folder gets each track as XYZ, Charisma and IRAP classic text, tracks.csv, a depth map of each track, a section
     with all of them, and run.json. It appears when all is done, or not at all.
     """
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
-    from seismo3d.cli._stages import StageClock
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._stages import StageClock, say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
     from seismo3d.seismic.faultset import FaultSet
-    from seismo3d.seismic.track_exports import write_tracks
+    from seismo3d.seismic.track_exports import tabulate_tracks, write_tracks
     from seismo3d.seismic.tracks import trace_tracks
 
     points = [_as_seed(text) for text in seed]
     check_run_folder(out, inputs=[cube, *([faults] if faults else [])], overwrite=overwrite)
-    options: dict[str, Any] = {
-        "inline_byte": inline_byte,
-        "crossline_byte": crossline_byte,
-        "x_byte": x_byte,
-        "y_byte": y_byte,
-        "domain": domain,
-    }
-    opened = open_cube(cube, **options).load()
+    opened = open_cube(cube, **reading).load()
     known = None if faults is None else FaultSet.load(faults)
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
@@ -58,8 +56,17 @@ def run(
         clock("export", 0.0)
         write_tracks(tracks, opened, directory=aside)
         _draw(opened, tracks, known, aside)
-        asked = {**options, "seed": seed, "faults": faults, "event": event, "count": count}
-        write_record(aside / RECORD, {**describe_run(cube, asked), "timings_s": clock.stop()})
+        asked = {**reading, "seed": seed, "faults": faults, "event": event, "count": count}
+        timings = clock.stop()
+        write_record(aside / RECORD, {**describe_run(cube, options=asked), "timings_s": timings})
+    if json:
+        print_json({"folder": out, "tracks": tabulate_tracks(tracks), "timings_s": timings})
+    else:
+        _say(out, tracks)
+    say_timings(timings)
+
+
+def _say(out: Path, tracks: list[Any]) -> None:
     for number, track in enumerate(tracks, start=1):
         typer.echo(f"{number:4d}  traced on {100 * track.share:3.0f} % of the traces")
     typer.echo(str(out))

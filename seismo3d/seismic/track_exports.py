@@ -56,8 +56,13 @@ def write_tracks(tracks: Sequence[Track], cube: Any, *, directory: str | Path) -
         ):
             files.append(directory / f"track_{number:02d}.{ending}")
             write(files[-1], horizon)
-    write_csv(directory / "tracks.csv", [_row(n, t) for n, t in enumerate(tracks, start=1)], columns=_COLUMNS)
+    write_csv(directory / "tracks.csv", tabulate_tracks(tracks), columns=_COLUMNS)
     return [*files, directory / "tracks.csv"]
+
+
+def tabulate_tracks(tracks: Sequence[Track]) -> list[dict[str, Any]]:
+    """Return a row a track: share traced, unit, seeds, mean confidence, shallowest and deepest place."""
+    return [_row(number, track) for number, track in enumerate(tracks, start=1)]
 
 
 def _grid(track: Track, cube: Any) -> HorizonGrid:

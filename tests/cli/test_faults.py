@@ -254,3 +254,13 @@ def test_demo_writes_a_cube_that_opens(
     assert run("demo", "-o", str(tmp_path / "x.sgy"), "--kind", "nothing") == 2
     assert "expected one of clean" in capsys.readouterr().err
     assert [entry.name for entry in tmp_path.iterdir()] == ["demo.sgy"]
+
+
+def test_json_has_the_table_and_the_timings(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("faults", demo.name, "-o", "out", "--json") == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert [row["fault"] for row in found["faults"]] == [1, 2]
+    assert found["folder"] == "out"
+    assert found["timings_s"] == json.loads(Path("out/run.json").read_text())["timings_s"]
+    assert err.startswith("time     ")

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -71,3 +72,14 @@ def test_bad_seed_is_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureF
     assert _run(["tracks", str(tmp_path / "cube.npy"), "--seed", "1,2", "-o", str(tmp_path / "o")], debug=False) == 2
     assert "INLINE,CROSSLINE,TIME" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
+
+
+def test_json_has_a_row_a_track(folded: SyntheticCube, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_segy(tmp_path / "cube.sgy", folded.to_dataarray())
+    words = ["tracks", str(tmp_path / "cube.sgy"), "--count", "2", "-o", str(tmp_path / "out"), "--json"]
+    assert _run(words, debug=True) == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert [row["track"] for row in found["tracks"]] == [1, 2]
+    assert {"dip", "shifts", "solve", "tracks", "export"} <= set(found["timings_s"])
+    assert err.startswith("time     ")
