@@ -96,8 +96,8 @@ def mean_pole(directions: AnyArray, weights: AnyArray) -> Float64Array:
     Examples
     --------
     >>> import numpy as np
-    >>> mean_pole(np.array([[0.6, 0.0, 0.8], [-0.6, 0.0, -0.8]]), np.ones(2)).round(6).tolist()
-    [0.6, 0.0, 0.8]
+    >>> mean_pole(np.array([[0.48, 0.36, 0.8], [-0.48, -0.36, -0.8]]), np.ones(2)).round(6).tolist()
+    [0.48, 0.36, 0.8]
     """
     d = np.asarray(directions, dtype=np.float64)
     tensor = (d * np.asarray(weights)[:, None]).T @ d

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fake_faults import make_cube, make_faults, make_section
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.figure import Figure
 
 from seismo3d import plot
@@ -47,7 +47,7 @@ def test_density_map_shows_cells_in_line_numbers(ax: Any) -> None:
 def test_stereonet_has_a_dot_a_fault_and_a_circle_a_set(ax: Any) -> None:
     network = fracture_network(make_faults(make_cube()))
     plot.stereonet(network, from_north=True, ax=ax)
-    dots = np.concatenate([c.get_offsets() for c in ax.collections if len(c.get_offsets()) == 1])
+    dots = np.concatenate([c.get_offsets() for c in ax.collections if isinstance(c, PathCollection)])
     # the first dips 63 to the east: its pole lies in the west; the second to the north
     west, south = sorted(dots.tolist())
     np.testing.assert_allclose(west, [-np.sqrt(2) * np.sin(np.radians(63.43 / 2)), 0.0], atol=1e-3)
