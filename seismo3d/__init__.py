@@ -6,6 +6,7 @@ The flow of data, top to bottom::
     trace_faults       cube -> FaultSet (likelihood, labels, throw, surfaces)
     layer_time         cube, FaultSet -> layer time of every voxel
     trace_tracks       cube, seeds, FaultSet -> Tracks (horizons through the cube and across its faults)
+    unfault            cube, FaultSet -> the cube with the slip taken out
     fracture_network   FaultSet -> FractureNetwork (who meets whom, density, orientations); flow_path through it
     read_sticks, read_horizon   an interpreter's picks -> seeds, or score_sticks and score_horizon
     FaultSet.save      surfaces and volumes to a folder
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from seismo3d.seismic.network import FractureNetwork, fracture_network
     from seismo3d.seismic.pick_scores import score_horizon, score_sticks
     from seismo3d.seismic.tracks import Track, trace_tracks
+    from seismo3d.seismic.unfaulting import unfault
 
 _PUBLIC = {
     "Constraints": "seismo3d.registration.constraints",
@@ -73,6 +75,7 @@ _PUBLIC = {
     "score_sticks": "seismo3d.seismic.pick_scores",
     "trace_faults": "seismo3d.seismic.faults",
     "trace_tracks": "seismo3d.seismic.tracks",
+    "unfault": "seismo3d.seismic.unfaulting",
     "write_segy": "seismo3d.io.segy",
 }
 _MODULES = ("plot", "synthetic", "terrain")
@@ -107,6 +110,7 @@ __all__ = [
     "terrain",
     "trace_faults",
     "trace_tracks",
+    "unfault",
     "write_segy",
 ]
 

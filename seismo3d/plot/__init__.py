@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from seismo3d.plot.stereonets import stereonet
     from seismo3d.plot.terrain_maps import change_map, lineament_rose, scarp_profile, terrain
     from seismo3d.plot.track_pictures import track_map, track_section
+    from seismo3d.plot.unfaulted_sections import unfaulted_section
 
 _PUBLIC = {
     "change_map": "terrain_maps",
@@ -45,6 +46,7 @@ _PUBLIC = {
     "time_slice": "maps",
     "track_map": "track_pictures",
     "track_section": "track_pictures",
+    "unfaulted_section": "unfaulted_sections",
     "write_report": "reports",
 }
 
@@ -70,6 +72,7 @@ __all__ = [
     "time_slice",
     "track_map",
     "track_section",
+    "unfaulted_section",
     "write_report",
 ]
 
