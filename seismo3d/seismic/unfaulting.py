@@ -193,7 +193,7 @@ def _lay_out(surface: Any, settings: UnfaultSettings) -> _SlipSheet | None:
     numbers = np.arange(grid.w.size).reshape(grid.w.shape)
     a, b, c, d = (n.ravel() for n in (numbers[:-1, :-1], numbers[1:, :-1], numbers[:-1, 1:], numbers[1:, 1:]))
     cells = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
-    usable: BoolArray = np.isfinite(nodes).all(axis=1) & np.isfinite(slip).all(axis=1)
+    usable: BoolArray = np.asarray(np.isfinite(nodes).all(axis=1) & np.isfinite(slip).all(axis=1))
     cells = cells[usable[cells].all(axis=1)]
     used, numbered = np.unique(cells, return_inverse=True)
     triangles = numbered.reshape(-1, 3).astype(np.int64)
