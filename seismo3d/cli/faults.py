@@ -27,6 +27,9 @@ def run(
     smooth_tv: float | None = typer.Option(
         None, help="With --attributes: weight of a total-variation smoothing, such as 0.1. [default: none]"
     ),
+    unfault: bool = typer.Option(
+        False, "--unfault", help="Write the cube with the slip taken out, and a picture of it."
+    ),
     overwrite: Overwrite = False,
     json: Json = False,
     *,
@@ -35,8 +38,8 @@ def run(
     """Trace the faults of a cube or line: surfaces, sticks, table, SEG-Y volumes, pictures and report.html.
 
     The folder gets surfaces.vtp (VTK), surfaces.ts (GOCAD), sticks_opendtect.txt, sticks_petrel.txt, faults.csv,
-    likelihood.sgy and labels.sgy on the input's own geometry, PNG pictures, report.html, run.json and faultset.npz. It
-    appears when all is done, or not at all.
+    likelihood.sgy and labels.sgy on the input's own geometry, PNG pictures, report.html, run.json and faultset.npz;
+    with --unfault, unfaulted.sgy. It appears when all is done, or not at all.
     """
     from seismo3d.cli._run_folder import check_run_folder
     from seismo3d.cli._stages import StageClock, say_timings
@@ -49,6 +52,8 @@ def run(
         raise ParameterError("--smooth-tv is given without --attributes; it smooths those. Add --attributes.")
     check_run_folder(out, inputs=[cube], overwrite=overwrite)
     opened = open_cube(cube, **reading)
+    if unfault and opened.ndim != 3:
+        raise ParameterError("--unfault is given for a 2D line; it takes the slip out of cubes. Leave it out.")
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
@@ -58,7 +63,11 @@ def run(
         faults = _trace(opened, aside, clock)
         if attributes:
             _write_attributes(opened, aside, smooth_tv, clock)
+        if unfault:
+            _write_unfaulted(opened, faults, aside, clock)
         asked = {**reading, "attributes": attributes, "smooth_tv": smooth_tv}
+        if unfault:
+            asked["unfault"] = True
         timings = _report(opened, faults, aside, clock, path=cube, asked=asked)
     (_print_json if json else _say)(out, faults, opened, timings)
     say_timings(timings)
@@ -91,6 +100,23 @@ def _write_attributes(cube: Any, folder: Path, smooth_tv: float | None, clock: P
     for number, (name, values) in enumerate(found.items(), start=1):
         write_segy(folder / f"attribute_{name}.sgy", cube.copy(data=values.data))
         clock("attributes: write", number / len(found))
+
+
+def _write_unfaulted(cube: Any, faults: Any, folder: Path, clock: Progress) -> None:
+    """Write the unfaulted cube, and its most faulted lines beside the same lines today."""
+    from matplotlib.figure import Figure
+
+    from seismo3d.io.segy import write_segy
+    from seismo3d.plot.sections import most_faulted_lines
+    from seismo3d.plot.unfaulted_sections import unfaulted_section
+    from seismo3d.seismic.unfaulting import unfault
+
+    found = unfault(cube, faults, progress=clock)
+    write_segy(folder / "unfaulted.sgy", found)
+    for name, line in list(most_faulted_lines(faults, cube).items())[:2]:
+        figure = Figure(figsize=(14.0, 5.6), layout="constrained")
+        unfaulted_section(cube, found, faults=faults, axes=figure.subplots(1, 2), **{name: line})
+        figure.savefig(folder / f"unfaulted_{name}_{line:g}.png", dpi=110)
 
 
 def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, asked: dict[str, Any]) -> dict[str, float]:

@@ -23,6 +23,11 @@ def run(
     seed: list[str] = typer.Option(
         [], help="INLINE,CROSSLINE,TIME of a point on a horizon; several times for several. [default: find horizons]"
     ),
+    horizon: list[Path] = typer.Option(
+        [],
+        help="File of a picked horizon (XYZ, IRAP classic, Charisma): points spread over it are the seeds of one "
+        "track; several times for several.",
+    ),
     faults: Path | None = typer.Option(None, help="Folder of a faults run of this cube. [default: no faults]"),
     event: str | None = typer.Option(None, help="peak, trough or zero. [default: the seed's own phase]"),
     count: int = typer.Option(5, min=1, help="Number of horizons to find where no seed is given."),
@@ -41,13 +46,17 @@ def run(
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
+    from seismo3d.io.horizons import read_horizon
     from seismo3d.seismic.faultset import FaultSet
+    from seismo3d.seismic.picks import horizon_seeds
     from seismo3d.seismic.track_exports import tabulate_tracks, write_tracks
     from seismo3d.seismic.tracks import trace_tracks
 
-    points = [_as_seed(text) for text in seed]
-    check_run_folder(out, inputs=[cube, *([faults] if faults else [])], overwrite=overwrite)
+    points: list[Any] = [_as_seed(text) for text in seed]
+    picked = [read_horizon(file) for file in horizon]
+    check_run_folder(out, inputs=[cube, *horizon, *([faults] if faults else [])], overwrite=overwrite)
     opened = open_cube(cube, **reading).load()
+    points += [horizon_seeds(entry, opened) for entry in picked]
     known = None if faults is None else FaultSet.load(faults)
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
@@ -56,7 +65,7 @@ def run(
         clock("export", 0.0)
         write_tracks(tracks, opened, directory=aside)
         _draw(opened, tracks, known, aside)
-        asked = {**reading, "seed": seed, "faults": faults, "event": event, "count": count}
+        asked = {**reading, "seed": seed, "horizon": horizon, "faults": faults, "event": event, "count": count}
         timings = clock.stop()
         write_record(aside / RECORD, {**describe_run(cube, options=asked), "timings_s": timings})
     if json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -187,7 +188,7 @@ def choose_faults(
     return [candidates[n] for n in np.flatnonzero(keep)]
 
 
-def _is_new(nodes: Float64Array, kept: list[cKDTree], settings: ChoiceSettings) -> bool:
+def _is_new(nodes: Float64Array, kept: Sequence[cKDTree], settings: ChoiceSettings) -> bool:
     """Tell whether a sheet does not double those chosen before."""
     taken = np.zeros(len(nodes), bool)
     for tree in kept:

@@ -83,3 +83,19 @@ def test_json_has_a_row_a_track(folded: SyntheticCube, tmp_path: Path, capsys: p
     assert [row["track"] for row in found["tracks"]] == [1, 2]
     assert {"dip", "shifts", "solve", "tracks", "export"} <= set(found["timings_s"])
     assert err.startswith("time     ")
+
+
+def test_picked_horizon_is_followed(folded: SyntheticCube, tmp_path: Path) -> None:
+    cube = folded.to_dataarray()
+    write_segy(tmp_path / "cube.sgy", cube)
+    truth = folded.horizons[2]
+    i, j = (a.ravel() for a in np.meshgrid(range(0, 24, 6), range(0, 28, 6), indexing="ij"))
+    z = 600 + 4 * truth[i, j]
+    picks = [f"INLINE : {1001 + a} XLINE : {2001 + b} 0 0 {c:.3f}" for a, b, c in zip(i, j, z) if np.isfinite(c)]
+    (tmp_path / "top.txt").write_text("\n".join(picks) + "\n")
+    words = ["tracks", str(tmp_path / "cube.sgy"), "--horizon", str(tmp_path / "top.txt"), "-o", str(tmp_path / "out")]
+    assert _run(words, debug=True) == 0
+    rows = [line.split() for line in (tmp_path / "out" / "track_01.charisma.txt").read_text().splitlines()]
+    table = np.array([[float(row[k]) for k in (2, 5, 8)] for row in rows])
+    a, b = (table[:, 0] - 1001).astype(int), (table[:, 1] - 2001).astype(int)
+    assert np.nanmedian(np.abs((table[:, 2] - 600) / 4 - truth[a, b])) < 0.5
