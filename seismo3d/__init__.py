@@ -6,6 +6,8 @@ The flow of data, top to bottom::
     trace_faults       cube -> FaultSet (likelihood, labels, throw, surfaces)
     layer_time         cube, FaultSet -> layer time of every voxel
     trace_tracks       cube, seeds, FaultSet -> Tracks (horizons through the cube and across its faults)
+    find_horizons      cube -> its best Tracks, without seeds
+    align_cubes        base, monitor -> shifts with their uncertainty, and the aligned monitor (time lapse)
     unfault            cube, FaultSet -> the cube with the slip taken out
     fracture_network   FaultSet -> FractureNetwork (who meets whom, density, orientations); flow_path through it
     read_sticks, read_horizon   an interpreter's picks -> seeds, or score_sticks and score_horizon
@@ -45,9 +47,11 @@ if TYPE_CHECKING:
     from seismo3d.seismic.faults import trace_faults
     from seismo3d.seismic.faultset import FaultSet
     from seismo3d.seismic.flow_paths import FlowPath, flow_path
+    from seismo3d.seismic.horizon_search import find_horizons
     from seismo3d.seismic.layer_time import layer_time
     from seismo3d.seismic.network import FractureNetwork, fracture_network
     from seismo3d.seismic.pick_scores import score_horizon, score_sticks
+    from seismo3d.seismic.time_lapse import align_cubes
     from seismo3d.seismic.tracks import Track, trace_tracks
     from seismo3d.seismic.unfaulting import unfault
 
@@ -62,9 +66,11 @@ _PUBLIC = {
     "Registration": "seismo3d.registration.result",
     "Scan": "seismo3d.scan",
     "Track": "seismo3d.seismic.tracks",
+    "align_cubes": "seismo3d.seismic.time_lapse",
     "align_pairs": "seismo3d.registration.align",
     "as_cube": "seismo3d.io.cubes",
     "describe": "seismo3d.features.describing",
+    "find_horizons": "seismo3d.seismic.horizon_search",
     "flow_path": "seismo3d.seismic.flow_paths",
     "fracture_network": "seismo3d.seismic.network",
     "layer_time": "seismo3d.seismic.layer_time",
@@ -94,9 +100,11 @@ __all__ = [
     "Scan",
     "Track",
     "__version__",
+    "align_cubes",
     "align_pairs",
     "as_cube",
     "describe",
+    "find_horizons",
     "flow_path",
     "fracture_network",
     "layer_time",

@@ -31,14 +31,16 @@ def run(
     """Build the fracture network of a faults run: intersections, connected zones, density, orientations, flow path.
 
     The folder gets network.graphml, network_faults.csv, intersections.csv, zones.csv, sets.csv, density.csv, pictures
-    (map.png, density.png, stereonet.png, rose.png), flow_path.csv and flow_path.png where a path is asked for, and
-    run.json with a summary. It appears when all is done, or not at all.
+    (map.png, density.png, stereonet.png, rose.png), flow_path.csv and flow_path.png where a path is asked for,
+    report.html, and run.json with a summary. It appears when all is done, or not at all.
     """
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
     from seismo3d.cli._stages import StageClock
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside
+    from seismo3d.plot.network_pictures import save_network_pictures
+    from seismo3d.plot.run_reports import network_page, write_page
     from seismo3d.seismic.faultset import FaultSet
     from seismo3d.seismic.flow_paths import flow_path
     from seismo3d.seismic.network import fracture_network
@@ -63,13 +65,19 @@ def run(
         clock("export", 0.0)
         write_network(network, faults.labels, directory=aside)
         clock("pictures", 0.0)
-        _draw(aside, network, faults, path)
+        pictures = save_network_pictures(aside, network, faults, path=path)
         asked = {"cell": cell, "reach": reach, "set_angle": set_angle, "from": start, "to": end, "contrast": contrast}
         record: dict[str, Any] = {**describe_run(source, options=asked), "network": summarise_network(network)}
         if path is not None:
             names = ("resistance", "length", "share_on_faults", "surfaces", "straight")
             record["flow_path"] = {name: getattr(path, name) for name in names}
-        write_record(aside / RECORD, {**record, "timings_s": clock.stop()})
+        record["timings_s"] = clock.stop()
+        page = network_page(
+            network, path, faults.labels, title=f"Fracture network of {folder.resolve().name}", pictures=pictures,
+            run={name: value for name, value in record.items() if name not in ("network", "flow_path")},
+        )  # fmt: skip
+        write_page(aside / "report.html", page)
+        write_record(aside / RECORD, record)
     _say(final, network, path)
 
 
@@ -87,32 +95,6 @@ def _as_end(word: str, cube: Any) -> Any:
 
         raise ParameterError(f"{word!r} has {len(values)} numbers; expected INLINE,CROSSLINE,TIME or a file's name.")
     return values
-
-
-def _draw(folder: Path, network: Any, faults: Any, path: Any) -> None:
-    from matplotlib.figure import Figure
-
-    from seismo3d.geometry.survey import SurveyGeometry
-    from seismo3d.plot.distributions import strike_rose
-    from seismo3d.plot.network_pictures import density_map, flow_path_views, network_map
-    from seismo3d.plot.stereonets import stereonet
-
-    cube = faults.labels
-    north = hasattr(cube, "dims") and SurveyGeometry.from_cube(cube).has_map
-
-    def save(name: str, size: tuple[float, float], draw: Any, **axes: Any) -> None:
-        figure = Figure(figsize=size, layout="constrained")
-        draw(figure.add_subplot(**axes))
-        figure.savefig(folder / name, dpi=130, bbox_inches="tight", pad_inches=0.08)
-
-    save("map.png", (7.5, 7.0), lambda ax: network_map(network, faults, cube, ax=ax))
-    save("density.png", (7.5, 6.5), lambda ax: density_map(network, cube, ax=ax))
-    save("stereonet.png", (5.6, 5.8), lambda ax: stereonet(network, from_north=north, ax=ax))
-    save("rose.png", (4.8, 4.6), lambda ax: strike_rose(faults, from_north=north, ax=ax), projection="polar")
-    if path is not None:
-        figure = Figure(figsize=(14.0, 4.8), layout="constrained")
-        flow_path_views(path, faults, cube, axes=figure.subplots(1, 3))
-        figure.savefig(folder / "flow_path.png", dpi=130)
 
 
 def _say(out: Path, network: Any, path: Any) -> None:

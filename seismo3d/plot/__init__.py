@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from seismo3d.plot.sections import likelihood, section
     from seismo3d.plot.stereonets import stereonet
     from seismo3d.plot.terrain_maps import change_map, lineament_rose, scarp_profile, terrain
+    from seismo3d.plot.time_lapse_sections import time_lapse_section
     from seismo3d.plot.track_pictures import track_map, track_section
     from seismo3d.plot.unfaulted_sections import unfaulted_section
 
@@ -45,6 +46,7 @@ _PUBLIC = {
     "terrain": "terrain_maps",
     "throw_histogram": "distributions",
     "throw_map": "maps",
+    "time_lapse_section": "time_lapse_sections",
     "time_slice": "maps",
     "track_map": "track_pictures",
     "track_section": "track_pictures",
@@ -72,6 +74,7 @@ __all__ = [
     "terrain",
     "throw_histogram",
     "throw_map",
+    "time_lapse_section",
     "time_slice",
     "track_map",
     "track_section",

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import new_axes
+from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, check_faults
 
@@ -142,6 +144,61 @@ def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | 
         f"Length {path.length:.0f}, {100 * path.share_on_faults:.0f} % on faults", loc="left", fontsize="medium"
     )
     return list(axes)
+
+
+def save_network_pictures(directory: str | Path, network: Any, faults: Any, *, path: Any = None) -> list[PictureFile]:
+    """Draw the pictures of a network run.
+
+    Parameters
+    ----------
+    directory : str or Path
+        A folder that is there.
+    network : FractureNetwork
+        The network.
+    faults : FaultSet
+        Its faults; their volumes give the coordinates.
+    path : FlowPath, optional
+        A flow path through them.
+
+    Returns
+    -------
+    list of PictureFile
+        ``map.png``, ``density.png``, ``stereonet.png``, ``rose.png``, and ``flow_path.png`` where there is a path.
+    """
+    from matplotlib.figure import Figure
+
+    from seismo3d.geometry.survey import SurveyGeometry
+    from seismo3d.plot.distributions import strike_rose
+    from seismo3d.plot.stereonets import stereonet
+
+    directory, cube = Path(directory), faults.labels
+    north = hasattr(cube, "dims") and SurveyGeometry.from_cube(cube).has_map
+    origin = "from north" if north else "from the inline axis: the cube has no map coordinates"
+    jobs: list[tuple[str, tuple[float, float], Any, dict[str, str], str]] = [
+        ("map", (7.5, 7.0), lambda ax: network_map(network, faults, cube, ax=ax), {},
+         "All faults from above, one colour a connected zone, and the lines in which they meet."),
+        ("density", (7.5, 6.5), lambda ax: density_map(network, cube, ax=ax), {},
+         "Fault area over volume, averaged over depth."),
+        ("stereonet", (5.6, 5.8), lambda ax: stereonet(network, from_north=north, ax=ax), {},
+         f"Poles of the faults, the mean plane of each set, and density after Kamb; azimuths {origin}."),
+        ("rose", (4.8, 4.6), lambda ax: strike_rose(faults, from_north=north, ax=ax), {"projection": "polar"},
+         f"Strike, {origin}. The area of a petal is its share of the fault area."),
+    ]  # fmt: skip
+    files = []
+    for name, size, draw, axes, caption in jobs:
+        figure = Figure(figsize=size, layout="constrained")
+        draw(figure.add_subplot(**axes))
+        figure.savefig(directory / f"{name}.png", dpi=130, bbox_inches="tight", pad_inches=0.08)
+        files.append(PictureFile(directory / f"{name}.png", caption, kind="half"))
+    if path is not None:
+        figure = Figure(figsize=(14.0, 4.8), layout="constrained")
+        flow_path_views(path, faults, cube, axes=figure.subplots(1, 3))
+        figure.savefig(directory / "flow_path.png", dpi=130)
+        caption = (
+            "The flow path from above and from two sides, over the fault likelihood near it; the circle is its start."
+        )
+        files.append(PictureFile(directory / "flow_path.png", caption))
+    return files
 
 
 def _likelihood_near(path: Any, faults: Any, *, reach: float = 8.0) -> tuple[Any, Any]:

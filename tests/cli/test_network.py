@@ -12,7 +12,7 @@ from seismo3d.seismic.exports import write_faults
 
 FILES = {
     "network.graphml", "network_faults.csv", "intersections.csv", "zones.csv", "sets.csv", "density.csv", "map.png",
-    "density.png", "stereonet.png", "rose.png", "run.json",
+    "density.png", "stereonet.png", "rose.png", "report.html", "run.json",
 }  # fmt: skip
 
 
@@ -44,6 +44,10 @@ def test_network_is_written_beside_the_faults(folder: Path, capsys: pytest.Captu
     assert "--overwrite" in capsys.readouterr().err
     assert run("network", folder, "--overwrite", "--cell", "8") == 0
     assert not [path for path in folder.iterdir() if path.name.startswith(".")]
+    page = (folder / "network" / "report.html").read_text()
+    assert page.count("data:image/png;base64") == 4
+    assert "Connected zones" in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
 
 
 def test_flow_path_from_a_point_to_a_horizon(folder: Path, tmp_path: Path) -> None:
