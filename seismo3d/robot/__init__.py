@@ -1,0 +1,1 @@
+"""Dense maps and trajectories from RGB-D cameras without odometry."""
