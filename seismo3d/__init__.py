@@ -11,6 +11,7 @@ The flow of data, top to bottom::
     match              images, sections or cubes -> Matches (places in common, with angle and scale)
     describe           image or cube -> Features, to be matched many times; PlaceIndex finds the like among them
     terrain            elevation maps: alignment, change, lineaments and scarps
+    robot              dense maps and trajectories from RGB-D cameras; ways for a robot through them
     plot               sections, time slices and 3D scenes
 
 Every name is imported when it is first used, so that ``import seismo3d`` stays light.
@@ -24,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from seismo3d import plot, synthetic, terrain
+    from seismo3d import plot, robot, synthetic, terrain
     from seismo3d.features.describing import Features, describe
     from seismo3d.features.matching import Matches, match
     from seismo3d.features.places import PlaceIndex
@@ -60,7 +61,7 @@ _PUBLIC = {
     "trace_tracks": "seismo3d.seismic.tracks",
     "write_segy": "seismo3d.io.segy",
 }
-_MODULES = ("plot", "synthetic", "terrain")
+_MODULES = ("plot", "robot", "synthetic", "terrain")
 
 __all__ = [
     "Constraints",
@@ -80,6 +81,7 @@ __all__ = [
     "open_cube",
     "plot",
     "register",
+    "robot",
     "synthetic",
     "terrain",
     "trace_faults",

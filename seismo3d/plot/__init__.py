@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from seismo3d.plot.match_pictures import matches
     from seismo3d.plot.rendering import save_scene
     from seismo3d.plot.reports import write_report
+    from seismo3d.plot.robot_maps import occupancy_map
     from seismo3d.plot.scenes import cube
     from seismo3d.plot.sections import likelihood, section
     from seismo3d.plot.terrain_maps import change_map, lineament_rose, scarp_profile, terrain
@@ -26,6 +27,7 @@ _PUBLIC = {
     "likelihood": "sections",
     "lineament_rose": "terrain_maps",
     "matches": "match_pictures",
+    "occupancy_map": "robot_maps",
     "save_scene": "rendering",
     "scarp_profile": "terrain_maps",
     "section": "sections",
@@ -45,6 +47,7 @@ __all__ = [
     "likelihood",
     "lineament_rose",
     "matches",
+    "occupancy_map",
     "save_scene",
     "scarp_profile",
     "section",

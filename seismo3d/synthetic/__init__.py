@@ -1,4 +1,4 @@
-"""Cubes and sections whose faults, throws, layer times and horizons are known exactly."""
+"""Cubes, sections and RGB-D sequences whose faults, horizons, surfaces and poses are known exactly."""
 
 from __future__ import annotations
 
@@ -9,14 +9,18 @@ from seismo3d.synthetic.faulting import FaultPopulation, SyntheticFault, sample_
 from seismo3d.synthetic.folding import Folding, sample_folding
 from seismo3d.synthetic.noise import apply_agc, coloured_noise, migration_smiles
 from seismo3d.synthetic.recipes import KINDS, CubeRecipe, recipe_of
+from seismo3d.synthetic.rgbd import DepthNoise, RgbdFrame, RgbdSequence, rgbd_sequence
 from seismo3d.synthetic.wavelets import ricker
 
 __all__ = [
     "KINDS",
     "Channel",
     "CubeRecipe",
+    "DepthNoise",
     "FaultPopulation",
     "Folding",
+    "RgbdFrame",
+    "RgbdSequence",
     "SyntheticCube",
     "SyntheticFault",
     "apply_agc",
@@ -27,6 +31,7 @@ __all__ = [
     "migration_smiles",
     "present_slip",
     "recipe_of",
+    "rgbd_sequence",
     "ricker",
     "sample_faults",
     "sample_folding",
