@@ -71,7 +71,7 @@ def enter_keys(
     table: Int32Array,
     shift: int,
 ) -> int:
-    """Number the blocks of some keys, new ones from ``count`` on, in order; return the count afterwards."""
+    """Give numbers to the blocks of some keys, new ones from ``count`` on, in order; return the count afterwards."""
     for i in range(keys.shape[0]):
         if insert_block(keys[i], count, table_keys, table, shift):
             held[count] = keys[i]
@@ -110,7 +110,7 @@ def touched_blocks(
     table_keys = np.empty(1 << bits, dtype=np.int64)
     found = np.empty(1 << bits, dtype=np.int64)
     count = 0
-    n_samples = int(math.ceil(2.0 * band / (0.6 * block))) + 1
+    n_samples = math.ceil(2.0 * band / (0.6 * block)) + 1
     for r in range(0, rows, step):
         for c in range(0, columns, step):
             z = vertices[r, c, 2]
@@ -158,7 +158,7 @@ def pixel_table(rows: int, columns: int, margin: int, lens: Float64Array) -> Int
             f = 1.0 + r2 * (lens[4] + r2 * (lens[5] + r2 * lens[8]))
             u = x * f + 2.0 * lens[6] * x * y + lens[7] * (r2 + 2.0 * x * x)
             v = y * f + lens[6] * (r2 + 2.0 * y * y) + 2.0 * lens[7] * x * y
-            cc, rr = int(math.floor(fx * u + cx + 0.5)), int(math.floor(fy * v + cy + 0.5))
+            cc, rr = math.floor(fx * u + cx + 0.5), math.floor(fy * v + cy + 0.5)
             if 0 <= cc < columns and 0 <= rr < rows and r2 < 1.5:
                 out[r, c] = rr * columns + cc
     return out

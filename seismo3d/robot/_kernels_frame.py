@@ -12,7 +12,7 @@ from seismo3d._typing import Float32Array
 
 @nb.njit(cache=True, nogil=True, inline="always")
 def depth_sigma(z: float) -> float:
-    """Standard deviation of a structured-light sensor's depth, metres (Nguyen, Izadi, Lovell 2012)."""
+    """Return the standard deviation of a structured-light sensor's depth, metres (Nguyen, Izadi, Lovell 2012)."""
     return 0.0012 + 0.0019 * (z - 0.4) * (z - 0.4)
 
 
@@ -62,7 +62,7 @@ def halve(depth: Float32Array, rays: Float32Array, near: float, far: float) -> F
 
 @nb.njit(cache=True, nogil=True)
 def grid_normals(vertices: Float32Array, reach: int) -> Float32Array:
-    """Unit normals (rows, columns, 3) towards the camera from differences over +-reach; zero at jumps of depth."""
+    """Return unit normals (rows, columns, 3) towards the camera over +-reach pixels; zero at jumps of depth."""
     rows, columns, _ = vertices.shape
     out = np.zeros((rows, columns, 3), dtype=np.float32)
     for r in range(reach, rows - reach):
@@ -140,8 +140,8 @@ def freeze_shutter(depth: Float32Array, rays: Float32Array, motion: Float32Array
             nz = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
             if nz < 0.05:
                 continue
-            cc = int(math.floor(c + focal[0] * (nx / nz - rays[r, c, 0]) + 0.5))
-            rr = int(math.floor(r + focal[1] * (ny / nz - rays[r, c, 1]) + 0.5))
+            cc = math.floor(c + focal[0] * (nx / nz - rays[r, c, 0]) + 0.5)
+            rr = math.floor(r + focal[1] * (ny / nz - rays[r, c, 1]) + 0.5)
             if 0 <= cc < columns and 0 <= rr < rows and (out[rr, cc] == 0.0 or nz < out[rr, cc]):
                 out[rr, cc] = nz
     return out
@@ -173,8 +173,8 @@ def colour_at_depth(
                 if nz < 0.05:
                     rr = -1
                     break
-                cc = int(math.floor(c + focal[0] * (nx / nz - rays[r, c, 0]) + 0.5))
-                rr = int(math.floor(r + focal[1] * (ny / nz - rays[r, c, 1]) + 0.5))
+                cc = math.floor(c + focal[0] * (nx / nz - rays[r, c, 0]) + 0.5)
+                rr = math.floor(r + focal[1] * (ny / nz - rays[r, c, 1]) + 0.5)
                 if not (0 <= cc < columns and 0 <= rr < rows):
                     rr = -1
                     break

@@ -42,8 +42,8 @@ def tile_bounds(
         y = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
         u, v = fx * x / z + cx, fy * y / z + cy
         reach_u, reach_v = 1.1 * fx * radius / z + 1.0, 1.1 * fy * radius / z + 1.0
-        c0, c1 = max(0, int(math.floor((u - reach_u) / tile))), min(tile_columns - 1, int((u + reach_u) / tile))
-        r0, r1 = max(0, int(math.floor((v - reach_v) / tile))), min(tile_rows - 1, int((v + reach_v) / tile))
+        c0, c1 = max(0, math.floor((u - reach_u) / tile)), min(tile_columns - 1, int((u + reach_u) / tile))
+        r0, r1 = max(0, math.floor((v - reach_v) / tile)), min(tile_rows - 1, int((v + reach_v) / tile))
         if u + reach_u < 0.0 or v + reach_v < 0.0 or c0 > c1 or r0 > r1:
             continue
         seen[count] = n
@@ -216,7 +216,7 @@ def _refine(
     low, high = low - 0.5 * span, high + 0.5 * span
     f_low, f_high = np.nan, np.nan
     s = low
-    n_steps = int(math.ceil((high - low) / (0.5 * span)))
+    n_steps = math.ceil((high - low) / (0.5 * span))
     step = (high - low) / n_steps
     found = False
     for _ in range(n_steps + 1):

@@ -31,7 +31,7 @@ def project_pairs(
     sigma: Float64Array,
     residual: Float64Array,
 ) -> tuple[int, int]:
-    """Pair vertices with what the prediction shows at their pixel; write the pairs; return their number and that of the vertices tried.
+    """Pair vertices with what the prediction shows at their pixel; return how many there are, and how many were tried.
 
     (R, t) is the frame's pose, (R_seen, t_seen) and ``lens`` those of the prediction. Pairs farther apart than
     ``reach`` or whose normals differ by more than the angle of ``cosine`` are left out. ``sigma`` is the standard
@@ -56,7 +56,7 @@ def project_pairs(
                 continue
             u = lens[0] * (R_seen[0, 0] * dx + R_seen[1, 0] * dy + R_seen[2, 0] * dz) / depth + lens[2]
             v = lens[1] * (R_seen[0, 1] * dx + R_seen[1, 1] * dy + R_seen[2, 1] * dz) / depth + lens[3]
-            cc, rr = int(math.floor(u + 0.5)), int(math.floor(v + 0.5))
+            cc, rr = math.floor(u + 0.5), math.floor(v + 0.5)
             if cc < 0 or rr < 0 or cc >= seen_columns or rr >= seen_rows:
                 continue
             qx = np.float64(points_seen[rr, cc, 0])

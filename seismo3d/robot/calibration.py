@@ -94,7 +94,7 @@ def calibrate_timing(frames: Sequence[RgbdFrame], camera: Camera, *, progress: P
 
 
 def _vertex(places: Sequence[float], values: Sequence[float]) -> float:
-    """Place of the least value of a parabola through the points, within their range; of the least one if it has none."""
+    """Place of a parabola's least value within the points' range; of the least point where it opens downwards."""
     a, b, _ = np.polyfit(places, values, 2)
     if not a > 0.0:
         return float(places[int(np.argmin(values))])

@@ -18,7 +18,6 @@ import numpy as np
 from seismo3d._typing import Float64Array
 from seismo3d.geometry.rotations import exp_rotation, invert_transform, left_jacobian, log_rotation, skew
 
-
 _FLOOR = 0.0015**2
 """Variance that a registration has at least, rad^2 and m^2: the map's own errors are not in its covariance."""
 

@@ -7,6 +7,7 @@ back), in the views that looked most alike, so that coming back to a place ties 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -226,7 +227,7 @@ def _follow(
 
     start, guess = (np.ascontiguousarray(p, dtype=np.float32).reshape(-1, 1, 2) for p in (pixels, expected))
     side = 2 * radius + 1
-    options = {
+    options: dict[str, Any] = {
         "winSize": (side, side),
         "maxLevel": 3,
         "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01),

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -17,8 +18,10 @@ from seismo3d.robot.calibration import calibrate_timing
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
 from seismo3d.robot.ekf import MotionFilter, adjoint, exp_motion, log_motion
 from seismo3d.robot.frames import Measured, Measurer, MeasureSettings, Timing
-from seismo3d.robot.landmarks import Sightings, View, make_view, sight_landmarks, time_sightings
+from seismo3d.robot.ground import make_ground, make_occupancy
+from seismo3d.robot.landmarks import View, make_view, sight_landmarks, time_sightings
 from seismo3d.robot.mesh import Mesh, extract_mesh
+from seismo3d.robot.occupancy import Occupancy
 from seismo3d.robot.tracking import TERMS, Located, locate
 from seismo3d.robot.trajectory import TimedPose, Trajectory
 from seismo3d.robot.tsdf import Prediction, SurfaceMap
@@ -165,6 +168,14 @@ class Mapper:
     def mesh(self) -> Mesh:
         """Return the mapped surface as triangles with colours."""
         return extract_mesh(self.surface)
+
+    def occupancy(self, *, cell: float = 0.05) -> Occupancy:
+        """Return the map from above: free, occupied, unknown; see :func:`seismo3d.robot.ground.make_occupancy`."""
+        return make_occupancy(self.mesh(), cell=cell)
+
+    def elevation(self, *, cell: float = 0.05) -> Any:
+        """Return the mapped ground as an elevation map; see :func:`seismo3d.robot.ground.make_ground`."""
+        return make_ground(self.mesh(), cell=cell)
 
     def _start_afresh(self) -> None:
         s = self.settings

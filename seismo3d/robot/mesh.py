@@ -93,7 +93,7 @@ def extract_mesh(surface: SurfaceMap, *, least_weight: float = 1.0) -> Mesh:
         mask[1:, 1:, 1:] = whole
         try:
             found, faces, _, _ = marching_cubes(
-                np.where(known, distance, 1.0), 0.0, mask=mask, gradient_direction="ascent"
+                np.where(known, distance, 1.0), 0.0, mask=mask, gradient_direction="descent"
             )
         except (RuntimeError, ValueError):  # no triangle in the cells that are wholly known
             continue

@@ -192,8 +192,8 @@ def _side_by_side(colour: Path, depth: Path, folder: Path, max_difference: float
         return _by_time(sorted(timed[0]), sorted(timed[1]), folder, max_difference)
     if len(listed[0]) != len(listed[1]):
         raise FormatError(
-            f"{folder} holds {len(listed[0])} colour and {len(listed[1])} depth images without stamps; expected as many "
-            "of one as of the other. Write an associations.txt."
+            f"{folder} holds {len(listed[0])} colour and {len(listed[1])} depth images without stamps; expected "
+            "as many of one as of the other. Write an associations.txt."
         )
     ordered = [sorted(images, key=_natural) for images in listed]
     return _sorted([_Entry(i * _RATE, c, i * _RATE, d) for i, (c, d) in enumerate(zip(*ordered))], folder)
@@ -206,8 +206,8 @@ def _by_time(
     entries = [_Entry(*colour[i], *depth[j]) for i, j in pairs]
     if not entries and colour and depth:
         raise FormatError(
-            f"{folder} holds {len(colour)} colour and {len(depth)} depth images, none within {max_difference} s of each "
-            "other; expected synchronised stamps. Raise max_difference, or write an associations.txt."
+            f"{folder} holds {len(colour)} colour and {len(depth)} depth images, none within {max_difference} s "
+            "of each other; expected synchronised stamps. Raise max_difference, or write an associations.txt."
         )
     return _sorted(entries, folder)
 
@@ -247,8 +247,10 @@ def _find_camera(folder: Path, layout: str) -> Camera:
 def _as_camera(fields: dict[str, Any], path: Path) -> Camera:
     try:
         camera = as_robot_camera(fields)
-        extra = {name: float(fields[name]) for name in ("readout", "depth_delay", "clock_offset") if name in fields}
-        return replace(camera, name=str(fields.get("name", "camera")), **extra)
+        times: dict[str, Any] = {
+            name: float(fields[name]) for name in ("readout", "depth_delay", "clock_offset") if name in fields
+        }
+        return replace(camera, name=str(fields.get("name", "camera")), **times)
     except (TypeError, ValueError, Seismo3dError) as error:
         raise FormatError(f"{path} does not describe a camera: {error}") from error
 
