@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d.plot.drawing import new_axes
-import itertools
 
 
 def trajectory_plot(trajectory: Any, *, ax: Any = None) -> Any:
