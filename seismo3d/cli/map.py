@@ -9,7 +9,8 @@ import typer
 
 if TYPE_CHECKING:
     from seismo3d._typing import Progress
-    from seismo3d.robot.mapper import Mapper, Tracked
+    from seismo3d.robot.mapper import Mapper
+    from seismo3d.robot.results import Tracked
     from seismo3d.robot.sequence import RgbdSequence
 
 _CALIBRATED = 90
@@ -41,7 +42,8 @@ def run(
     from seismo3d.errors import GeometryError
     from seismo3d.io._files import written_aside
     from seismo3d.robot.frames import MeasureSettings
-    from seismo3d.robot.mapper import Mapper, MapperSettings
+    from seismo3d.robot.mapper import Mapper
+    from seismo3d.robot.results import MapperSettings
     from seismo3d.robot.sequence import read_sequence
 
     check_run_folder(out, inputs=[sequence], overwrite=overwrite)
@@ -105,7 +107,7 @@ def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked]) -> dict[s
         "path_m": round(mapper.trajectory.length, 3),
         "readout_ms": [round(1e3 * (camera.readout or 0.0), 2) for camera in mapper.cameras],
         "depth_delay_ms": [round(1e3 * (camera.depth_delay or 0.0), 2) for camera in mapper.cameras],
-        "map_mb": round(mapper.surface.n_bytes / 1e6, 1),
+        "map_mb": round(mapper.state.surface.n_bytes / 1e6, 1),
     }
 
 

@@ -1,9 +1,9 @@
 r"""Poses from relative poses: the sparse, robust solve of a pose graph.
 
 Each edge says where one pose is seen from another, :math:`Z_{ij} \approx T_i^{-1} T_j`, with an information matrix. The
-sum over the edges of :math:`\rho(e^T \Omega e)`, :math:`e = \log(Z_{ij}^{-1} T_i^{-1} T_j)`, is minimised over all poses
-by Levenberg and Marquardt's method on SE(3) with a sparse factorisation. Edges that may be wrong (loop closures) go
-through the Geman-McClure kernel, whose closed form is that of dynamically scaled covariances [1]_; the scale starts
+sum over the edges of :math:`\rho(e^T \Omega e)`, :math:`e = \log(Z_{ij}^{-1} T_i^{-1} T_j)`, is minimised over all
+poses by Levenberg and Marquardt's method on SE(3) with a sparse factorisation. Edges that may be wrong (loop closures)
+go through the Geman-McClure kernel, whose closed form is that of dynamically scaled covariances [1]_; the scale starts
 wide and shrinks (graduated non-convexity), so that a closure that agrees with the others isn't lost to a bad start.
 
 Tangent vectors are (rotation, translation). Perturbations of the poses are on the right here, in each pose's own frame,
@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -282,7 +283,7 @@ def _cost(graph: PoseGraph, squared: Float64Array, width: float) -> float:
 
 def _normal_equations(
     graph: PoseGraph, T: Float64Array, errors: Float64Array, weights: Float64Array, free: Int64Array
-) -> tuple[object, Float64Array]:
+) -> tuple[Any, Float64Array]:
     """Sparse H and g of the free poses, for perturbations on the right of the poses."""
     from scipy.sparse import coo_array
 
@@ -312,11 +313,11 @@ def _normal_equations(
     return coo_array(triplets, shape=(size, size)).tocsc(), g.ravel()
 
 
-def _solve_damped(H: object, g: Float64Array, damping: float) -> Float64Array:
+def _solve_damped(H: Any, g: Float64Array, damping: float) -> Float64Array:
     from scipy.sparse import diags_array
     from scipy.sparse.linalg import splu
 
-    diagonal = H.diagonal()  # type: ignore[attr-defined]
+    diagonal = H.diagonal()
     floor = 1e-9 * max(float(diagonal.max(initial=0.0)), 1e-12)
     return np.asarray(splu((H + diags_array(damping * diagonal + floor)).tocsc()).solve(-g))
 

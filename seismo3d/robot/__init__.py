@@ -8,23 +8,25 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from seismo3d.robot.calibration import calibrate_timing
     from seismo3d.robot.camera import Camera, RgbdFrame
-    from seismo3d.robot.mapper import Mapper, MapperSettings, Tracked
+    from seismo3d.robot.mapper import Mapper
     from seismo3d.robot.occupancy import Occupancy
     from seismo3d.robot.planning import Path, Planner, RobotLimits, plan_path
+    from seismo3d.robot.results import Closed, MapperSettings, Tracked
     from seismo3d.robot.sequence import RgbdSequence, read_sequence
     from seismo3d.robot.trajectory import Trajectory
 
 _PUBLIC = {
     "Camera": "camera",
+    "Closed": "results",
     "Mapper": "mapper",
-    "MapperSettings": "mapper",
+    "MapperSettings": "results",
     "Occupancy": "occupancy",
     "Path": "planning",
     "Planner": "planning",
     "RgbdFrame": "camera",
     "RgbdSequence": "sequence",
     "RobotLimits": "planning",
-    "Tracked": "mapper",
+    "Tracked": "results",
     "Trajectory": "trajectory",
     "calibrate_timing": "calibration",
     "plan_path": "planning",
@@ -33,6 +35,7 @@ _PUBLIC = {
 
 __all__ = [
     "Camera",
+    "Closed",
     "Mapper",
     "MapperSettings",
     "Occupancy",

@@ -230,8 +230,10 @@ def fuse_blocks(
                     if not w > zero:
                         continue
                     ahead = pixels[pixel, 0] - vz
-                    if ahead > band4 + band4 or ahead < -band4 - band4:
+                    if ahead < -band4 - band4:
                         continue
+                    if ahead > band4 + band4 and not distance[number, index] < band4:
+                        continue  # free already
                     ahead *= f4(math.sqrt(one + (vx * vx + vy * vy) * inverse * inverse)) * pixels[pixel, 1]
                     if ahead < -band4:
                         continue

@@ -122,7 +122,8 @@ def _halve_camera(camera: Camera) -> Camera:
 
 def _rehearse(frames: Sequence[RgbdFrame], camera: Camera) -> float:
     """Map frames roughly; return the mean logarithm of the misfits."""
-    from seismo3d.robot.mapper import Mapper, MapperSettings
+    from seismo3d.robot.mapper import Mapper
+    from seismo3d.robot.results import MapperSettings
 
     mapper = Mapper(camera, settings=MapperSettings(voxel_size=0.016))
     logs = []

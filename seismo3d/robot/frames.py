@@ -99,7 +99,7 @@ class Measurer:
         self.settings = settings
         self._rays: Float32Array | None = None
 
-    def rays(self, shape: tuple[int, int]) -> Float32Array:
+    def rays(self, shape: tuple[int, ...]) -> Float32Array:
         """Return the ray (x, y at depth 1) of each pixel of an image of a shape."""
         if self._rays is None or self._rays.shape[:2] != shape:
             rows, columns = shape
@@ -133,9 +133,6 @@ class Measurer:
         shutter = (np.arange(rows) / rows - 0.5) * timing.readout
         if timing.readout > 0.0 and np.any(twist):
             depth = kernels.freeze_shutter(depth, rays, _row_motions(twist, shutter), focal)
-        vertices = kernels.halve(depth, rays, self.settings.near, self.settings.far)
-        normals = kernels.grid_normals(vertices, 2)
-        pixels = kernels.weigh_pixels(depth, vertices, normals, self.settings.far)
         colour = np.zeros((0, 0, 3), dtype=np.uint8)
         grey = None
         if frame.rgb is not None:
@@ -144,6 +141,13 @@ class Measurer:
             grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
             motion = _row_motions(-twist, shutter + timing.colour_lead)
             colour = kernels.colour_at_depth(frame.rgb, depth, rays, motion, focal)
+        return self.measured(depth, colour, grey)
+
+    def measured(self, depth: Float32Array, colour: AnyArray, grey: AnyArray | None = None) -> Measured:
+        """Measure a depth image in metres, free of the shutter's effect, with the colour of each pixel."""
+        vertices = kernels.halve(depth, self.rays(depth.shape), self.settings.near, self.settings.far)
+        normals = kernels.grid_normals(vertices, 2)
+        pixels = kernels.weigh_pixels(depth, vertices, normals, self.settings.far)
         return Measured(depth, vertices, normals, pixels, colour, grey)
 
     def _metres(self, frame: RgbdFrame) -> Float32Array:

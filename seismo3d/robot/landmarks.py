@@ -41,6 +41,11 @@ class View:
     points: Float64Array
     camera: int = 0
 
+    def moved(self, change: Float64Array) -> View:
+        """Return the view after a change (4, 4) of the world's frame."""
+        points = self.points @ change[:3, :3].T + change[:3, 3]
+        return View(change @ self.T_world_camera, self.grey, self.pixels, points, self.camera)
+
     def apart(self, T_world_camera: Float64Array) -> float:
         """Return how far another view is: angle between the two in radians plus half the distance in metres."""
         turn = (np.trace(self.T_world_camera[:3, :3].T @ T_world_camera[:3, :3]) - 1.0) / 2.0
@@ -141,7 +146,7 @@ def time_sightings(
 
 
 def make_view(
-    grey: AnyArray,
+    grey: AnyArray | None,
     lens: PinholeCamera,
     prediction: Prediction,
     twist: Float64Array,
@@ -154,7 +159,7 @@ def make_view(
 
     Parameters
     ----------
-    grey : ndarray of shape (rows, columns), uint8
+    grey : ndarray of shape (rows, columns), uint8, or None
     lens : PinholeCamera
     prediction : Prediction
         The map, with this frame in it, cast at the depth's pose.
@@ -171,6 +176,8 @@ def make_view(
 
     T = prediction.T_world_camera
     T_colour = T @ exp_motion(twist * timing.colour_lead)
+    if grey is None:
+        return View(T_colour, np.empty((0, 0), np.uint8), np.empty((0, 2)), np.empty((0, 3)), camera)
     corners = cv2.goodFeaturesToTrack(grey, n_corners, 0.002, 7)
     pixels = np.empty((0, 2)) if corners is None else corners.reshape(-1, 2).astype(np.float64)
     seen = time_sightings(np.zeros((len(pixels), 3)), pixels, lens, twist, timing, grey.shape)

@@ -111,6 +111,7 @@ class SurfaceMap:
         camera: PinholeCamera,
         T_world_camera: Float64Array,
         *,
+        carve: bool = False,
         pool: ThreadPoolExecutor,
         n_threads: int,
     ) -> None:
@@ -122,12 +123,19 @@ class SurfaceMap:
         camera : PinholeCamera
         T_world_camera : ndarray of shape (4, 4), float64
             Pose at the time of the depth.
+        carve : bool
+            Whether what the frame sees through is cleared, too; costs as much again.
         pool, n_threads
             Where the work goes; the result doesn't depend on it.
         """
         R, t = _parts(T_world_camera)
         keys = blocks.touched_blocks(measured.vertices, 2, R, t, self.block_size, self.band + self.voxel_size)
         numbers = self.add_blocks(keys)
+        if carve:
+            rows, columns = measured.depth.shape
+            every = self.coordinates[: self.n_blocks]
+            _, seen = rays.tile_bounds(every, self.block_size, R, t, lens_numbers(camera), rows, columns, TILE)
+            numbers = np.union1d(numbers, seen)
         lens = lens_numbers(camera)
         table = self._pixel_table(camera, measured.depth.shape)
         rgb = measured.colour.reshape(-1, 3)
