@@ -10,7 +10,7 @@ import typer
 if TYPE_CHECKING:
     from seismo3d._typing import Progress
     from seismo3d.robot.mapper import Mapper
-    from seismo3d.robot.results import Tracked
+    from seismo3d.robot.results import Closed, Tracked
     from seismo3d.robot.sequence import RgbdSequence
 
 _CALIBRATED = 90
@@ -28,13 +28,15 @@ def run(
     total_variation: float = typer.Option(0.0, help="Strength of total-variation denoising of depth, metres."),
     cell: float = typer.Option(0.05, help="Side of the cells of the maps from above, metres."),
     max_difference: float = typer.Option(0.02, help="Stamps of colour and depth farther apart are no pair, seconds."),
+    close_loops: bool = typer.Option(True, help="Find places seen twice, and make the map anew from corrected poses."),
     threads: int = typer.Option(0, help="[default: one a core]", show_default=False),
     overwrite: bool = typer.Option(False, "--overwrite", help="Replace the results of an earlier run in the folder."),
 ) -> None:
     """Map an RGB-D sequence: where the camera was, and the surface that it saw.
 
-    The folder gets trajectory.txt (TUM format), states.csv, mesh.ply, occupancy.npz, elevation.tif (.npz where
-    rasterio is not installed), trajectory.png, occupancy.png, map.png, report.html and run.json.
+    The folder gets trajectory.txt (TUM format), states.csv, mesh.ply, graph.g2o, occupancy.npz, elevation.tif (.npz
+    where rasterio is not installed), map.npz to go on from, trajectory.png, occupancy.png, map.png, report.html and
+    run.json.
     """
     from seismo3d.cli._run_folder import RECORD, check_run_folder, find_versions, write_record
     from seismo3d.cli._stages import StageClock
@@ -61,8 +63,12 @@ def run(
             found.append(mapper.add(frame))
         if len(mapper.trajectory) == 0:
             raise GeometryError(f"no frame of {sequence} has depth to map; expected depth images in depth_scale units.")
+        closed = None
+        if close_loops:
+            clock("loops", 0.0)
+            closed = mapper.close_loops()
         clock("export", 0.0)
-        facts = _facts(mapper, opened, found)
+        facts = _facts(mapper, opened, found, closed)
         _write(mapper, opened, found, aside, cell)
         timings = clock.stop()
         options = {"voxel_size": voxel_size, "far": far, "total_variation": total_variation, "cell": cell}
@@ -95,7 +101,7 @@ def _calibrated(opened: RgbdSequence, show: Progress) -> list[Any]:
     return cameras
 
 
-def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked]) -> dict[str, Any]:
+def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], closed: Closed | None) -> dict[str, Any]:
     from collections import Counter
 
     states = Counter(tracked.state for tracked in found)
@@ -104,6 +110,8 @@ def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked]) -> dict[s
         "located": sum(tracked.is_located for tracked in found),
         "lost": states["lost"],
         "empty": states["empty"],
+        "keyframes": len(mapper.state.views),
+        "closures": 0 if closed is None else closed.n_agreeing,
         "path_m": round(mapper.trajectory.length, 3),
         "readout_ms": [round(1e3 * (camera.readout or 0.0), 2) for camera in mapper.cameras],
         "depth_delay_ms": [round(1e3 * (camera.depth_delay or 0.0), 2) for camera in mapper.cameras],
@@ -114,24 +122,21 @@ def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked]) -> dict[s
 def _write(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], folder: Path, cell: float) -> None:
     from importlib.util import find_spec
 
+    from seismo3d.graph.poses import write_g2o
     from seismo3d.io.elevation import write_elevation
     from seismo3d.robot.ground import make_ground, make_occupancy
 
     mapper.trajectory.save_tum(folder / "trajectory.txt")
+    write_g2o(folder / "graph.g2o", mapper.graph)
+    mapper.save(folder / "map.npz")
     lines = ["time,state,planes,landmarks,plane_spread,landmark_spread_px"]
     for time, tracked in zip(opened.times, found):
         located = tracked.located
-        numbers = (
-            ["", "", "", ""]
-            if located is None
-            else [
-                str(located.n_planes),
-                str(located.n_landmarks),
-                f"{located.plane_spread:.3f}",
-                f"{located.landmark_spread:.3f}",
-            ]
-        )
-        lines.append(",".join([f"{time:.6f}", tracked.state, *numbers]))
+        row = f"{time:.6f},{tracked.state},,,,"
+        if located is not None:
+            spreads = f"{located.plane_spread:.3f},{located.landmark_spread:.3f}"
+            row = f"{time:.6f},{tracked.state},{located.n_planes},{located.n_landmarks},{spreads}"
+        lines.append(row)
     (folder / "states.csv").write_text("\n".join(lines) + "\n", encoding="ascii")
     mesh = mapper.mesh()
     mesh.save(folder / "mesh.ply")
