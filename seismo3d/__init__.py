@@ -16,7 +16,7 @@ The flow of data, top to bottom::
     match              images, sections or cubes -> Matches (places in common, with angle and scale)
     describe           image or cube -> Features, to be matched many times; PlaceIndex finds the like among them
     terrain            elevation maps: alignment, change, lineaments and scarps
-    robot              ways for a robot through a map
+    robot              dense maps and trajectories from RGB-D cameras; ways for a robot through them
     plot               sections, time slices and 3D scenes
     viewer             the same in the browser or a notebook, to trace from clicks and to edit
 

@@ -1,4 +1,4 @@
-"""The robot side: maps of where a robot may go, and ways through them."""
+"""The robot side: dense maps and trajectories from RGB-D cameras, and ways through them."""
 
 from __future__ import annotations
 
@@ -6,18 +6,50 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from seismo3d.robot.calibration import calibrate_timing
+    from seismo3d.robot.camera import Camera, RgbdFrame
+    from seismo3d.robot.mapper import Mapper
     from seismo3d.robot.occupancy import Occupancy
     from seismo3d.robot.planning import Path, Planner, RobotLimits, plan_path
+    from seismo3d.robot.results import Closed, MapperSettings, Tracked
+    from seismo3d.robot.sequence import RgbdSequence, read_sequence
+    from seismo3d.robot.trajectory import Trajectory
 
 _PUBLIC = {
+    "Camera": "camera",
+    "Closed": "results",
+    "Mapper": "mapper",
+    "MapperSettings": "results",
     "Occupancy": "occupancy",
     "Path": "planning",
     "Planner": "planning",
+    "RgbdFrame": "camera",
+    "RgbdSequence": "sequence",
     "RobotLimits": "planning",
+    "Tracked": "results",
+    "Trajectory": "trajectory",
+    "calibrate_timing": "calibration",
     "plan_path": "planning",
+    "read_sequence": "sequence",
 }
 
-__all__ = ["Occupancy", "Path", "Planner", "RobotLimits", "plan_path"]
+__all__ = [
+    "Camera",
+    "Closed",
+    "Mapper",
+    "MapperSettings",
+    "Occupancy",
+    "Path",
+    "Planner",
+    "RgbdFrame",
+    "RgbdSequence",
+    "RobotLimits",
+    "Tracked",
+    "Trajectory",
+    "calibrate_timing",
+    "plan_path",
+    "read_sequence",
+]
 
 
 def __getattr__(name: str) -> Any:

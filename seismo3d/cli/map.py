@@ -1,0 +1,176 @@
+"""``seismo3d map``: a dense map and the trajectory from an RGB-D sequence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from seismo3d._typing import Progress
+    from seismo3d.robot.mapper import Mapper
+    from seismo3d.robot.results import Closed, Tracked
+    from seismo3d.robot.sequence import RgbdSequence
+
+_CALIBRATED = 90
+"""Frames from which open timing is found."""
+
+
+def run(
+    sequence: Path = typer.Argument(
+        help="Folder of colour and depth images: TUM, 7-Scenes, Open3D, or color and depth; with camera.json.",
+        show_default=False,
+    ),
+    out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
+    voxel_size: float = typer.Option(0.01, help="Edge of the map's voxels, metres."),
+    far: float = typer.Option(4.0, help="Depth beyond is left out, metres."),
+    total_variation: float = typer.Option(0.0, help="Strength of total-variation denoising of depth, metres."),
+    cell: float = typer.Option(0.05, help="Side of the cells of the maps from above, metres."),
+    max_difference: float = typer.Option(0.02, help="Stamps of colour and depth farther apart are no pair, seconds."),
+    close_loops: bool = typer.Option(True, help="Find places seen twice, and make the map anew from corrected poses."),
+    threads: int = typer.Option(0, help="[default: one a core]", show_default=False),
+    overwrite: bool = typer.Option(False, "--overwrite", help="Replace the results of an earlier run in the folder."),
+) -> None:
+    """Map an RGB-D sequence: where the camera was, and the surface that it saw.
+
+    The folder gets trajectory.txt (TUM format), states.csv, mesh.ply, graph.g2o, occupancy.npz, elevation.tif (.npz
+    where rasterio is not installed), map.npz to go on from, trajectory.png, occupancy.png, map.png, report.html and
+    run.json.
+    """
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, find_versions, write_record
+    from seismo3d.cli._stages import StageClock
+    from seismo3d.cli.app import shown_progress
+    from seismo3d.errors import GeometryError
+    from seismo3d.io._files import written_aside
+    from seismo3d.robot.frames import MeasureSettings
+    from seismo3d.robot.mapper import Mapper
+    from seismo3d.robot.results import MapperSettings
+    from seismo3d.robot.sequence import read_sequence
+
+    check_run_folder(out, inputs=[sequence], overwrite=overwrite)
+    opened = read_sequence(sequence, max_difference=max_difference)
+    settings = MapperSettings(
+        voxel_size=voxel_size, measure=MeasureSettings(far=far, total_variation=total_variation), n_threads=threads
+    )
+    with written_aside(out, folder=True) as aside, shown_progress() as show:
+        aside.mkdir()
+        clock = StageClock(show)
+        mapper = Mapper(_calibrated(opened, clock), settings=settings)
+        found = []
+        for number, frame in enumerate(opened):
+            clock("map", number / len(opened))
+            found.append(mapper.add(frame))
+        if len(mapper.trajectory) == 0:
+            raise GeometryError(f"no frame of {sequence} has depth to map; expected depth images in depth_scale units.")
+        closed = None
+        if close_loops:
+            clock("loops", 0.0)
+            closed = mapper.close_loops()
+        clock("export", 0.0)
+        facts = _facts(mapper, opened, found, closed)
+        _write(mapper, opened, found, aside, cell)
+        timings = clock.stop()
+        options = {"voxel_size": voxel_size, "far": far, "total_variation": total_variation, "cell": cell}
+        record = {
+            "input": str(sequence),
+            "options": options,
+            **facts,
+            "versions": find_versions(),
+            "timings_s": timings,
+        }
+        write_record(aside / RECORD, record)
+        _report(aside, str(sequence.name), facts, timings)
+    for name, value in facts.items():
+        typer.echo(f"{name.replace('_', ' '):<20}{value}")
+    typer.echo(str(out))
+
+
+def _calibrated(opened: RgbdSequence, show: Progress) -> list[Any]:
+    """Find the timing that cameras leave open from their first frames."""
+    from itertools import islice
+
+    from seismo3d.robot.calibration import calibrate_timing
+
+    cameras = []
+    for number, camera in enumerate(opened.cameras):
+        if camera.readout is None or camera.depth_delay is None:
+            frames = list(islice((f for f in opened if f.camera == number), _CALIBRATED))
+            camera = calibrate_timing(frames, camera, progress=show).applied(camera)
+        cameras.append(camera)
+    return cameras
+
+
+def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], closed: Closed | None) -> dict[str, Any]:
+    from collections import Counter
+
+    states = Counter(tracked.state for tracked in found)
+    return {
+        "frames": len(opened),
+        "located": sum(tracked.is_located for tracked in found),
+        "lost": states["lost"],
+        "empty": states["empty"],
+        "keyframes": len(mapper.state.views),
+        "closures": 0 if closed is None else closed.n_agreeing,
+        "path_m": round(mapper.trajectory.length, 3),
+        "readout_ms": [round(1e3 * (camera.readout or 0.0), 2) for camera in mapper.cameras],
+        "depth_delay_ms": [round(1e3 * (camera.depth_delay or 0.0), 2) for camera in mapper.cameras],
+        "map_mb": round(mapper.state.surface.n_bytes / 1e6, 1),
+    }
+
+
+def _write(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], folder: Path, cell: float) -> None:
+    from importlib.util import find_spec
+
+    from seismo3d.graph.poses import write_g2o
+    from seismo3d.io.elevation import write_elevation
+    from seismo3d.robot.ground import make_ground, make_occupancy
+
+    mapper.trajectory.save_tum(folder / "trajectory.txt")
+    write_g2o(folder / "graph.g2o", mapper.graph)
+    mapper.save(folder / "map.npz")
+    lines = ["time,state,planes,landmarks,plane_spread,landmark_spread_px"]
+    for time, tracked in zip(opened.times, found):
+        located = tracked.located
+        row = f"{time:.6f},{tracked.state},,,,"
+        if located is not None:
+            spreads = f"{located.plane_spread:.3f},{located.landmark_spread:.3f}"
+            row = f"{time:.6f},{tracked.state},{located.n_planes},{located.n_landmarks},{spreads}"
+        lines.append(row)
+    (folder / "states.csv").write_text("\n".join(lines) + "\n", encoding="ascii")
+    mesh = mapper.mesh()
+    mesh.save(folder / "mesh.ply")
+    occupancy = make_occupancy(mesh, cell=cell)
+    occupancy.save(folder / "occupancy.npz")
+    elevation = make_ground(mesh, cell=cell)
+    ending = "tif" if find_spec("rasterio") is not None else "npz"
+    write_elevation(folder / f"elevation.{ending}", elevation)
+    _draw(mapper, mesh, occupancy, folder)
+
+
+def _draw(mapper: Mapper, mesh: Any, occupancy: Any, folder: Path) -> None:
+    import cv2
+    from matplotlib.figure import Figure
+
+    from seismo3d.plot.map_pictures import surface_picture, trajectory_plot
+    from seismo3d.plot.robot_maps import occupancy_map
+
+    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+    trajectory_plot(mapper.trajectory, ax=figure.add_subplot())
+    figure.savefig(folder / "trajectory.png", dpi=130)
+    figure = Figure(figsize=(8.0, 7.0), layout="constrained")
+    occupancy_map(occupancy, ax=figure.add_subplot())
+    figure.savefig(folder / "occupancy.png", dpi=130)
+    image = surface_picture(mesh, T_world_map=occupancy.T_world_map, trajectory=mapper.trajectory)
+    cv2.imwrite(str(folder / "map.png"), image[:, :, ::-1])
+
+
+def _report(folder: Path, name: str, facts: dict[str, Any], timings: dict[str, float]) -> None:
+    from seismo3d.plot.map_report import write_map_report
+
+    pictures = [
+        (folder / "map.png", "The mapped surface from behind and above; the camera's path in red."),
+        (folder / "trajectory.png", "Where the camera was, in the first frame's axes."),
+        (folder / "occupancy.png", "From above: free, occupied and unknown cells."),
+    ]
+    write_map_report(folder / "report.html", name, facts=facts, timings=timings, pictures=pictures)

@@ -1,0 +1,71 @@
+"""Kernels that tell what moves: places that are occupied now and were free a moment ago."""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d.robot._kernels_frame import depth_sigma
+
+
+@nb.njit(cache=True, nogil=True)
+def mark_intruders(
+    vertices: Float32Array,
+    R: Float64Array,
+    t: Float64Array,
+    depth_before: Float32Array,
+    R_before: Float64Array,
+    t_before: Float64Array,
+    lens: Float64Array,
+    marked: BoolArray,
+) -> None:
+    """Mark vertices that lie well before what an earlier depth image (half size) saw along the ray to them.
+
+    (R, t) and (R_before, t_before) carry each camera's points to the world; ``lens`` is fx, fy, cx, cy of the half
+    image. All of the 3 x 3 earlier pixels around must have seen farther.
+    """
+    rows, columns = depth_before.shape
+    for r in range(vertices.shape[0]):
+        for c in range(vertices.shape[1]):
+            z = np.float64(vertices[r, c, 2])
+            if not z > 0.0:
+                continue
+            vx, vy = np.float64(vertices[r, c, 0]), np.float64(vertices[r, c, 1])
+            dx = R[0, 0] * vx + R[0, 1] * vy + R[0, 2] * z + t[0] - t_before[0]
+            dy = R[1, 0] * vx + R[1, 1] * vy + R[1, 2] * z + t[1] - t_before[1]
+            dz = R[2, 0] * vx + R[2, 1] * vy + R[2, 2] * z + t[2] - t_before[2]
+            depth = R_before[0, 2] * dx + R_before[1, 2] * dy + R_before[2, 2] * dz
+            if depth < 0.1:
+                continue
+            u = lens[0] * (R_before[0, 0] * dx + R_before[1, 0] * dy + R_before[2, 0] * dz) / depth + lens[2]
+            v = lens[1] * (R_before[0, 1] * dx + R_before[1, 1] * dy + R_before[2, 1] * dz) / depth + lens[3]
+            cc, rr = math.floor(u + 0.5), math.floor(v + 0.5)
+            if cc < 1 or rr < 1 or cc >= columns - 1 or rr >= rows - 1:
+                continue
+            margin = 0.06 + 5.0 * depth_sigma(depth)
+            free = True
+            for i in range(-1, 2):
+                for j in range(-1, 2):
+                    if not depth_before[rr + i, cc + j] > depth + margin:
+                        free = False
+            if free:
+                marked[r, c] = True
+
+
+@nb.njit(cache=True, nogil=True)
+def veto_pixels(marked: BoolArray, reach: int, columns: int, pixels: Float32Array) -> None:
+    """Take the weight from the pixels of the full image around marked ones of the half image."""
+    rows, half_columns = marked.shape
+    for r in range(rows):
+        for c in range(half_columns):
+            near = False
+            for i in range(max(0, r - reach), min(rows, r + reach + 1)):
+                for j in range(max(0, c - reach), min(half_columns, c + reach + 1)):
+                    if marked[i, j]:
+                        near = True
+            if near:
+                for k in range(4):
+                    pixels[(2 * r + (k >> 1)) * columns + 2 * c + (k & 1), 2] = 0.0

@@ -1,0 +1,88 @@
+"""A depth camera on a robot: lens, place on the body, clock and shutter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from seismo3d._typing import ArrayLike, Float64Array
+from seismo3d._validate import as_number, freeze
+from seismo3d.errors import ParameterError
+from seismo3d.geometry.camera import PinholeCamera, as_camera
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """A colour and depth camera, its depth registered to its colour.
+
+    Attributes
+    ----------
+    lens : PinholeCamera
+    T_body_camera : ndarray of shape (4, 4), float64
+        Place of the camera on the robot's body; the identity for a camera alone.
+    clock_offset : float
+        Seconds to add to the camera's stamps to get the body's time.
+    readout : float or None
+        Seconds between the exposure of the first and the last row (rolling shutter), 0 for a global shutter. Stamps are
+        those of the last row: drivers give them when an image is complete. None: found while mapping.
+    depth_delay : float or None
+        Seconds from the exposure of depth to its stamp, more than of colour: depth takes longer to compute. None:
+        found while mapping.
+    name : str
+    """
+
+    lens: PinholeCamera
+    T_body_camera: Float64Array = field(default_factory=lambda: np.eye(4))
+    clock_offset: float = 0.0
+    readout: float | None = None
+    depth_delay: float | None = None
+    name: str = "camera"
+
+    def __post_init__(self) -> None:
+        T = np.array(self.T_body_camera, dtype=np.float64)
+        if (
+            T.shape != (4, 4)
+            or not np.isfinite(T).all()
+            or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-6)
+        ):
+            raise ParameterError("T_body_camera is no rigid homogeneous matrix; expected shape (4, 4) with a rotation.")
+        object.__setattr__(self, "T_body_camera", freeze(T))
+        as_number(self.clock_offset, "clock_offset")
+        if self.readout is not None:
+            as_number(self.readout, "readout", low=0.0, high=0.2)
+        if self.depth_delay is not None:
+            as_number(self.depth_delay, "depth_delay", low=-0.2, high=0.2)
+
+
+def as_robot_camera(camera: object) -> Camera:
+    """Return a robot's camera from one, from a lens, or from a dict or object with a lens's fields."""
+    return camera if isinstance(camera, Camera) else Camera(as_camera(camera))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RgbdFrame:
+    """One colour and depth image of a camera.
+
+    Attributes
+    ----------
+    time, depth_time : float
+        Stamps of colour and depth in the camera's clock, seconds.
+    rgb : ndarray of shape (rows, columns, 3), uint8, or None
+    depth : ndarray of shape (rows, columns)
+        ``lens.depth_scale`` of its values are a metre; 0 or NaN where there is none.
+    camera : int
+        Which of the sequence's cameras.
+    """
+
+    time: float
+    depth_time: float
+    rgb: np.ndarray | None
+    depth: np.ndarray
+    camera: int = 0
+
+    @classmethod
+    def of(cls, rgb: ArrayLike | None, depth: ArrayLike, time: float, *, camera: int = 0) -> RgbdFrame:
+        """Return a frame of arrays, colour and depth taken at one time."""
+        colour = None if rgb is None else np.ascontiguousarray(rgb, dtype=np.uint8)
+        return cls(float(time), float(time), colour, np.asarray(depth), camera)

@@ -1,0 +1,206 @@
+"""Measure: what mapping needs of a frame - depth without shutter and lens effects, vertices, normals, colours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, Float32Array, Float64Array
+from seismo3d._validate import as_number, as_real_array
+from seismo3d.errors import ShapeError
+from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.geometry.rotations import skew
+from seismo3d.robot import _kernels_frame as kernels
+from seismo3d.robot.camera import RgbdFrame
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureSettings:
+    """How depth is read.
+
+    Attributes
+    ----------
+    near, far : float
+        Depths outside are left out, metres.
+    total_variation : float
+        Weight of total-variation denoising of the depth before all else, in metres; 0 for none. It costs more than all
+        the rest together.
+    """
+
+    near: float = 0.3
+    far: float = 4.0
+    total_variation: float = 0.0
+
+    def __post_init__(self) -> None:
+        as_number(self.near, "near", low=0.0)
+        as_number(self.far, "far", low=self.near, strict=True)
+        as_number(self.total_variation, "total_variation", low=0.0, high=1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Timing:
+    """Where rows and colour lie in time.
+
+    Attributes
+    ----------
+    readout : float
+        Seconds from the first to the last row.
+    colour_lead : float
+        Seconds from the depth to the colour image of the frame.
+    """
+
+    readout: float = 0.0
+    colour_lead: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """A frame, measured; the camera's frame at the depth's time.
+
+    Attributes
+    ----------
+    depth : ndarray of shape (rows, columns), float32
+        Metres, 0 where there is none, as if all rows had been exposed at once.
+    vertices, normals : ndarray of shape (rows / 2, columns / 2, 3), float32
+        Points, and unit normals towards the camera; zero where there are none.
+    pixels : ndarray of shape (rows * columns, 3), float32
+        Depth, cosine between ray and normal, and weight for fusion: 1 for a surface seen frontally at a metre.
+    colour : ndarray of shape (rows, columns, 3) or (0, 0, 3), uint8
+        Colour of each depth pixel.
+    grey : ndarray of shape (rows, columns), uint8, or None
+        The colour image as it was taken.
+    """
+
+    depth: Float32Array
+    vertices: Float32Array
+    normals: Float32Array
+    pixels: Float32Array
+    colour: AnyArray
+    grey: AnyArray | None
+
+    @property
+    def n_normals(self) -> int:
+        """Number of vertices with a normal."""
+        return int(np.count_nonzero(self.normals[:, :, 2]))
+
+
+class Measurer:
+    """Turns frames of one camera into measured ones; keeps the camera's table of rays.
+
+    Parameters
+    ----------
+    lens : PinholeCamera
+    settings : MeasureSettings
+    """
+
+    def __init__(self, lens: PinholeCamera, settings: MeasureSettings) -> None:
+        self.lens = lens
+        self.settings = settings
+        self._rays: Float32Array | None = None
+
+    def rays(self, shape: tuple[int, ...]) -> Float32Array:
+        """Return the ray (x, y at depth 1) of each pixel of an image of a shape."""
+        if self._rays is None or self._rays.shape[:2] != shape:
+            rows, columns = shape
+            grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+            self._rays = self.lens.rays(grid.astype(np.float64)).reshape(rows, columns, 2).astype(np.float32)
+        return self._rays
+
+    def measure(self, frame: RgbdFrame, twist: Float64Array, timing: Timing) -> Measured:
+        """Measure a frame.
+
+        Parameters
+        ----------
+        frame : RgbdFrame
+        twist : ndarray of shape (6,), float64
+            Velocity of the camera in its own frame, (rotation, translation) a second.
+        timing : Timing
+
+        Returns
+        -------
+        Measured
+
+        Raises
+        ------
+        ShapeError
+            If depth and colour do not fit each other or the camera.
+        """
+        depth = self._metres(frame)
+        rays = self.rays(depth.shape)
+        focal = np.array([self.lens.fx, self.lens.fy], dtype=np.float32)
+        rows = depth.shape[0]
+        shutter = (np.arange(rows) / rows - 0.5) * timing.readout
+        if timing.readout > 0.0 and np.any(twist):
+            depth = kernels.freeze_shutter(depth, rays, _row_motions(twist, shutter), focal)
+        colour = np.zeros((0, 0, 3), dtype=np.uint8)
+        grey = None
+        if frame.rgb is not None:
+            import cv2
+
+            grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
+            motion = _row_motions(-twist, shutter + timing.colour_lead)
+            colour = kernels.colour_at_depth(frame.rgb, depth, rays, motion, focal)
+        return self.measured(depth, colour, grey)
+
+    def measured(self, depth: Float32Array, colour: AnyArray, grey: AnyArray | None = None) -> Measured:
+        """Measure a depth image in metres, free of the shutter's effect, with the colour of each pixel."""
+        vertices = kernels.halve(depth, self.rays(depth.shape), self.settings.near, self.settings.far)
+        normals = kernels.grid_normals(vertices, 2)
+        pixels = kernels.weigh_pixels(depth, vertices, normals, self.settings.far)
+        return Measured(depth, vertices, normals, pixels, colour, grey)
+
+    def _metres(self, frame: RgbdFrame) -> Float32Array:
+        raw = as_real_array(frame.depth, "depth", ndim=2)
+        if min(raw.shape) < 16:
+            raise ShapeError(f"depth has shape {raw.shape}; expected at least 16 x 16 pixels.")
+        if frame.rgb is not None and frame.rgb.shape != (*raw.shape, 3):
+            raise ShapeError(
+                f"rgb has shape {frame.rgb.shape} and depth {raw.shape}; expected (rows, columns, 3) of the same size. "
+                "Register them first."
+            )
+        if self.lens.width and (self.lens.height, self.lens.width) != raw.shape:
+            raise ShapeError(
+                f"depth has shape {raw.shape}; the camera says ({self.lens.height}, {self.lens.width}). "
+                "Give the intrinsics of these images."
+            )
+        depth = raw.astype(np.float32) / np.float32(self.lens.depth_scale)
+        depth[~np.isfinite(depth) | (depth < 0.0)] = 0.0
+        if self.settings.total_variation > 0.0:
+            depth = smooth_depth(depth, self.settings.total_variation)
+        return depth
+
+
+def smooth_depth(depth: Float32Array, weight: float) -> Float32Array:
+    """Denoise a depth image by total variation (Chambolle), holes kept.
+
+    Parameters
+    ----------
+    depth : ndarray of shape (rows, columns), float32
+        Metres, 0 where there is none.
+    weight : float
+        Strength, in metres.
+
+    Returns
+    -------
+    ndarray of depth's shape, float32
+    """
+    from scipy.ndimage import distance_transform_edt
+    from skimage.restoration import denoise_tv_chambolle
+
+    hole = ~(depth > 0.0)
+    if hole.all():
+        return depth
+    nearest = distance_transform_edt(hole, return_distances=False, return_indices=True)
+    smooth = denoise_tv_chambolle(depth[tuple(nearest)], weight=weight)
+    return np.where(hole, np.float32(0.0), smooth.astype(np.float32))
+
+
+def _row_motions(twist: Float64Array, times: Float64Array) -> Float32Array:
+    """Motion (rows, 3, 4) over each of some times, to second order in the angle."""
+    K = skew(twist[:3])
+    t = times[:, None, None]
+    out = np.empty((len(times), 3, 4), dtype=np.float32)
+    out[:, :, :3] = np.eye(3) + t * K + 0.5 * t * t * (K @ K)
+    out[:, :, 3] = times[:, None] * twist[3:]
+    return out

@@ -1,0 +1,260 @@
+"""Landmarks: corners of views that the map remembers, with their places on the mapped surface.
+
+A corner is found again in a frame by its patch (Lucas-Kanade on a pyramid, from where the predicted pose puts it, and
+back), in the views that looked most alike, so that coming back to a place ties the frame to when it was first seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, BoolArray, Float64Array
+from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.geometry.rotations import skew
+from seismo3d.robot.ekf import exp_motion
+from seismo3d.robot.frames import Timing
+from seismo3d.robot.tsdf import Prediction
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """An image that the map remembers.
+
+    Attributes
+    ----------
+    T_world_camera : ndarray of shape (4, 4), float64
+        Pose when the colour was taken.
+    grey : ndarray of shape (rows, columns), uint8
+    pixels : ndarray of shape (n, 2), float64
+        Landmarks' pixels (column, row).
+    points : ndarray of shape (n, 3), float64
+        Landmarks in the world.
+    camera : int
+    """
+
+    T_world_camera: Float64Array
+    grey: AnyArray
+    pixels: Float64Array
+    points: Float64Array
+    camera: int = 0
+
+    def moved(self, change: Float64Array) -> View:
+        """Return the view after a change (4, 4) of the world's frame."""
+        points = self.points @ change[:3, :3].T + change[:3, 3]
+        return View(change @ self.T_world_camera, self.grey, self.pixels, points, self.camera)
+
+    def apart(self, T_world_camera: Float64Array) -> float:
+        """Return how far another view is: angle between the two in radians plus half the distance in metres."""
+        turn = (np.trace(self.T_world_camera[:3, :3].T @ T_world_camera[:3, :3]) - 1.0) / 2.0
+        shift = np.linalg.norm(self.T_world_camera[:3, 3] - T_world_camera[:3, 3])
+        return float(np.arccos(np.clip(turn, -1.0, 1.0)) + 0.5 * shift)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sightings:
+    """Landmarks found in a frame.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n, 3), float64
+        In the world.
+    pixels : ndarray of shape (n, 2), float64
+        In the frame's colour image.
+    rays : ndarray of shape (n, 3), float64
+        Of the pixels, with third component 1.
+    T_depth_pixel : ndarray of shape (n, 4, 4), float64
+        Camera's motion between the depth's time and the time of the pixel's row.
+    delay : ndarray of shape (n,), float64
+        That time, less the depth's, seconds.
+    row : ndarray of shape (n,), float64
+        Row over the image's rows, less a half.
+    """
+
+    points: Float64Array
+    pixels: Float64Array
+    rays: Float64Array
+    T_depth_pixel: Float64Array
+    delay: Float64Array
+    row: Float64Array
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def sight_landmarks(
+    views: list[View],
+    grey: AnyArray,
+    lens: PinholeCamera,
+    T_world_camera: Float64Array,
+    twist: Float64Array,
+    timing: Timing,
+    *,
+    most_views: int = 3,
+    radius: int = 7,
+) -> Sightings:
+    """Find the landmarks of the nearest views in an image.
+
+    Parameters
+    ----------
+    views : list of View
+    grey : ndarray of shape (rows, columns), uint8
+    lens : PinholeCamera
+    T_world_camera : ndarray of shape (4, 4), float64
+        Predicted pose at the depth's time.
+    twist : ndarray of shape (6,), float64
+        Camera's velocity in its own frame.
+    timing : Timing
+    most_views, radius : int
+        Views that are searched, and half the side of a patch in pixels.
+
+    Returns
+    -------
+    Sightings
+    """
+    T_colour = T_world_camera @ exp_motion(twist * timing.colour_lead)
+    apart = np.array([view.apart(T_colour) for view in views])
+    found_points, found_pixels = [np.empty((0, 3))], [np.empty((0, 2))]
+    for number in np.argsort(apart, kind="stable")[:most_views]:
+        view = views[number]
+        if apart[number] > 0.9:
+            break
+        expected, visible = _expected(view, lens, T_colour, grey.shape)
+        if visible.sum() < 6:
+            continue
+        pixels, good = _follow(view.grey, grey, view.pixels[visible], expected[visible], radius)
+        found_points.append(view.points[visible][good])
+        found_pixels.append(pixels[good])
+    return time_sightings(np.concatenate(found_points), np.concatenate(found_pixels), lens, twist, timing, grey.shape)
+
+
+def time_sightings(
+    points: Float64Array,
+    pixels: Float64Array,
+    lens: PinholeCamera,
+    twist: Float64Array,
+    timing: Timing,
+    shape: tuple[int, ...],
+) -> Sightings:
+    """Return pairs of landmarks (n, 3) and pixels (n, 2) with the ray and the time of each pixel."""
+    row = pixels[:, 1] / shape[0] - 0.5
+    delay = timing.colour_lead + row * timing.readout
+    rays = np.column_stack([lens.rays(pixels), np.ones(len(pixels))])
+    return Sightings(points, pixels, rays, _motions(twist, delay), delay, row)
+
+
+def make_view(
+    grey: AnyArray | None,
+    lens: PinholeCamera,
+    prediction: Prediction,
+    twist: Float64Array,
+    timing: Timing,
+    *,
+    camera: int = 0,
+    n_corners: int = 500,
+) -> View:
+    """Remember an image with the corners that lie on the mapped surface.
+
+    Parameters
+    ----------
+    grey : ndarray of shape (rows, columns), uint8, or None
+    lens : PinholeCamera
+    prediction : Prediction
+        The map, with this frame in it, cast at the depth's pose.
+    twist, timing
+        As for :func:`sight_landmarks`.
+    camera, n_corners : int
+
+    Returns
+    -------
+    View
+        Without landmarks where nothing stands out.
+    """
+    import cv2
+
+    T = prediction.T_world_camera
+    T_colour = T @ exp_motion(twist * timing.colour_lead)
+    if grey is None:
+        return View(T_colour, np.empty((0, 0), np.uint8), np.empty((0, 2)), np.empty((0, 3)), camera)
+    corners = cv2.goodFeaturesToTrack(grey, n_corners, 0.002, 7)
+    pixels = np.empty((0, 2)) if corners is None else corners.reshape(-1, 2).astype(np.float64)
+    seen = time_sightings(np.zeros((len(pixels), 3)), pixels, lens, twist, timing, grey.shape)
+    origins = T[:3, 3] + seen.T_depth_pixel[:, :3, 3] @ T[:3, :3].T
+    directions = np.einsum("nij,nj->ni", seen.T_depth_pixel[:, :3, :3], seen.rays) @ T[:3, :3].T
+    points, good = meet_surface(prediction, origins, directions)
+    return View(T_colour, grey, pixels[good], points[good], camera)
+
+
+def meet_surface(
+    prediction: Prediction, origins: Float64Array, directions: Float64Array
+) -> tuple[Float64Array, BoolArray]:
+    """Return where rays, nearly those of the prediction, meet its surface, and whether it is smooth there."""
+    rows, columns, _ = prediction.points.shape
+    T, lens = prediction.T_world_camera, prediction.lens
+    depth = np.ones(len(origins))
+    good = np.ones(len(origins), dtype=bool)
+    r = c = np.ones(len(origins), dtype=np.int64)
+    for _ in range(4):
+        at = (origins + depth[:, None] * directions - T[:3, 3]) @ T[:3, :3]
+        forward = np.maximum(at[:, 2], 0.05)
+        place = np.rint(at[:, :2] / forward[:, None] * lens[:2] + lens[2:])
+        inside = (place >= 1).all(axis=1) & (place[:, 0] < columns - 1) & (place[:, 1] < rows - 1)
+        good &= inside
+        c, r = np.where(inside[:, None], place, 1.0).astype(np.int64).T
+        point = prediction.points[r, c].astype(np.float64)
+        normal = prediction.normals[r, c].astype(np.float64)
+        across = np.einsum("ni,ni->n", directions, normal)
+        known = np.isfinite(point[:, 0]) & (across < -0.1)
+        good &= known
+        far = np.where(known, np.einsum("ni,ni->n", point - origins, normal) / np.where(known, across, 1.0), depth)
+        depth = np.where((far > 0.1) & (far < 20.0), far, depth)
+    around = np.stack([prediction.points[r + i, c + j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
+    distance = np.einsum("kni,i->kn", around.astype(np.float64) - T[:3, 3], T[:3, 2])
+    smooth = np.ptp(np.where(np.isfinite(distance), distance, 1e9), axis=0) < 0.05 * depth
+    return origins + depth[:, None] * directions, good & smooth
+
+
+def _expected(
+    view: View, lens: PinholeCamera, T_colour: Float64Array, shape: tuple[int, ...]
+) -> tuple[Float64Array, BoolArray]:
+    local = (view.points - T_colour[:3, 3]) @ T_colour[:3, :3]
+    pixels = lens.project(local)
+    with np.errstate(invalid="ignore"):
+        inside = (pixels > 5).all(axis=1) & (pixels[:, 0] < shape[1] - 6) & (pixels[:, 1] < shape[0] - 6)
+    return pixels, inside & (local[:, 2] > 0.2)
+
+
+def _follow(
+    before: AnyArray, now: AnyArray, pixels: Float64Array, expected: Float64Array, radius: int
+) -> tuple[Float64Array, BoolArray]:
+    """Follow patches from one image to another and back; return where they are and whether they came back."""
+    import cv2
+
+    start, guess = (np.ascontiguousarray(p, dtype=np.float32).reshape(-1, 1, 2) for p in (pixels, expected))
+    side = 2 * radius + 1
+    options: dict[str, Any] = {
+        "winSize": (side, side),
+        "maxLevel": 3,
+        "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01),
+        "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
+    }
+    there, found, _ = cv2.calcOpticalFlowPyrLK(before, now, start, guess.copy(), **options)
+    back, returned, _ = cv2.calcOpticalFlowPyrLK(now, before, there, start.copy(), **options)
+    miss = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
+    good = (found.ravel() == 1) & (returned.ravel() == 1) & (miss < 0.7)
+    return there.reshape(-1, 2).astype(np.float64), good
+
+
+def _motions(twist: Float64Array, times: Float64Array) -> Float64Array:
+    """Camera's motion (n, 4, 4) over each of some times."""
+    speed = float(np.linalg.norm(twist[:3]))
+    K = skew(twist[:3] / speed) if speed > 0.0 else np.zeros((3, 3))
+    angle = (speed * times)[:, None, None]
+    out = np.zeros((len(times), 4, 4))
+    out[:, :3, :3] = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)
+    # the path bends with the turn: to second order in the time
+    out[:, :3, 3] = times[:, None] * twist[3:] + 0.5 * times[:, None] ** 2 * (speed * K @ twist[3:])
+    out[:, 3, 3] = 1.0
+    return out

@@ -1,0 +1,60 @@
+"""What moves is not mapped: a short memory of depth images, and the test against it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.robot import _kernels_motion as kernels
+from seismo3d.robot.frames import Measured
+
+_EVERY, _MOST = 5, 6
+_LEAST_SHARE = 0.003
+_REACH = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Glance:
+    depth: Float32Array
+    T_world_camera: Float64Array
+    lens: Float64Array
+
+
+class MotionMemory:
+    """Depth images of the last second.
+
+    A place that is occupied now and that one of them saw through is taken for something that moves. It is mapped once
+    it has stood still for as long as the memory reaches.
+    """
+
+    def __init__(self) -> None:
+        self._glances: deque[_Glance] = deque(maxlen=_MOST)
+        self._count = 0
+
+    def watch(self, measured: Measured, lens: PinholeCamera, T_world_camera: Float64Array) -> BoolArray:
+        """Return which vertices (rows / 2, columns / 2) move, take their weight in ``measured``, remember the frame."""
+        marked = np.zeros(measured.vertices.shape[:2], dtype=np.bool_)
+        R, t = (np.ascontiguousarray(part) for part in (T_world_camera[:3, :3], T_world_camera[:3, 3]))
+        for glance in self._glances:
+            R_before, t_before = (
+                np.ascontiguousarray(part) for part in (glance.T_world_camera[:3, :3], glance.T_world_camera[:3, 3])
+            )
+            kernels.mark_intruders(measured.vertices, R, t, glance.depth, R_before, t_before, glance.lens, marked)
+        if marked.mean() >= _LEAST_SHARE:
+            kernels.veto_pixels(marked, _REACH, measured.depth.shape[1], measured.pixels)
+        else:
+            marked[:] = False
+        if self._count % _EVERY == 0:
+            half = np.array([lens.fx / 2, lens.fy / 2, (lens.cx + 0.5) / 2 - 0.5, (lens.cy + 0.5) / 2 - 0.5])
+            depth = np.ascontiguousarray(measured.vertices[:, :, 2])
+            self._glances.append(_Glance(np.where(marked, np.float32(0.0), depth), T_world_camera, half))
+        self._count += 1
+        return marked
+
+    def forget(self) -> None:
+        """Drop all images: poses have changed."""
+        self._glances.clear()

@@ -1,0 +1,110 @@
+"""Settings and results of the mapper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from seismo3d._typing import Float64Array
+from seismo3d._validate import as_number
+from seismo3d.errors import ParameterError
+from seismo3d.robot.frames import MeasureSettings
+from seismo3d.robot.tracking import TERMS, Located
+
+STATES = ("started", "tracked", "relocated", "lost", "empty")
+"""States of a frame: the first one; located where it was expected; located at a place that the map remembers, after a
+loss; not located; without depth to locate it by."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapperSettings:
+    """How a map is made.
+
+    Attributes
+    ----------
+    voxel_size : float
+        Edge of the map's voxels, metres.
+    band_voxels : float
+        Signed distances are kept up to so many voxels from the surface.
+    measure : MeasureSettings
+    terms : str
+        What frames are located by, one of ``tracking.TERMS``.
+    filtered : bool
+        Whether a frame's pose is predicted by the filter's velocity; else it starts where the last one was.
+    calibrate_frames : int
+        After so many frames, the timing that cameras leave open is found from them, and they are mapped anew with it;
+        0 leaves it at zero.
+    view_distance : float
+        A keyframe is made where it is farther from all others: radians plus half the metres.
+    keep_every : int
+        Every so many frames one is kept, packed, to make the map anew after a loop was closed.
+    n_threads : int
+        Threads; 0 for one a core. The result doesn't depend on it.
+    """
+
+    voxel_size: float = 0.01
+    band_voxels: float = 4.0
+    measure: MeasureSettings = field(default_factory=MeasureSettings)
+    terms: str = "fused"
+    filtered: bool = True
+    calibrate_frames: int = 90
+    view_distance: float = 0.14
+    keep_every: int = 5
+    n_threads: int = 0
+
+    def __post_init__(self) -> None:
+        as_number(self.voxel_size, "voxel_size", low=1e-4, high=1.0)
+        as_number(self.band_voxels, "band_voxels", low=2.0, high=20.0)
+        as_number(self.calibrate_frames, "calibrate_frames", low=0)
+        as_number(self.view_distance, "view_distance", low=0.0, strict=True)
+        as_number(self.keep_every, "keep_every", low=1)
+        as_number(self.n_threads, "n_threads", low=0, high=1024)
+        if self.terms not in TERMS:
+            raise ParameterError(f"terms is {self.terms!r}; expected one of {', '.join(TERMS)}.")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracked:
+    """What became of a frame.
+
+    Attributes
+    ----------
+    state : str
+        One of ``STATES``.
+    T_world_camera : ndarray of shape (4, 4), float64
+        Pose at the colour's stamp; the world is the first frame's camera. The prediction where the frame is not
+        located.
+    covariance : ndarray of shape (6, 6), float64
+        Of a perturbation on the left, (rotation, translation): the filter's, so that it grows while frames are lost.
+    located : Located or None
+        Details of the registration; None for the first frame and where there was none.
+    """
+
+    state: str
+    T_world_camera: Float64Array
+    covariance: Float64Array
+    located: Located | None = None
+
+    @property
+    def is_located(self) -> bool:
+        """Whether the pose comes from the frame itself."""
+        return self.state in ("started", "tracked", "relocated")
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """What closing loops did.
+
+    Attributes
+    ----------
+    n_found : int
+        Verified pairs of keyframes that show the same place.
+    n_agreeing : int
+        Those that keep more than a quarter of their weight in the solution.
+    largest_turn, largest_shift : float
+        Largest change of a keyframe, radians and metres.
+    """
+
+    n_found: int
+    n_agreeing: int
+    largest_turn: float
+    largest_shift: float

@@ -1,0 +1,330 @@
+"""Read RGB-D sequences: folders as TUM, 7-Scenes and Open3D lay them out, or colour and depth side by side.
+
+Layouts, by what a folder holds:
+
+- ``associations.txt`` (``time colour time depth``), or ``rgb.txt`` and ``depth.txt`` (``time file``), which are then
+  paired by time: TUM. Files are named relative to the folder.
+- ``frame-000000.color.png`` and ``frame-000000.depth.png``: 7-Scenes, 30 frames a second.
+- ``color`` (or ``rgb``, ``colour``, ``image``) and ``depth``: paired by time where all names are decimal numbers of
+  seconds, else by their order, 30 frames a second: Open3D and others.
+- ``rig.json``: several cameras, ``{"cameras": [{"folder": ..., "T_body_camera": 4 x 4, "clock_offset": seconds}]}``,
+  each folder in one of the layouts above.
+
+Intrinsics are in ``camera.json`` (fx, fy, cx, cy, distortion, depth_scale, width, height; perhaps readout,
+depth_delay), or in a JSON file with Open3D's ``intrinsic_matrix``. 7-Scenes has none: 585, 585, 320, 240 of its
+authors hold. Depth is in ``depth_scale`` values a metre: 5000 in TUM, else 1000, unless the file says so.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, Float64Array
+from seismo3d._validate import as_number
+from seismo3d.errors import FileAccessError, FormatError, Seismo3dError
+from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
+
+_RATE = 1.0 / 30.0
+_COLOUR_FOLDERS = ("rgb", "color", "colour", "image")
+_IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".ppm", ".tif", ".tiff", ".bmp")
+_SEVEN_SCENES = PinholeCamera(585.0, 585.0, 320.0, 240.0, (), 1000.0, 640, 480)
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    time: float
+    rgb: Path
+    depth_time: float
+    depth: Path
+    camera: int = 0
+
+
+class RgbdSequence(Sequence[RgbdFrame]):
+    """Frames in the order of time; each is read when it is asked for.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+    path : Path
+        The folder.
+    """
+
+    def __init__(self, path: Path, cameras: tuple[Camera, ...], entries: list[_Entry]) -> None:
+        self.path = path
+        self.cameras = cameras
+        self._entries = entries
+
+    @property
+    def camera(self) -> Camera | tuple[Camera, ...]:
+        """The camera, or all of them where there are several: what ``Mapper`` takes."""
+        return self.cameras[0] if len(self.cameras) == 1 else self.cameras
+
+    @property
+    def times(self) -> Float64Array:
+        """Stamps of colour, in each camera's own clock, seconds."""
+        return np.array([entry.time for entry in self._entries])
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __iter__(self) -> Iterator[RgbdFrame]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return RgbdSequence(self.path, self.cameras, self._entries[index])
+        entry = self._entries[index]
+        depth = _read_image(entry.depth)
+        if depth.ndim != 2:
+            raise FormatError(f"{entry.depth} has shape {depth.shape}; expected a depth image of one channel.")
+        depth = np.where(depth == 65535, 0, depth) if depth.dtype == np.uint16 else depth
+        return RgbdFrame(entry.time, entry.depth_time, _as_rgb(_read_image(entry.rgb)), depth, entry.camera)
+
+
+def read_sequence(path: str | Path, *, camera: object = None, max_difference: float = 0.02) -> RgbdSequence:
+    """Open a folder of colour and depth images.
+
+    Parameters
+    ----------
+    path : str or Path
+        In one of the layouts that are listed in :mod:`seismo3d.robot.sequence`.
+    camera : Camera, PinholeCamera, dict, or object with its fields, optional
+        In place of the intrinsics in the folder. Not for several cameras.
+    max_difference : float
+        Stamps of colour and depth that are farther apart are no pair, seconds.
+
+    Returns
+    -------
+    RgbdSequence
+        Iterable; with ``.camera``.
+
+    Raises
+    ------
+    FileAccessError
+        If the folder or a file in it cannot be read.
+    FormatError
+        If it is in none of the layouts, has no intrinsics, or no colour and depth belong together.
+    """
+    folder = Path(path)
+    as_number(max_difference, "max_difference", low=0.0)
+    if not folder.is_dir():
+        raise FileAccessError(f"{folder} is not a folder; expected one with a sequence of colour and depth images.")
+    if (folder / "rig.json").is_file() and camera is None:
+        return _read_rig(folder, max_difference)
+    entries, layout = _find_entries(folder, max_difference)
+    made = _find_camera(folder, layout) if camera is None else as_robot_camera(camera)
+    return RgbdSequence(folder, (made,), entries)
+
+
+def associate(target: Float64Array, source: Float64Array, *, max_difference: float = 0.02) -> AnyArray:
+    """Pair stamps, nearest first, each used once.
+
+    Parameters
+    ----------
+    target, source : ndarray of shape (n,) and (m,), float64
+        Seconds.
+    max_difference : float
+        Farther ones are no pair.
+
+    Returns
+    -------
+    ndarray of shape (k, 2), int64
+        Rows of both, in the order of ``target``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> associate(np.array([0.0, 0.1, 0.2]), np.array([0.09, 0.205])).tolist()
+    [[1, 0], [2, 1]]
+    """
+    order = np.argsort(source, kind="stable")
+    sorted_source = source[order]
+    first = np.searchsorted(sorted_source, target - max_difference)
+    last = np.searchsorted(sorted_source, target + max_difference, side="right")
+    pairs = [(abs(target[i] - sorted_source[j]), i, j) for i in range(len(target)) for j in range(first[i], last[i])]
+    used_target, used_source, out = set(), set(), []
+    for _, i, j in sorted(pairs):
+        if i not in used_target and j not in used_source:
+            used_target.add(i)
+            used_source.add(j)
+            out.append((i, int(order[j])))
+    return np.array(sorted(out), dtype=np.int64).reshape(-1, 2)
+
+
+def _find_entries(folder: Path, max_difference: float) -> tuple[list[_Entry], str]:
+    if (folder / "associations.txt").is_file():
+        rows = _read_rows(folder / "associations.txt", 4)
+        entries = [_Entry(float(a), folder / b, float(c), folder / d) for a, b, c, d in rows]
+        return _sorted(entries, folder), "tum"
+    if (folder / "rgb.txt").is_file() and (folder / "depth.txt").is_file():
+        colour, depth = (
+            [(float(t), folder / name) for t, name in _read_rows(folder / file, 2)] for file in ("rgb.txt", "depth.txt")
+        )
+        return _by_time(colour, depth, folder, max_difference), "tum"
+    seven = sorted(folder.glob("frame-*.color.*"))
+    if seven:
+        depth_of = {p.name.split(".")[0]: p for p in folder.glob("frame-*.depth.*")}
+        numbers = [(int(re.sub(r"\D", "", p.name.split(".")[0])), p) for p in seven]
+        found = [(n * _RATE, p, depth_of.get(p.name.split(".")[0])) for n, p in numbers]
+        return _sorted([_Entry(t, p, t, d) for t, p, d in found if d is not None], folder), "7-scenes"
+    colour_folder = next((folder / name for name in _COLOUR_FOLDERS if (folder / name).is_dir()), None)
+    if colour_folder is None or not (folder / "depth").is_dir():
+        raise FormatError(
+            f"{folder} holds no sequence; expected associations.txt, rgb.txt and depth.txt, frame-*.color.png, or the "
+            "folders color and depth."
+        )
+    return _side_by_side(colour_folder, folder / "depth", folder, max_difference), "folders"
+
+
+def _side_by_side(colour: Path, depth: Path, folder: Path, max_difference: float) -> list[_Entry]:
+    listed = [[p for p in sorted(f.iterdir()) if p.suffix.lower() in _IMAGES] for f in (colour, depth)]
+    stamps = [[_as_stamp(p) for p in images] for images in listed]
+    if all(t is not None for row in stamps for t in row) and all(stamps):
+        timed = [[(float(t or 0.0), p) for t, p in zip(row, images)] for row, images in zip(stamps, listed)]
+        return _by_time(sorted(timed[0]), sorted(timed[1]), folder, max_difference)
+    if len(listed[0]) != len(listed[1]):
+        raise FormatError(
+            f"{folder} holds {len(listed[0])} colour and {len(listed[1])} depth images without stamps; expected "
+            "as many of one as of the other. Write an associations.txt."
+        )
+    ordered = [sorted(images, key=_natural) for images in listed]
+    return _sorted([_Entry(i * _RATE, c, i * _RATE, d) for i, (c, d) in enumerate(zip(*ordered))], folder)
+
+
+def _by_time(
+    colour: list[tuple[float, Path]], depth: list[tuple[float, Path]], folder: Path, max_difference: float
+) -> list[_Entry]:
+    pairs = associate(np.array([t for t, _ in colour]), np.array([t for t, _ in depth]), max_difference=max_difference)
+    entries = [_Entry(*colour[i], *depth[j]) for i, j in pairs]
+    if not entries and colour and depth:
+        raise FormatError(
+            f"{folder} holds {len(colour)} colour and {len(depth)} depth images, none within {max_difference} s "
+            "of each other; expected synchronised stamps. Raise max_difference, or write an associations.txt."
+        )
+    return _sorted(entries, folder)
+
+
+def _sorted(entries: list[_Entry], folder: Path) -> list[_Entry]:
+    if not entries:
+        raise FormatError(f"{folder} holds no pair of a colour and a depth image.")
+    missing = next((p for e in entries for p in (e.rgb, e.depth) if not p.is_file()), None)
+    if missing is not None:
+        raise FileAccessError(f"{missing} is listed but not there; expected an image. Check the sequence's lists.")
+    return sorted(entries, key=lambda e: e.time)
+
+
+def _find_camera(folder: Path, layout: str) -> Camera:
+    scale = 5000.0 if layout == "tum" else 1000.0
+    own = folder / "camera.json"
+    candidates = [own] if own.is_file() else sorted(folder.glob("*.json"))
+    for path in candidates:
+        fields = _read_json(path)
+        if not isinstance(fields, dict):
+            continue
+        if "intrinsic_matrix" in fields:
+            m = fields["intrinsic_matrix"]
+            fields = {**fields, "fx": m[0], "fy": m[4], "cx": m[6], "cy": m[7]}
+        if {"fx", "fy", "cx", "cy"} <= set(fields):
+            return _as_camera({"depth_scale": scale, **fields}, path)
+        if path == own:
+            raise FormatError(f"{path} has no {', '.join({'fx', 'fy', 'cx', 'cy'} - set(fields))}; expected all four.")
+    if layout == "7-scenes":
+        return Camera(_SEVEN_SCENES)
+    raise FormatError(
+        f"{folder} has no camera.json; expected one with fx, fy, cx, cy, distortion, depth_scale, width, height. "
+        "Write it, or pass camera=."
+    )
+
+
+def _as_camera(fields: dict[str, Any], path: Path) -> Camera:
+    try:
+        camera = as_robot_camera(fields)
+        times: dict[str, Any] = {
+            name: float(fields[name]) for name in ("readout", "depth_delay", "clock_offset") if name in fields
+        }
+        return replace(camera, name=str(fields.get("name", "camera")), **times)
+    except (TypeError, ValueError, Seismo3dError) as error:
+        raise FormatError(f"{path} does not describe a camera: {error}") from error
+
+
+def _read_rig(folder: Path, max_difference: float) -> RgbdSequence:
+    described = _read_json(folder / "rig.json")
+    rows = described.get("cameras") if isinstance(described, dict) else None
+    if not rows or not all(isinstance(row, dict) and "folder" in row for row in rows):
+        raise FormatError(f"{folder / 'rig.json'} lists no cameras; expected cameras, each with a folder.")
+    cameras, entries = [], []
+    for number, row in enumerate(rows):
+        part = read_sequence(folder / str(row["folder"]), max_difference=max_difference)
+        place = np.array(row.get("T_body_camera", np.eye(4)), dtype=np.float64)
+        name = str(row.get("name", row["folder"]))
+        offset = float(row.get("clock_offset", 0.0))
+        cameras.append(replace(part.cameras[0], T_body_camera=place, clock_offset=offset, name=name))
+        entries += [(entry.depth_time + offset, replace(entry, camera=number)) for entry in part._entries]  # noqa: SLF001
+    entries.sort(key=lambda pair: pair[0])
+    return RgbdSequence(folder, tuple(cameras), [entry for _, entry in entries])
+
+
+def _read_rows(path: Path, n_columns: int) -> list[list[str]]:
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise FileAccessError(f"{path} cannot be read: {error}.") from error
+    rows = [line.replace(",", " ").split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    for number, row in enumerate(rows, start=1):
+        times = row[0::2]
+        if len(row) != n_columns or any(_as_number(t) is None for t in times):
+            raise FormatError(f"{path}, row {number}: {' '.join(row)!r}; expected {n_columns} columns, time and file.")
+    return rows
+
+
+def _read_json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileAccessError(f"{path} cannot be read: {error}.") from error
+    except ValueError as error:
+        raise FormatError(f"{path} is no JSON: {error}.") from error
+
+
+def _read_image(path: Path) -> AnyArray:
+    import cv2
+
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+    except OSError as error:
+        raise FileAccessError(f"{path} cannot be read: {error}.") from error
+    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    if image is None:
+        raise FormatError(f"{path} is no image that can be read; it may be cut short.")
+    return np.asarray(image)
+
+
+def _as_rgb(image: AnyArray) -> AnyArray:
+    if image.dtype == np.uint16:
+        image = (image >> 8).astype(np.uint8)
+    if image.ndim == 2:
+        return np.ascontiguousarray(np.repeat(image[:, :, None], 3, axis=2))
+    return np.ascontiguousarray(image[:, :, 2::-1])
+
+
+def _as_stamp(path: Path) -> float | None:
+    return _as_number(path.stem) if "." in path.stem else None
+
+
+def _as_number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _natural(path: Path) -> list[Any]:
+    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", path.name)]

@@ -1,0 +1,224 @@
+"""Locate a frame in the map: planes against the predicted surface and landmarks, fused in one quadratic form.
+
+Vertices are paired with what the predicted image shows at their pixel; landmarks keep their rays, so that only what
+lies across a ray counts (the reprojection error to first order). Both weigh by their own spread, measured anew at each
+step: landmarks lead far from the solution and along what the planes do not see, planes lead near it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import Float64Array
+from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.registration.observability import assess
+from seismo3d.registration.quadratic import Frame, plane_form, point_form
+from seismo3d.registration.robust import TUKEY, robust_scale, tukey_weights
+from seismo3d.registration.solvers import Limits, Prior, Solution, solve_form
+from seismo3d.robot import _kernels_tracking as kernels
+from seismo3d.robot.ekf import log_motion
+from seismo3d.robot.frames import Measured
+from seismo3d.robot.landmarks import Sightings
+from seismo3d.robot.tsdf import Prediction
+
+TERMS = ("fused", "planes", "features", "two_stage")
+"""What a frame is located by; ``two_stage`` is landmarks first, then planes alone."""
+_FREE = Limits(np.full(6, -np.inf), np.full(6, np.inf))
+_PER_PLANE = 50.0
+"""Pixels of the half image (every second one of it) that carry as much as one independent measurement: neighbours
+share the sensor's and the map's errors."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Located:
+    """Where a frame was.
+
+    Attributes
+    ----------
+    T_world_camera : ndarray of shape (4, 4), float64
+    covariance : ndarray of shape (6, 6), float64
+        Of a perturbation on the left, (rotation, translation).
+    n_planes, n_landmarks : int
+        Pairs that agree.
+    share : float
+        Share of the vertices that have a partner and agree with it.
+    plane_spread : float
+        Robust standard deviation of the planes' residuals over what the sensor's noise explains.
+    landmark_spread : float
+        The same of the landmarks, in pixels.
+    converged : bool
+    planes : PlanePairs or None
+    landmark_weights : ndarray of shape (n,), float64
+        Inverse variances, per pixel squared.
+    """
+
+    T_world_camera: Float64Array
+    covariance: Float64Array
+    n_planes: int
+    n_landmarks: int
+    share: float
+    plane_spread: float
+    landmark_spread: float
+    converged: bool
+    planes: PlanePairs | None
+    landmark_weights: Float64Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanePairs:
+    """Vertices with their partners on the predicted surface.
+
+    Attributes
+    ----------
+    source, target, normals : ndarray of shape (n, 3), float64
+        Vertices in the camera's frame; points and normals in the world.
+    weights : ndarray of shape (n,), float64
+        Inverse variances; zero for pairs that disagree.
+    residuals : ndarray of shape (n,), float64
+        Metres, along the normals.
+    n_tried : int
+        Vertices that were looked up.
+    spread : float
+        As in :class:`Located`.
+    """
+
+    source: Float64Array
+    target: Float64Array
+    normals: Float64Array
+    weights: Float64Array
+    residuals: Float64Array
+    n_tried: int
+    spread: float
+
+
+def locate(
+    measured: Measured,
+    prediction: Prediction,
+    sightings: Sightings,
+    T_world_camera: Float64Array,
+    lens: PinholeCamera,
+    *,
+    terms: str = "fused",
+    max_steps: int = 10,
+) -> Located:
+    """Find the pose at which a frame fits the map.
+
+    Parameters
+    ----------
+    measured : Measured
+    prediction : Prediction
+        The map near the pose.
+    sightings : Sightings
+        Landmarks found in the frame.
+    T_world_camera : ndarray of shape (4, 4), float64
+        Where to start; kept along what neither planes nor landmarks see.
+    lens : PinholeCamera
+    terms : str
+        One of ``TERMS``.
+    max_steps : int
+
+    Returns
+    -------
+    Located
+    """
+    T = T_world_camera
+    found = Located(T, np.full((6, 6), np.inf), 0, 0, 0.0, np.inf, np.inf, False, None, np.zeros(len(sightings)))
+    for step in range(max_steps):
+        fine = step >= max_steps // 2
+        use_planes = terms in ("fused", "planes") or (terms == "two_stage" and fine)
+        use_landmarks = terms in ("fused", "features") or (terms == "two_stage" and not fine)
+        reach = (0.1, 0.1, 0.06, 0.04)[min(step, 3)] if fine or step < 3 else 0.04
+        pairs = _pair_planes(measured, prediction, T, 2 if fine else 4, reach) if use_planes else None
+        rays = _weigh_landmarks(sightings, T, lens) if use_landmarks and len(sightings) >= 4 else None
+        new = _solve(T, pairs, rays, sightings)
+        if new is None:
+            return found
+        move = log_motion(np.linalg.inv(T) @ new.T_world_camera)
+        T, found = new.T_world_camera, new
+        if np.linalg.norm(move[:3]) < 1e-4 and np.linalg.norm(move[3:]) < 1e-4:
+            if fine:
+                break
+            max_steps = min(max_steps, step + 1 + max_steps // 2)
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rays:
+    source: Float64Array
+    information: Float64Array
+    weights: Float64Array
+    spread: float
+    n_agreeing: int
+
+
+def _pair_planes(
+    measured: Measured, prediction: Prediction, T: Float64Array, step: int, reach: float
+) -> PlanePairs | None:
+    rows, columns, _ = measured.vertices.shape
+    n = (rows // step + 1) * (columns // step + 1)
+    source, target, normal = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    sigma, residual = np.empty(n), np.empty(n)
+    seen = prediction.T_world_camera
+    count, tried = kernels.project_pairs(
+        measured.vertices, measured.normals, step, np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]),
+        np.ascontiguousarray(seen[:3, :3]), np.ascontiguousarray(seen[:3, 3]), prediction.lens, prediction.points,
+        prediction.normals, reach, 0.8, source, target, normal, sigma, residual,
+    )  # fmt: skip
+    if count < 30:
+        return None
+    residual, sigma = residual[:count], sigma[:count]
+    spread = max(robust_scale(residual / sigma), 0.3)
+    weights = tukey_weights(residual / sigma, TUKEY * spread) / (sigma * spread) ** 2
+    weights *= step * step / (4.0 * _PER_PLANE)
+    return PlanePairs(source[:count], target[:count], normal[:count], weights, residual, tried, spread)
+
+
+def _weigh_landmarks(sightings: Sightings, T: Float64Array, lens: PinholeCamera) -> _Rays:
+    """Put each landmark at its depth on its ray, with the information of its pixel across the ray."""
+    poses = T @ sightings.T_depth_pixel
+    local = np.einsum("nji,nj->ni", poses[:, :3, :3], sightings.points - poses[:, :3, 3])
+    depth = np.maximum(local[:, 2], 0.1)
+    miss = np.linalg.norm((local[:, :2] / depth[:, None] - sightings.rays[:, :2]) * [lens.fx, lens.fy], axis=1)
+    spread = max(1.2 * float(np.median(miss)), 0.3)
+    weights = tukey_weights(miss, TUKEY * spread) / spread**2
+    on_ray = sightings.rays * depth[:, None]
+    M = sightings.T_depth_pixel
+    source = np.einsum("nij,nj->ni", M[:, :3, :3], on_ray) + M[:, :3, 3]
+    direction = np.einsum("nij,nj->ni", poses[:, :3, :3], sightings.rays)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
+    information = (weights * (lens.fx / depth) ** 2)[:, None, None] * across
+    return _Rays(source, information, weights, spread, int((weights > 0).sum()))
+
+
+def _solve(T: Float64Array, pairs: PlanePairs | None, rays: _Rays | None, sightings: Sightings) -> Located | None:
+    """Add both terms up in one form, solve it, and say how sure the answer is."""
+    if pairs is None and rays is None:
+        return None
+    targets = [p for p in (pairs.target if pairs else None, sightings.points if rays else None) if p is not None]
+    sources = [p for p in (pairs.source if pairs else None, rays.source if rays else None) if p is not None]
+    frame = Frame.of(np.concatenate(targets), np.concatenate(sources))
+    Q = np.zeros((13, 13))
+    if pairs is not None:
+        Q += plane_form(frame.target(pairs.target), frame.source(pairs.source), pairs.normals, pairs.weights)
+    if rays is not None:
+        Q += point_form(frame.target(sightings.points), frame.source(rays.source), rays.information)
+    if not np.isfinite(Q).all() or not Q[:12, :12].any():
+        return None
+    found: Solution = solve_form(Q, model="rigid", prior=Prior(*frame.enter(T)), limits=_FREE, ratio=1e-5)
+    sure = assess(Q, Q / frame.size**2, found.A, found.t, model="rigid", frame=frame, ratio=1e-5, limits=_FREE)
+    n_planes = 0 if pairs is None else int((pairs.weights > 0).sum())
+    return Located(
+        T_world_camera=frame.leave(found.A, found.t),
+        covariance=sure.covariance,
+        n_planes=n_planes,
+        n_landmarks=0 if rays is None else rays.n_agreeing,
+        share=0.0 if pairs is None else n_planes / max(pairs.n_tried, 1),
+        plane_spread=np.inf if pairs is None else pairs.spread,
+        landmark_spread=np.inf if rays is None else rays.spread,
+        converged=True,
+        planes=pairs,
+        landmark_weights=np.zeros(len(sightings)) if rays is None else rays.weights,
+    )

@@ -1,0 +1,211 @@
+"""The dense map: signed distances to the surface in hashed blocks, with colour; fusion, ray-cast and mesh.
+
+Averaging projected distances follows Curless and Levoy [1]_, hashed blocks Niessner et al. [2]_.
+
+References
+----------
+.. [1] B. Curless, M. Levoy, "A volumetric method for building complex models from range images", SIGGRAPH 1996.
+   :doi:`10.1145/237170.237269`
+.. [2] M. Niessner et al., "Real-time 3D reconstruction at scale using voxel hashing", ACM Trans. Graphics 32(6), 2013.
+   :doi:`10.1145/2508363.2508374`
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
+from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.robot import _kernels_blocks as blocks
+from seismo3d.robot import _kernels_raycast as rays
+from seismo3d.robot.frames import Measured
+
+TILE = 8
+_MARGIN = 40
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """The mapped surface as a camera would see it.
+
+    Attributes
+    ----------
+    points, normals : ndarray of shape (rows, columns, 3), float32
+        In the world frame; NaN where no surface is met. Normals point out of the surface.
+    shade : ndarray of shape (rows, columns, 2), float32
+        Grey value and fused weight.
+    T_world_camera : ndarray of shape (4, 4), float64
+    lens : ndarray of shape (4,), float64
+        fx, fy, cx, cy of the image, which has no distortion.
+    """
+
+    points: Float32Array
+    normals: Float32Array
+    shade: Float32Array
+    T_world_camera: Float64Array
+    lens: Float64Array
+
+
+class SurfaceMap:
+    """A truncated signed-distance map in hashed blocks of 8 x 8 x 8 voxels.
+
+    Memory follows the surface that has been seen, 5.6 KB a block, never the volume around it.
+
+    Parameters
+    ----------
+    voxel_size : float
+        Edge of a voxel, metres.
+    band : float
+        Distances are kept up to this far from the surface, metres.
+    heaviest : float
+        Largest weight of a voxel: what has been seen longer is forgotten at this rate.
+    """
+
+    def __init__(self, voxel_size: float, band: float, *, heaviest: float = 200.0) -> None:
+        self.voxel_size = voxel_size
+        self.band = band
+        self.heaviest = heaviest
+        self.n_blocks = 0
+        self.keys = np.empty(1024, dtype=np.int64)
+        self.coordinates = np.empty((1024, 3), dtype=np.int32)
+        self.distance = np.zeros((1024, 512), dtype=np.float32)
+        self.weight = np.zeros((1024, 512), dtype=np.float32)
+        self.colour = np.zeros((1024, 512, 3), dtype=np.uint8)
+        self._tables: dict[tuple[PinholeCamera, tuple[int, ...]], Int32Array] = {}
+        self._make_table(12)
+
+    @property
+    def block_size(self) -> float:
+        """Edge of a block, metres."""
+        return blocks.SIDE * self.voxel_size
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory that the blocks in use take."""
+        return self.n_blocks * (512 * (4 + 4 + 3) + 8 + 12)
+
+    def add_blocks(self, keys: Int64Array) -> Int64Array:
+        """Make the blocks of some keys where they are missing; return the numbers of all of them."""
+        numbers = np.empty(len(keys), dtype=np.int64)
+        while 2 * (self.n_blocks + len(keys)) > len(self._table):
+            self._make_table(65 - self._shift)
+        self._reserve(self.n_blocks + len(keys))
+        first = self.n_blocks
+        self.n_blocks = blocks.enter_keys(keys, first, self.keys, numbers, self._table_keys, self._table, self._shift)
+        self.coordinates[first : self.n_blocks] = blocks.unpack(self.keys[first : self.n_blocks])
+        return numbers
+
+    def block_at(self, coordinates: Int32Array) -> int:
+        """Return the number of the block at block coordinates (3,), or -1."""
+        x, y, z = (int(c) for c in coordinates)
+        return int(blocks.find_block(blocks.pack(x, y, z), self._table_keys, self._table, self._shift))
+
+    def fuse(
+        self,
+        measured: Measured,
+        camera: PinholeCamera,
+        T_world_camera: Float64Array,
+        *,
+        carve: bool = False,
+        pool: ThreadPoolExecutor,
+        n_threads: int,
+    ) -> None:
+        """Average one frame into the map.
+
+        Parameters
+        ----------
+        measured : Measured
+        camera : PinholeCamera
+        T_world_camera : ndarray of shape (4, 4), float64
+            Pose at the time of the depth.
+        carve : bool
+            Whether what the frame sees through is cleared, too; costs as much again.
+        pool, n_threads
+            Where the work goes; the result doesn't depend on it.
+        """
+        R, t = _parts(T_world_camera)
+        keys = blocks.touched_blocks(measured.vertices, 2, R, t, self.block_size, self.band + self.voxel_size)
+        numbers = self.add_blocks(keys)
+        if carve:
+            rows, columns = measured.depth.shape
+            every = self.coordinates[: self.n_blocks]
+            _, seen = rays.tile_bounds(every, self.block_size, R, t, lens_numbers(camera), rows, columns, TILE)
+            numbers = np.union1d(numbers, seen)
+        lens = lens_numbers(camera)
+        table = self._pixel_table(camera, measured.depth.shape)
+        rgb = measured.colour.reshape(-1, 3)
+
+        def work(part: Int64Array) -> None:
+            blocks.fuse_blocks(
+                part, self.coordinates, self.distance, self.weight, self.colour, self.voxel_size, R, t, lens, table,
+                _MARGIN, measured.pixels, rgb, self.band, self.heaviest,
+            )  # fmt: skip
+
+        _spread(work, np.array_split(numbers, 4 * n_threads), pool)
+
+    def cast(
+        self, shape: tuple[int, int], lens: Float64Array, T_world_camera: Float64Array, *, pool: ThreadPoolExecutor,
+        n_threads: int,
+    ) -> Prediction:  # fmt: skip
+        """Return the surface as a camera without distortion sees it; ``lens`` is fx, fy, cx, cy."""
+        rows, columns = shape
+        R, t = _parts(T_world_camera)
+        bounds, _ = rays.tile_bounds(
+            self.coordinates[: self.n_blocks], self.block_size, R, t, lens, rows, columns, TILE
+        )
+        points = np.empty((rows, columns, 3), dtype=np.float32)
+        normals = np.empty((rows, columns, 3), dtype=np.float32)
+        shade = np.empty((rows, columns, 2), dtype=np.float32)
+
+        def work(first: int, last: int) -> None:
+            rays.cast_rows(
+                first, last, bounds, TILE, R, t, lens, self.voxel_size, self.band, self.distance, self.weight,
+                self.colour, self._table_keys, self._table, self._shift, points, normals, shade,
+            )  # fmt: skip
+
+        edges = np.linspace(0, rows, 4 * n_threads + 1).astype(int)
+        _spread(lambda pair: work(*pair), list(zip(edges[:-1].tolist(), edges[1:].tolist())), pool)
+        return Prediction(points, normals, shade, T_world_camera, lens)
+
+    def _pixel_table(self, camera: PinholeCamera, shape: tuple[int, ...]) -> Int32Array:
+        key = (camera, shape)
+        if key not in self._tables:
+            self._tables[key] = blocks.pixel_table(shape[0], shape[1], _MARGIN, lens_numbers(camera))
+        return self._tables[key]
+
+    def _make_table(self, bits: int) -> None:
+        self._shift = 64 - bits
+        self._table = np.full(1 << bits, -1, dtype=np.int32)
+        self._table_keys = np.empty(1 << bits, dtype=np.int64)
+        blocks.fill_table(self.keys[: self.n_blocks], self._table_keys, self._table, self._shift)
+
+    def _reserve(self, n: int) -> None:
+        if n <= len(self.keys):
+            return
+        size = max(n, 2 * len(self.keys))
+        for name in ("keys", "coordinates", "distance", "weight", "colour"):
+            old = getattr(self, name)
+            new = np.zeros((size, *old.shape[1:]), dtype=old.dtype)
+            new[: self.n_blocks] = old[: self.n_blocks]
+            setattr(self, name, new)
+
+
+def lens_numbers(camera: PinholeCamera) -> Float64Array:
+    """Return fx, fy, cx, cy, k1, k2, p1, p2, k3 as kernels take them."""
+    distortion = (*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
+    return np.array([camera.fx, camera.fy, camera.cx, camera.cy, *distortion])
+
+
+def _parts(T: Float64Array) -> tuple[Float64Array, Float64Array]:
+    return np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])
+
+
+def _spread(work: Callable[[Any], None], parts: list[Any], pool: ThreadPoolExecutor) -> None:
+    """Do each part on the pool; errors of a part are raised here."""
+    for _ in pool.map(work, parts):
+        pass

@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from seismo3d.cli import _run
+from seismo3d.graph.poses import read_g2o
+from seismo3d.io.elevation import read_elevation
+from seismo3d.robot import Mapper, Occupancy
+from seismo3d.synthetic.rgbd import rgbd_sequence
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("rgbd") / "room"
+    made = rgbd_sequence("room", frames=16, size=(160, 120), period=10.0, seed=2).write(folder)
+    camera = json.loads((made / "camera.json").read_text())
+    (made / "camera.json").write_text(json.dumps({**camera, "readout": 0.0, "depth_delay": 0.0}))
+    return made
+
+
+def test_run_writes_all_that_it_says(sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert _run(["map", str(sequence), "-o", str(out), "--voxel-size", "0.02"], debug=True) == 0
+    assert "located" in capsys.readouterr().out
+    names = {path.name for path in out.iterdir()}
+    assert names == {
+        "trajectory.txt", "states.csv", "mesh.ply", "graph.g2o", "occupancy.npz", "elevation.tif", "map.npz",
+        "trajectory.png", "occupancy.png", "map.png", "report.html", "run.json",
+    }  # fmt: skip
+    found, truth = np.loadtxt(out / "trajectory.txt"), np.loadtxt(sequence / "groundtruth.txt")
+    np.testing.assert_allclose(found[:, 0], truth[:, 0], atol=1e-5)  # stamps of colour
+    np.testing.assert_allclose(found[0, 1:], [0, 0, 0, 0, 0, 0, 1], atol=1e-9)  # the world is the first camera
+    steps = np.linalg.norm(np.diff(truth[:, 1:4], axis=0), axis=1).sum()
+    assert np.linalg.norm(found[-1, 1:4]) == pytest.approx(np.linalg.norm(truth[-1, 1:4] - truth[0, 1:4]), abs=0.01)
+    record = json.loads((out / "run.json").read_text())
+    assert record["located"] == record["frames"] == 16
+    assert record["path_m"] == pytest.approx(steps, abs=0.03)
+    assert len(read_g2o(out / "graph.g2o").poses) == record["keyframes"]
+    assert (Occupancy.load(out / "occupancy.npz").cells != 2).any()
+    assert np.isfinite(read_elevation(out / "elevation.tif").values).any()
+    assert len(Mapper.load(out / "map.npz").trajectory) == 16
+    assert "http" not in (out / "report.html").read_text()
+    header = (out / "mesh.ply").read_bytes()[:200].decode("ascii", errors="replace")
+    assert "element vertex" in header
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [("camera", "has no camera.json"), ("list", "none within"), ("depth", "no frame of")],
+)
+def test_bad_sequences_end_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], spoil: str, words: str
+) -> None:
+    import cv2
+
+    folder = rgbd_sequence("room", frames=2, size=(64, 48)).write(tmp_path / "in")
+    camera = json.loads((folder / "camera.json").read_text())
+    (folder / "camera.json").write_text(json.dumps({**camera, "readout": 0.0, "depth_delay": 0.0}))
+    if spoil == "camera":
+        (folder / "camera.json").unlink()
+    elif spoil == "list":
+        (folder / "associations.txt").unlink()
+        lines = (folder / "depth.txt").read_text().splitlines()
+        (folder / "depth.txt").write_text("\n".join(f"{float(r.split()[0]) + 9} {r.split()[1]}" for r in lines[1:]))
+    else:
+        for path in (folder / "depth").iterdir():
+            cv2.imwrite(str(path), np.zeros((48, 64), np.uint16))
+    assert _run(["map", str(folder), "-o", str(tmp_path / "out")], debug=False) == 2
+    error = capsys.readouterr().err.strip()
+    assert words in error
+    assert len(error.splitlines()) == 1
+    assert not (tmp_path / "out").exists()

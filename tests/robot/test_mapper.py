@@ -1,0 +1,237 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from seismo3d.errors import FormatError, ParameterError, ShapeError
+from seismo3d.geometry.rotations import invert_transform, rotation_angle
+from seismo3d.robot import Camera, Mapper, MapperSettings, RgbdFrame
+from seismo3d.synthetic.rgbd import RgbdSequence, rgbd_sequence
+
+SETTINGS = MapperSettings(voxel_size=0.02, keep_every=2)
+
+
+@pytest.fixture(scope="module")
+def room() -> tuple[RgbdSequence, list[RgbdFrame]]:
+    """Forty frames of a room, a twelfth of the way round."""
+    sequence = rgbd_sequence("room", frames=40, size=(160, 120), period=16.0, seed=3)
+    return sequence, [RgbdFrame.of(f.colour, f.depth, f.stamp) for f in sequence]
+
+
+def make_mapper(sequence: RgbdSequence, **more: object) -> Mapper:
+    settings = MapperSettings(**{"voxel_size": 0.02, "keep_every": 2, **more})  # type: ignore[arg-type]
+    return Mapper(Camera(sequence.camera, readout=0.0, depth_delay=0.0), settings=settings)
+
+
+def pose_errors(mapper: Mapper, sequence: RgbdSequence) -> tuple[np.ndarray, np.ndarray]:
+    """Metres and radians from the truth, the first frame's camera being the world."""
+    found = mapper.trajectory
+    first = invert_transform(sequence.poses[0])
+    between = [invert_transform(first @ sequence.poses[i]) @ T for i, T in zip(found.frames, found.T_world_camera)]
+    shift = np.array([np.linalg.norm(T[:3, 3]) for T in between])
+    return shift, np.array([rotation_angle(T[:3, :3]) for T in between])
+
+
+@pytest.fixture(scope="module")
+def mapped(room: tuple[RgbdSequence, list[RgbdFrame]]) -> Mapper:
+    sequence, frames = room
+    mapper = make_mapper(sequence)
+    for frame in frames:
+        mapper.add(frame)
+    return mapper
+
+
+def test_every_frame_is_located_near_the_truth(room: tuple[RgbdSequence, list[RgbdFrame]], mapped: Mapper) -> None:
+    sequence, frames = room
+    assert mapped.trajectory.frames.tolist() == list(range(len(frames)))
+    shift, turn = pose_errors(mapped, sequence)
+    assert shift.max() < 0.01 * sequence.path_length + 0.004  # noise of 2 mm at a metre, 4,800 vertices
+    assert turn.max() < np.radians(0.4)
+
+
+def test_mesh_lies_on_the_true_surface(room: tuple[RgbdSequence, list[RgbdFrame]], mapped: Mapper) -> None:
+    sequence, _ = room
+    mesh = mapped.mesh()
+    T = sequence.poses[0]
+    points = (mesh.points @ T[:3, :3].T + T[:3, 3])[::7]
+    off = np.abs(sequence.scene.distance_to_surface(points))
+    assert np.median(off) < 0.005  # a quarter of a voxel
+    assert len(points) > 1000
+    # triangles face the camera's side: the free side
+    corners = mesh.points[mesh.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    towards = mapped.trajectory.T_world_camera[:, :3, 3].mean(axis=0) - corners.mean(axis=1)
+    assert (np.einsum("ni,ni->n", normals, towards) > 0).mean() > 0.97
+
+
+def test_number_of_threads_does_not_matter(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
+    sequence, frames = room
+    made = []
+    for threads in (1, 3):
+        mapper = make_mapper(sequence, n_threads=threads)
+        for frame in frames[:6]:
+            mapper.add(frame)
+        made.append(mapper)
+    np.testing.assert_array_equal(made[0].trajectory.T_world_camera, made[1].trajectory.T_world_camera)
+    np.testing.assert_array_equal(made[0].mesh().points, made[1].mesh().points)
+
+
+def test_empty_depth_is_a_state_and_the_next_frame_is_found(
+    room: tuple[RgbdSequence, list[RgbdFrame]],
+) -> None:
+    sequence, frames = room
+    mapper = make_mapper(sequence)
+    states = []
+    for number, frame in enumerate(frames[:16]):
+        if 6 <= number < 10:
+            frame = RgbdFrame.of(np.zeros_like(frame.rgb), np.zeros_like(frame.depth), frame.time)
+        states.append(mapper.add(frame).state)
+    assert states[:6] == ["started", *["tracked"] * 5]
+    assert states[6:10] == ["empty"] * 4
+    assert states[-1] == "tracked"
+    assert pose_errors(mapper, sequence)[0].max() < 0.01
+
+
+def test_a_map_waits_for_the_first_frame_with_depth(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
+    sequence, frames = room
+    mapper = make_mapper(sequence)
+    nothing = RgbdFrame.of(frames[0].rgb, np.zeros_like(frames[0].depth), frames[0].time)
+    assert mapper.add(nothing).state == "empty"
+    assert mapper.add(frames[1]).state == "started"
+    assert mapper.trajectory.frames.tolist() == [1]
+
+
+def test_a_stranger_is_lost_and_does_not_enter_the_map(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
+    sequence, frames = room
+    mapper = make_mapper(sequence)
+    for frame in frames[:5]:
+        mapper.add(frame)
+    before = mapper.mesh().points
+    rows, columns = np.mgrid[:120, :160]
+    ball = np.sqrt(np.maximum(0.0, 0.3 - ((columns - 80) / 130.0) ** 2 - ((rows - 60) / 130.0) ** 2))
+    stranger = RgbdFrame.of(np.full((120, 160, 3), 90, np.uint8), (3.4 - 4.0 * ball).astype(np.float32), frames[5].time)
+    found = mapper.add(stranger)
+    assert found.state == "lost"
+    assert not found.is_located
+    np.testing.assert_array_equal(mapper.mesh().points, before)
+    assert mapper.add(frames[6]).state in ("tracked", "relocated")
+
+
+def test_relocation_far_from_the_prediction(
+    mapped: Mapper, room: tuple[RgbdSequence, list[RgbdFrame]], tmp_path: Path
+) -> None:
+    """A map that was read knows its last pose; the camera comes back elsewhere."""
+    sequence, frames = room
+    again = Mapper.load(mapped.save(tmp_path / "map.npz"))
+    states = [again.add(RgbdFrame.of(frames[k].rgb, frames[k].depth, 1e6 + k / 30)).state for k in range(3)]
+    assert states[0] in ("tracked", "relocated")
+    T = again.trajectory.T_world_camera[-3:]
+    truth = invert_transform(sequence.poses[0]) @ sequence.poses[:3]
+    assert np.linalg.norm(T[:, :3, 3] - truth[:, :3, 3], axis=1).max() < 0.02
+
+
+def test_save_and_load_keep_everything(mapped: Mapper, tmp_path: Path) -> None:
+    read = Mapper.load(mapped.save(tmp_path / "map.npz"))
+    np.testing.assert_array_equal(read.mesh().points, mapped.mesh().points)
+    np.testing.assert_array_equal(read.trajectory.T_world_camera, mapped.trajectory.T_world_camera)
+    assert read.settings == mapped.settings
+    assert len(read.state.views) == len(mapped.state.views)
+    np.testing.assert_array_equal(read.state.views[-1].grey, mapped.state.views[-1].grey)
+    (tmp_path / "bad.npz").write_bytes(b"nothing")
+    with pytest.raises(FormatError, match=r"no map that Mapper\.save wrote"):
+        Mapper.load(tmp_path / "bad.npz")
+
+
+def test_two_cameras_with_their_own_clocks_make_one_map(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
+    """The second camera is the first, turned by its place on the body, half a frame later and on another clock."""
+    sequence, frames = room
+    place = np.eye(4)
+    place[:3, 3] = [0.03, 0.0, 0.0]
+    cameras = [
+        Camera(sequence.camera, readout=0.0, depth_delay=0.0),
+        Camera(sequence.camera, place, clock_offset=-100.0, readout=0.0, depth_delay=0.0),
+    ]
+    truth = invert_transform(sequence.poses[0])
+    shifted = rgbd_sequence("room", frames=20, size=(160, 120), period=16.0, seed=3)
+    moved = RgbdSequence(
+        **{name: getattr(shifted, name) for name in shifted.__slots__} | {"poses": shifted.poses @ place}
+    )
+    mapper = Mapper(cameras, settings=SETTINGS)
+    for k in range(12):
+        if k % 2 == 0:
+            mapper.add(frames[k])
+        else:
+            f = moved[k]
+            mapper.add(RgbdFrame.of(f.colour, f.depth, f.stamp + 100.0, camera=1))
+    found = mapper.trajectory
+    expected = np.array([truth @ sequence.poses[k] @ (place if k % 2 else np.eye(4)) for k in range(12)])
+    assert np.linalg.norm(found.T_world_camera[:, :3, 3] - expected[:, :3, 3], axis=1).max() < 0.01
+    assert np.diff(found.times).max() < 0.05
+
+
+def test_occupancy_and_elevation_agree_with_the_scene() -> None:
+    sequence = rgbd_sequence("terrain", frames=24, size=(160, 120), period=16.0, seed=1)
+    mapper = make_mapper(sequence, voxel_size=0.03)
+    for f in sequence:
+        mapper.add(RgbdFrame.of(f.colour, f.depth, f.stamp))
+    ground = mapper.elevation(cell=0.1)
+    rows, columns = np.nonzero(np.isfinite(ground.values))
+    xyz = np.column_stack([ground.x.values[columns], ground.y.values[rows], ground.values[rows, columns]])
+    T = sequence.poses[0] @ ground.attrs["T_world_map"]
+    world = xyz @ T[:3, :3].T + T[:3, 3]
+    off = sequence.scene.distance_to_surface(world)
+    assert len(off) > 150
+    assert np.median(np.abs(off)) < 0.02
+    occupancy = mapper.occupancy(cell=0.1)
+    assert (occupancy.cells == 0).sum() > 100
+    np.testing.assert_allclose(occupancy.T_world_map, ground.attrs["T_world_map"])
+
+
+def test_refusals(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
+    sequence, frames = room
+    mapper = make_mapper(sequence)
+    with pytest.raises(ParameterError, match=r"frame\.camera is 3"):
+        mapper.add(RgbdFrame.of(frames[0].rgb, frames[0].depth, 0.0, camera=3))
+    with pytest.raises(ShapeError, match="rgb has shape"):
+        mapper.add(RgbdFrame.of(frames[0].rgb[:50], frames[0].depth, 0.0))
+    with pytest.raises(ShapeError, match="the camera says"):
+        mapper.add(RgbdFrame.of(None, frames[0].depth[:50], 0.0))
+    with pytest.raises(ParameterError, match="terms is 'magic'"):
+        MapperSettings(terms="magic")
+    with pytest.raises(ParameterError, match="empty sequence"):
+        Mapper([])
+
+
+@pytest.mark.parametrize(("terms", "reach"), [("planes", 0.15), ("features", 0.02), ("two_stage", 0.15)])
+def test_each_kind_of_term_alone_locates_frames(
+    room: tuple[RgbdSequence, list[RgbdFrame]], mapped: Mapper, terms: str, reach: float
+) -> None:
+    """The view has few planes, along which planes alone slide; both together don't."""
+    sequence, frames = room
+    mapper = make_mapper(sequence, terms=terms)
+    for frame in frames[:8]:
+        assert mapper.add(frame).is_located
+    alone = pose_errors(mapper, sequence)[0].max()
+    assert pose_errors(mapped, sequence)[0][:8].max() < alone + 0.001 < reach
+
+
+def test_real_sequence_beats_the_bar(real_data: Path) -> None:
+    """A hand-held structured-light camera that turns quickly: every frame, its shutter and its clocks."""
+    from seismo3d.robot import read_sequence
+
+    sequence = read_sequence(real_data / "rgbd/tum_fr1_rpy_a")
+    mapper = Mapper(sequence.camera)
+    for frame in sequence:
+        mapper.add(frame)
+    found = mapper.trajectory
+    assert len(found) == 150
+    truth = np.loadtxt(real_data / "rgbd/tum_fr1_rpy_a/groundtruth.txt")
+    nearest = np.abs(found.times[:, None] - truth[None, :, 0]).argmin(axis=1)
+    p, q = found.T_world_camera[:, :3, 3], truth[nearest, 1:4]
+    a, b = p - p.mean(axis=0), q - q.mean(axis=0)
+    U, _, Vt = np.linalg.svd(b.T @ a)
+    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    assert np.sqrt(((b - a @ R.T) ** 2).sum(axis=1).mean()) < 0.015
+    assert mapper.cameras[0].readout == pytest.approx(0.033, abs=0.008)
