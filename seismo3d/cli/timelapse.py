@@ -7,7 +7,9 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import Cube, Domain
+from seismo3d.cli._options import Cube, Domain, Overwrite
+
+EXAMPLES = ("seismo3d timelapse base.sgy monitor.sgy -o shifts",)
 
 
 def run(
@@ -15,7 +17,7 @@ def run(
     monitor: Path = typer.Argument(help="The later cube, on the same traces and samples.", show_default=False),
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
     domain: Domain = None,
-    overwrite: bool = typer.Option(False, "--overwrite", help="Replace the results of an earlier run in the folder."),
+    overwrite: Overwrite = False,
 ) -> None:
     """Align a monitor cube with its base: local shifts with their uncertainty, and the aligned monitor.
 
@@ -52,7 +54,7 @@ def run(
             "shift_95_percent": np.percentile(values[known], 95.0),
             "shift_std_median": np.median(spread[known]),
         }
-        record: dict[str, Any] = {**describe_run(base, {"monitor": monitor, "domain": domain}), "alignment": facts}
+        record: dict[str, Any] = {**describe_run(base, monitor, options={"domain": domain}), "alignment": facts}
         write_record(aside / RECORD, {**record, "timings_s": clock.stop()})
     unit = {"time": "ms", "depth": "m"}.get(str(first.dims[2]), "samples")
     typer.echo(
