@@ -6,6 +6,7 @@ import asyncio
 import base64
 import importlib
 import io
+import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -20,6 +21,7 @@ from seismo3d.viewer.panels import CMAPS, HORIZON_COLOURS
 from seismo3d.viewer.session import Panel, Session
 from seismo3d.viewer.tracing import REACHES
 
+_LOG = logging.getLogger("seismo3d.viewer")
 _COARSE = 256
 """Rows and columns of a slice of a lazy cube while its slider moves."""
 _MODES = (
@@ -278,7 +280,7 @@ class Page:
     def _do(self, call: Callable[[], str | None]) -> None:
         """Do something quick, show what came of it, or why it cannot be done."""
         if self._state.busy:
-            self._say("something is being traced or saved; wait until it is done", is_error=True)
+            self._say("something is being traced or saved; wait until it is done", is_error=True, busy=True)
             return
         try:
             words, is_error = call() or "", False
@@ -295,9 +297,12 @@ class Page:
             words = await asyncio.to_thread(call)
         except (Seismo3dError, OSError, MemoryError) as error:
             words, is_error = str(error), True
-        finally:
-            self._say(words, is_error=is_error)
+        except Exception as error:  # noqa: BLE001 - said in the comment below
+            # a defect must not leave the page waiting for ever: it is told there, and in full where this was started
+            _LOG.exception("the viewer failed")
+            words, is_error = f"this failed in a way it should not: {error!r}", True
         self._show_all()
+        self._say(words, is_error=is_error)
 
     def _say(self, words: str, *, is_error: bool = False, busy: bool = False) -> None:
         with self._state:

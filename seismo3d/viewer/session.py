@@ -130,6 +130,7 @@ class Session:
         self._picked_on: tuple[int, int] | None = None
         self._opened = faults
         self._strength: float | None = None
+        self._scale: tuple[Interpretation, Scale] | None = None
         self._cuts: dict[tuple[int, int], tuple[FaultSurface, Cut | None, int]] = {}
         self._writing = threading.Lock()
 
@@ -148,7 +149,11 @@ class Session:
     @property
     def scale(self) -> Scale:
         """Colour scale of the faults."""
-        return make_scale([fault.surface for fault in self.state.faults], self.attribute)
+        known = self._scale
+        if known is None or known[0] is not self.state or known[1].attribute != self.attribute:
+            known = (self.state, make_scale([fault.surface for fault in self.state.faults], self.attribute))
+            self._scale = known
+        return known[1]
 
     def move(self, axis: int, index: int) -> None:
         """Move the slice of one axis, within the cube."""

@@ -121,3 +121,29 @@ def test_the_widget_works_in_a_notebook():
     client.NotebookClient(notebook, timeout=120, resources={"metadata": {"path": root}}).execute()
     assert "<iframe src=" in notebook.cells[0].outputs[-1]["data"]["text/html"]
     assert "200" in str(notebook.cells[1].outputs)
+
+
+def test_defects_are_told_and_do_not_leave_the_page_waiting(viewer, caplog):
+    page, state = viewer._page, viewer._server.state
+
+    def fail():
+        raise ZeroDivisionError("by nought")
+
+    asyncio.run_coroutine_threadsafe(page._do_long(fail, "tracing"), viewer._loop).result(timeout=60)
+    assert (state.busy, state.is_error) == (False, True)
+    assert "this failed in a way it should not: ZeroDivisionError" in state.message
+    assert "the viewer failed" in caplog.text
+
+
+def test_edits_wait_while_something_is_traced(viewer):
+    page, state = viewer._page, viewer._server.state
+
+    async def try_it():
+        page._say("tracing", busy=True)
+        viewer.session.select([1])
+        page._delete()
+        return state.busy, state.message, len(viewer.session.state.faults)
+
+    busy, message, n_faults = asyncio.run_coroutine_threadsafe(try_it(), viewer._loop).result(timeout=60)
+    assert (busy, n_faults) == (True, 2)
+    assert "wait until it is done" in message
