@@ -30,12 +30,14 @@ def _make_app() -> typer.Typer:
     names = [name for name in found if name != "app" and not name.startswith("_")]
     for name in sorted(names, key=lambda n: (_FIRST.index(n) if n in _FIRST else len(_FIRST), n)):
         module = importlib.import_module(f"seismo3d.cli.{name}")
-        made.command(name.replace("_", "-"), epilog=_show_examples(module.EXAMPLES))(module.run)
+        made.command(name.replace("_", "-"), epilog=_show_examples(getattr(module, "EXAMPLES", ())))(module.run)
     return made
 
 
-def _show_examples(examples: tuple[str, ...]) -> str:
+def _show_examples(examples: tuple[str, ...]) -> str | None:
     """Lay examples out below a command's help; the sign in front keeps them from being wrapped."""
+    if not examples:
+        return None
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in examples)
 
 

@@ -58,3 +58,5 @@ def run(
         viewer.wait()
     finally:
         viewer.stop()
+        if not viewer.session.history.is_saved:
+            typer.echo("seismo3d: edits since the last save are lost", err=True)

@@ -22,6 +22,9 @@ _PLY_TYPES = {
     "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
     "float64": "f8",
 }  # fmt: skip
+_PCD_TYPES = {
+    (kind, str(size)): f"<{kind.lower()}{size}" for kind in "IUF" for size in (1, 2, 4, 8) if (kind, size) != ("F", 1)
+}
 _LAS_BYTES = 64 * 2**20
 _NORMAL_NAMES = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 
@@ -138,9 +141,9 @@ def _write_ply(path: Path, p: Float64Array, n: Float64Array | None) -> None:
 def _read_ply(path: Path) -> tuple[AnyArray, AnyArray | None]:
     data = path.read_bytes()
     end = data.find(b"end_header")
-    if not data.startswith(b"ply") or end < 0:
-        raise FormatError(f"{path.name} has no PLY header; expected 'ply' first and 'end_header'.")
-    start = data.index(b"\n", end) + 1
+    start = data.find(b"\n", end) + 1
+    if not data.startswith(b"ply") or end < 0 or start == 0:
+        raise FormatError(f"{path.name} has no PLY header; expected 'ply' first and a line 'end_header'.")
     lines = data[:end].decode("ascii", errors="replace").split("\n")
     form, elements = _ply_elements(lines, path)
     if form == "ascii":
@@ -214,11 +217,13 @@ def _read_pcd(path: Path) -> tuple[AnyArray, AnyArray | None]:
     try:
         names, count = header["FIELDS"], int(header["POINTS"][0])
         counts = [int(c) for c in header.get("COUNT", ["1"] * len(names))]
-        kinds = [f"<{t.lower()}{s}" for t, s in zip(header["TYPE"], header["SIZE"])]
+        kinds = [_PCD_TYPES[t.upper(), s] for t, s in zip(header["TYPE"], header["SIZE"])]
         layout = np.dtype([(n, k, (c,)) if c > 1 else (n, k) for n, k, c in zip(_unique(names), kinds, counts)])
         form = header["DATA"][0]
-    except (KeyError, ValueError, IndexError, TypeError) as error:
+    except (KeyError, ValueError, IndexError, TypeError, OverflowError) as error:
         raise FormatError(f"{path.name} has a broken PCD header: {error}.") from error
+    if count < 0 or min(counts, default=1) < 1:
+        raise FormatError(f"{path.name} has a broken PCD header: {count} points of {counts} values a field.")
     if form == "ascii":
         lines = data[start:].decode("ascii", errors="replace").split("\n")
         spread = [n if c == 1 else f"{n}{k}" for n, c in zip(_unique(names), counts) for k in range(c)]
@@ -327,7 +332,8 @@ def _read_las(path: Path) -> tuple[AnyArray, AnyArray | None]:
         ) from error
     check_las(path)
     try:
-        with laspy.open(path) as file:
+        # the decoder of several threads gives memory to whatever the table of chunks says, and ends the process
+        with laspy.open(path, laz_backend=[laspy.LazBackend.Lazrs]) as file:
             n_at_once = max(1, _LAS_BYTES // file.header.point_format.size)
             parts = [np.column_stack([part.x, part.y, part.z]) for part in file.chunk_iterator(n_at_once)]
             expected = int(file.header.point_count)

@@ -6,20 +6,20 @@ import asyncio
 import base64
 import importlib
 import io
+import logging
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from seismo3d.errors import Seismo3dError
-from seismo3d.plot.live_scene import LiveScene, paint
 from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes
-from seismo3d.viewer.colours import ATTRIBUTES, vertex_values
+from seismo3d.viewer.colours import ATTRIBUTES
 from seismo3d.viewer.layout import PANELS, STYLE, make_template
-from seismo3d.viewer.panels import CMAPS, HORIZON_COLOURS
+from seismo3d.viewer.panels import CMAPS
+from seismo3d.viewer.scene_keeper import SceneKeeper
 from seismo3d.viewer.session import Panel, Session
 from seismo3d.viewer.tracing import REACHES
 
+_LOG = logging.getLogger("seismo3d.viewer")
 _COARSE = 256
 """Rows and columns of a slice of a lazy cube while its slider moves."""
 _MODES = (
@@ -47,8 +47,8 @@ class Page:
         self._server = server
         self._state = server.state
         self._session = session
-        self._scene = LiveScene(session.cube)
-        self._drawn: dict[tuple[str, int], tuple[Any, ...]] = {}
+        self._scene = SceneKeeper(session)
+        self._mapped: tuple[Any, ...] | None = None
         self._turn = [0, 0, 0]
         self._view: Any = None
         self._has_scene = False
@@ -163,60 +163,16 @@ class Page:
         """Draw the throw map where it is looked at."""
         if self._state.fourth != "map":
             return
-        shown = ("map", 0)
         faults = tuple(fault.surface for fault in self._session.state.faults)
-        if self._drawn.get(shown) != faults:
-            self._drawn[shown] = faults
+        if self._mapped != faults:
+            self._mapped = faults
             with self._state:
                 self._state.map_image = draw_map(self._session)
 
     def _update_scene(self) -> None:
-        """Exchange what has changed in the 3D scene, and send it; nothing before the page is there to show it."""
-        session, changed = self._session, False
-        if not self._has_scene:
-            return
-        if not self._drawn:
-            self._scene.add_box()
-        for axis in range(3):
-            looks: tuple[Any, ...] = (session.index[axis], session.cmap)
-            if self._drawn.get(("slice", axis)) != looks:
-                self._scene.set_slice(axis, session.index[axis], session.slice_colours(axis))
-                self._drawn["slice", axis], changed = looks, True
-        scale = session.scale
-        limits = (scale.attribute, scale.low, scale.high)
-        for fault in session.state.faults:
-            looks = (fault.surface, limits, fault.number in session.selected)
-            if self._drawn.get(("fault", fault.number)) != looks:
-                self._scene.set_fault(fault.number, fault.surface.vertices, fault.surface.cells, self._paint(fault))
-                self._drawn["fault", fault.number], changed = looks, True
-        samples = session.sample_axis()
-        for k, horizon in enumerate(session.state.horizons):
-            looks = (horizon.track, k)
-            if self._drawn.get(("horizon", horizon.number)) != looks:
-                colour = HORIZON_COLOURS[k % len(HORIZON_COLOURS)]
-                self._scene.set_horizon(horizon.number, samples.index(horizon.track.depth.astype(np.float64)), colour)
-                self._drawn["horizon", horizon.number], changed = looks, True
-        changed |= self._drop_gone()
-        if changed:
+        """Send what has changed in the 3D scene; nothing before the page is there to show it."""
+        if self._has_scene and self._scene.update():
             self._view.update()
-
-    def _drop_gone(self) -> bool:
-        """Take out of the scene what is no longer in the interpretation."""
-        state = self._session.state
-        kept = {"fault": [f.number for f in state.faults], "horizon": [h.number for h in state.horizons]}
-        gone = [key for key in self._drawn if key[0] in kept and key[1] not in kept[key[0]]]
-        for key in gone:
-            del self._drawn[key]
-        self._scene.keep(kept["fault"], kept["horizon"])
-        return bool(gone)
-
-    def _paint(self, fault: Any) -> Any:
-        scale, n = self._session.scale, len(fault.surface.vertices)
-        if fault.number in self._session.selected:
-            return np.tile(np.array([255, 242, 0], np.uint8), (n, 1))
-        if scale.attribute == "fault":
-            return paint(scale.shades, np.full(n, fault.number - 1))
-        return paint(scale.shades, scale.classify(vertex_values(fault.surface, scale.attribute)))
 
     # what the controls do
 
@@ -278,7 +234,7 @@ class Page:
     def _do(self, call: Callable[[], str | None]) -> None:
         """Do something quick, show what came of it, or why it cannot be done."""
         if self._state.busy:
-            self._say("something is being traced or saved; wait until it is done", is_error=True)
+            self._say("something is being traced or saved; wait until it is done", is_error=True, busy=True)
             return
         try:
             words, is_error = call() or "", False
@@ -295,9 +251,12 @@ class Page:
             words = await asyncio.to_thread(call)
         except (Seismo3dError, OSError, MemoryError) as error:
             words, is_error = str(error), True
-        finally:
-            self._say(words, is_error=is_error)
+        except Exception as error:  # noqa: BLE001 - said in the comment below
+            # a defect must not leave the page waiting for ever: it is told there, and in full where this was started
+            _LOG.exception("the viewer failed")
+            words, is_error = f"this failed in a way it should not: {error!r}", True
         self._show_all()
+        self._say(words, is_error=is_error)
 
     def _say(self, words: str, *, is_error: bool = False, busy: bool = False) -> None:
         with self._state:

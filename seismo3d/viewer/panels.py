@@ -19,7 +19,7 @@ from seismo3d.viewer.slices import Slice
 
 CMAPS = ("gray", "seismic", "RdGy", "cividis")
 HORIZON_COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8")
-_NO_DATA = (233, 237, 242)
+NO_DATA = (233, 237, 242)
 _N_SHADES = 255
 
 
@@ -84,7 +84,7 @@ def _palette(cmap: str) -> bytes:
     from matplotlib import colormaps
 
     colours = (255.0 * colormaps[cmap]((np.arange(_N_SHADES) + 0.5) / _N_SHADES)[:, :3]).round().astype(np.uint8)
-    return colours.tobytes() + bytes(_NO_DATA)
+    return colours.tobytes() + bytes(NO_DATA)
 
 
 def cut_fault(fault: Fault, axis: int, index: float) -> Cut | None:

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float64Array, Progress
+from seismo3d._typing import Float64Array, Progress
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes
-from seismo3d.plot.traces_of_faults import check_faults, display_throw
+from seismo3d.plot.traces_of_faults import check_faults
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.tracks import Track
 from seismo3d.viewer.colours import ATTRIBUTES, Scale, make_scale
@@ -28,6 +28,7 @@ from seismo3d.viewer.interpretation import (
     merge_faults,
     split_fault,
 )
+from seismo3d.viewer.listing import list_rows
 from seismo3d.viewer.panels import (
     CMAPS,
     HORIZON_COLOURS,
@@ -130,6 +131,7 @@ class Session:
         self._picked_on: tuple[int, int] | None = None
         self._opened = faults
         self._strength: float | None = None
+        self._scale: tuple[Interpretation, Scale] | None = None
         self._cuts: dict[tuple[int, int], tuple[FaultSurface, Cut | None, int]] = {}
         self._writing = threading.Lock()
 
@@ -148,7 +150,11 @@ class Session:
     @property
     def scale(self) -> Scale:
         """Colour scale of the faults."""
-        return make_scale([fault.surface for fault in self.state.faults], self.attribute)
+        known = self._scale
+        if known is None or known[0] is not self.state or known[1].attribute != self.attribute:
+            known = (self.state, make_scale([fault.surface for fault in self.state.faults], self.attribute))
+            self._scale = known
+        return known[1]
 
     def move(self, axis: int, index: int) -> None:
         """Move the slice of one axis, within the cube."""
@@ -330,35 +336,7 @@ class Session:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a table of faults and horizons, one a row, for the page's list."""
-        rows: list[dict[str, Any]] = []
-        for fault in self.state.faults:
-            surface = fault.surface
-            throw, unit = display_throw(surface)
-            rows.append(
-                {
-                    "number": fault.number,
-                    "kind": "fault",
-                    "name": f"fault {fault.number}",
-                    "area": round(surface.area),
-                    "throw": _mean(throw),
-                    "unit": unit,
-                    "dip": _mean(surface.dip_deg),
-                    "confidence": round(float(surface.confidence), 2),
-                    "colour": self.scale.shade(fault.number - 1) if self.attribute == "fault" else "",
-                }
-            )
-        for k, horizon in enumerate(self.state.horizons):
-            share, colour = horizon.track.share, HORIZON_COLOURS[k % len(HORIZON_COLOURS)]
-            rows.append(
-                {
-                    "number": horizon.number,
-                    "kind": "horizon",
-                    "name": f"horizon {horizon.number}",
-                    "share": round(100 * share, 1),
-                    "colour": colour,
-                }
-            )
-        return rows
+        return list_rows(self.state, self.scale)
 
     def fault_set(self) -> FaultSet:
         """Return the present surfaces with empty volumes, to be drawn."""
@@ -367,16 +345,6 @@ class Session:
     def sample_axis(self) -> Axis:
         """Return the axis of the samples, by which depths become rows."""
         return Axis.from_coordinates(axis_coordinates(self.cube, 2), "samples")
-
-    def slice_colours(self, axis: int) -> AnyArray:
-        """Return the colours of a panel's slice, of shape (rows, columns, 3), for the 3D scene."""
-        from matplotlib import colormaps
-
-        part = self.reader.read(axis, self.index[axis], most=512)
-        share = np.clip((part.values / self.strength + 1.0) * 0.5, 0.0, 1.0)
-        colours = (255.0 * colormaps[self.cmap](np.nan_to_num(share, nan=0.5))[..., :3]).astype(np.uint8)
-        colours[~np.isfinite(part.values)] = (233, 237, 242)
-        return colours
 
     def _flat(self, axis: int, point: Float64Array) -> Float64Array:
         return point[[1, 0]] if axis == 2 else point[[1 - axis, 2]]
@@ -452,11 +420,6 @@ class Session:
 
 def _numbers(numbers: frozenset[int]) -> str:
     return ", ".join(str(number) for number in sorted(numbers))
-
-
-def _mean(values: AnyArray) -> float | None:
-    known = values[np.isfinite(values)]
-    return round(float(known.mean()), 1) if len(known) else None
 
 
 def _check_track(track: Track, shape: tuple[int, int, int]) -> None:

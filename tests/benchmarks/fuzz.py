@@ -98,8 +98,10 @@ def fuzz(form: Format, first: int, count: int, folder: Path) -> Counter[tuple[st
         hung = worker.exitcode == -signal.SIGKILL
         words = "DEFECT hang that no signal ends" if hung else f"DEFECT died {worker.exitcode}"
         ends.setdefault(words, []).append(last)
+        # what the dead one had read before is not known: those are counted as they were, unknown
+        ends.setdefault("read before a death", []).extend(range(seed, last))
         seed = last + 1
-    return Counter({(end, min(seeds)): len(seeds) for end, seeds in ends.items()})
+    return Counter({(end, min(seeds)): len(seeds) for end, seeds in ends.items() if seeds})
 
 
 def main() -> int:

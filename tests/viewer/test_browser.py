@@ -189,6 +189,21 @@ def test_the_3d_scene_is_drawn(pages, segy, faulted):
     assert len(shades) > 40
 
 
+def test_a_lazy_cube_is_shown_coarse_and_then_sharp(pages, segy, monkeypatch):
+    monkeypatch.setattr("seismo3d.viewer.page._COARSE", 8)
+    lazy = segy.chunk({"inline": 5}).drop_vars(["live"])
+    viewer = show(lazy, open_browser=False)
+    assert viewer.session.reader.is_lazy
+    page = pages(viewer)
+    sizes = """() => new Promise((done) => { const image = new Image(); image.onload = () =>
+        done([image.naturalWidth, image.naturalHeight]);
+        image.src = document.querySelector('[data-panel=crossline] image').getAttribute('href'); })"""
+    page.wait_for_function(f"({sizes})().then((s) => s[0] === 30 && s[1] === 50)")
+    page.locator("[data-panel=crossline] .s3-slider").fill("7")
+    playwright.expect(page.locator("[data-panel=crossline] .s3-label")).to_have_text("Crossline 507")
+    page.wait_for_function(f"({sizes})().then((s) => s[0] === 30 && s[1] === 50)")
+
+
 def test_without_the_token_there_is_no_page(browser, segy):
     viewer = show(segy, open_browser=False)
     page = browser.new_page()

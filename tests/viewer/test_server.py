@@ -2,13 +2,15 @@ from __future__ import annotations
 
 import asyncio
 import http.client
+import importlib.util
 import json
 import socket
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from seismo3d.errors import FileAccessError, ParameterError
+from seismo3d.errors import FileAccessError, MissingDependencyError, ParameterError
 from seismo3d.viewer import show, widget
 
 pytest.importorskip("trame_vtk")
@@ -96,3 +98,52 @@ def test_the_first_state_holds_the_three_slices(viewer):
         assert (state[f"{name}_rows"], state[f"{name}_columns"]) == shape
     assert json.dumps(state["rows"])
     assert np.isfinite(state["inline_lines"]).all()
+
+
+def test_without_its_packages_the_viewer_says_what_to_install(cube, monkeypatch):
+    known = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "trame_vtk" else known(name))
+    with pytest.raises(MissingDependencyError, match=r"needs trame_vtk, .* pip install 'seismo3d\[view\]'"):
+        show(cube, open_browser=False)
+
+
+def test_the_widget_works_in_a_notebook():
+    nbformat, client = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    cells = [
+        (
+            "import urllib.request, numpy as np, seismo3d as s3\n"
+            "shown = s3.viewer.widget(np.random.default_rng(0).normal(size=(9, 10, 20)).astype('float32'))\nshown"
+        ),
+        "with urllib.request.urlopen(shown.viewer.url) as page:\n    print(page.status)\nshown.viewer.stop()",
+    ]
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(text) for text in cells])
+    root = str(Path(__file__).resolve().parents[2])
+    client.NotebookClient(notebook, timeout=120, resources={"metadata": {"path": root}}).execute()
+    assert "<iframe src=" in notebook.cells[0].outputs[-1]["data"]["text/html"]
+    assert "200" in str(notebook.cells[1].outputs)
+
+
+def test_defects_are_told_and_do_not_leave_the_page_waiting(viewer, caplog):
+    page, state = viewer._page, viewer._server.state
+
+    def fail():
+        raise ZeroDivisionError("by nought")
+
+    asyncio.run_coroutine_threadsafe(page._do_long(fail, "tracing"), viewer._loop).result(timeout=60)
+    assert (state.busy, state.is_error) == (False, True)
+    assert "this failed in a way it should not: ZeroDivisionError" in state.message
+    assert "the viewer failed" in caplog.text
+
+
+def test_edits_wait_while_something_is_traced(viewer):
+    page, state = viewer._page, viewer._server.state
+
+    async def try_it():
+        page._say("tracing", busy=True)
+        viewer.session.select([1])
+        page._delete()
+        return state.busy, state.message, len(viewer.session.state.faults)
+
+    busy, message, n_faults = asyncio.run_coroutine_threadsafe(try_it(), viewer._loop).result(timeout=60)
+    assert (busy, n_faults) == (True, 2)
+    assert "wait until it is done" in message

@@ -169,5 +169,15 @@ def test_what_is_of_another_cube_is_refused(cube, faults):
 def test_bare_arrays_can_be_looked_at(cube):
     session = Session(cube.values)
     assert session.panel(1).label == "Crossline 20"
-    assert session.slice_colours(2).shape == (30, 40, 3)
     assert session.fault_set().surfaces == ()
+
+
+def test_the_scale_is_made_anew_after_an_edit_or_a_choice(session):
+    first = session.scale
+    assert session.scale is first
+    session.choose("attribute", "dip")
+    assert session.scale.attribute == "dip"
+    session.choose("attribute", "throw")
+    session.select([1])
+    session.delete_selected()
+    assert session.scale.high != first.high

@@ -16,7 +16,8 @@ from seismo3d.viewer.interpretation import (
     merge_faults,
     split_fault,
 )
-from seismo3d.viewer.storage import as_faults, choose_folder, open_session, read_tracks, save_session
+from seismo3d.viewer.relabelling import as_faults
+from seismo3d.viewer.storage import choose_folder, open_session, read_tracks, save_session
 
 
 def test_unedited_faults_keep_their_volumes(cube, faults):
