@@ -10,6 +10,7 @@ The flow of data, top to bottom::
     align_cubes        base, monitor -> shifts with their uncertainty, and the aligned monitor (time lapse)
     unfault            cube, FaultSet -> the cube with the slip taken out
     fracture_network   FaultSet -> FractureNetwork (who meets whom, density, orientations); flow_path through it
+    follow_stick       a fault stick, picked on one slice, to the slices beside it
     read_sticks, read_horizon   an interpreter's picks -> seeds, or score_sticks and score_horizon
     FaultSet.save      surfaces and volumes to a folder
     Scan, register     any two scans -> Registration (transform, covariance, certificate)
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from seismo3d.seismic.layer_time import layer_time
     from seismo3d.seismic.network import FractureNetwork, fracture_network
     from seismo3d.seismic.pick_scores import score_horizon, score_sticks
+    from seismo3d.seismic.stick_tracking import follow_stick
     from seismo3d.seismic.time_lapse import align_cubes
     from seismo3d.seismic.tracks import Track, trace_tracks
     from seismo3d.seismic.unfaulting import unfault
@@ -72,6 +74,7 @@ _PUBLIC = {
     "describe": "seismo3d.features.describing",
     "find_horizons": "seismo3d.seismic.horizon_search",
     "flow_path": "seismo3d.seismic.flow_paths",
+    "follow_stick": "seismo3d.seismic.stick_tracking",
     "fracture_network": "seismo3d.seismic.network",
     "layer_time": "seismo3d.seismic.layer_time",
     "match": "seismo3d.features.matching",
@@ -106,6 +109,7 @@ __all__ = [
     "describe",
     "find_horizons",
     "flow_path",
+    "follow_stick",
     "fracture_network",
     "layer_time",
     "match",
