@@ -161,7 +161,7 @@ class Mapper:
 
     def _start_afresh(self) -> None:
         s = self.settings
-        self._measurers = [Measurer(camera.lens, s.measure) for camera in self.cameras]
+        self._measurers = [Measurer(camera.lens, s.measure, self._pool) for camera in self.cameras]
         surface = SurfaceMap(s.voxel_size, s.band_voxels * s.voxel_size)
         self.state = MapState(surface, PlaceMemory([camera.lens for camera in self.cameras]))
         self._moving = [MotionMemory() for _ in self.cameras]
@@ -285,12 +285,10 @@ class Mapper:
             self.state.kept.append(KeptFrame.of(measured, len(self.state.poses) - 1, number))
 
     def _cast(self, measured: Measured, camera: Camera, T: Float64Array, *, coarser: int) -> Prediction:
-        rows, columns, _ = measured.vertices.shape
         k, lens = 2 * coarser, camera.lens
+        expected = np.ascontiguousarray(measured.vertices[::coarser, ::coarser, 2])
         numbers = np.array([lens.fx / k, lens.fy / k, (lens.cx + 0.5) / k - 0.5, (lens.cy + 0.5) / k - 0.5])
-        return self.state.surface.cast(
-            (rows // coarser, columns // coarser), numbers, T, pool=self._pool, n_threads=self._n_threads
-        )
+        return self.state.surface.cast(expected, numbers, T, pool=self._pool, n_threads=self._n_threads)
 
     def _calibrate(self, tracked: Tracked) -> Tracked:
         """Find the open timing of each camera from the frames so far, and map them anew with it."""
