@@ -7,7 +7,7 @@ import math
 import numba as nb
 import numpy as np
 
-from seismo3d._typing import Float32Array
+from seismo3d._typing import AnyArray, Float32Array
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -149,16 +149,22 @@ def freeze_shutter(depth: Float32Array, rays: Float32Array, motion: Float32Array
 
 @nb.njit(cache=True, nogil=True)
 def colour_at_depth(
-    rgb: np.ndarray, depth: Float32Array, rays: Float32Array, motion: Float32Array, focal: Float32Array
-) -> np.ndarray:
-    """Colour of each pixel of a depth image taken at another time; zero where there is none.
+    first: int,
+    last: int,
+    rgb: AnyArray,
+    depth: Float32Array,
+    rays: Float32Array,
+    motion: Float32Array,
+    focal: Float32Array,
+    out: AnyArray,
+) -> None:
+    """Colour of each pixel of some rows of a depth image taken at another time; zero where there is none.
 
     ``motion`` (rows, 3, 4) carries points of the depth's camera frame into the frame of each row of the colour image;
     the row is found from the pixel's own first.
     """
     rows, columns = depth.shape
-    out = np.zeros((rows, columns, 3), dtype=np.uint8)
-    for r in range(rows):
+    for r in range(first, last):
         for c in range(columns):
             z = depth[r, c]
             if not z > 0.0:
@@ -181,4 +187,3 @@ def colour_at_depth(
             if rr >= 0:
                 for k in range(3):
                     out[r, c, k] = max(rgb[rr, cc, k], np.uint8(1))
-    return out

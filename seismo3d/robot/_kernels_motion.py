@@ -22,14 +22,14 @@ def mark_intruders(
     lens: Float64Array,
     marked: BoolArray,
 ) -> None:
-    """Mark vertices that lie well before what an earlier depth image (half size) saw along the ray to them.
+    """Mark vertices, two by two, that lie well before what an earlier depth image (half size) saw along their rays.
 
     (R, t) and (R_before, t_before) carry each camera's points to the world; ``lens`` is fx, fy, cx, cy of the half
     image. All of the 3 x 3 earlier pixels around must have seen farther.
     """
     rows, columns = depth_before.shape
-    for r in range(vertices.shape[0]):
-        for c in range(vertices.shape[1]):
+    for r in range(0, vertices.shape[0] - 1, 2):
+        for c in range(0, vertices.shape[1] - 1, 2):
             z = np.float64(vertices[r, c, 2])
             if not z > 0.0:
                 continue
@@ -52,7 +52,7 @@ def mark_intruders(
                     if not depth_before[rr + i, cc + j] > depth + margin:
                         free = False
             if free:
-                marked[r, c] = True
+                marked[r : r + 2, c : c + 2] = True
 
 
 @nb.njit(cache=True, nogil=True)

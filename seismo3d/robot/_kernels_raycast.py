@@ -13,24 +13,13 @@ from seismo3d.robot._kernels_blocks import SIDE, find_block, pack
 
 
 @nb.njit(cache=True, nogil=True)
-def tile_bounds(
-    coordinates: Int32Array,
-    block: float,
-    R: Float64Array,
-    t: Float64Array,
-    lens: Float64Array,
-    rows: int,
-    columns: int,
-    tile: int,
-) -> tuple[Float32Array, Int64Array]:
-    """Nearest and farthest depth (tile rows, tile columns, 2) of the blocks that each tile sees; the blocks in view."""
-    tile_rows, tile_columns = (rows + tile - 1) // tile, (columns + tile - 1) // tile
-    bounds = np.zeros((tile_rows, tile_columns, 2), dtype=np.float32)
-    bounds[:, :, 0] = np.inf
+def blocks_in_view(
+    coordinates: Int32Array, block: float, R: Float64Array, t: Float64Array, lens: Float64Array, rows: int, columns: int
+) -> Int64Array:
+    """Numbers of the blocks that a camera (pose R, t; lens fx, fy, cx, cy) may see."""
     seen = np.empty(coordinates.shape[0], dtype=np.int64)
     count = 0
     radius = 0.8661 * block
-    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
     for n in range(coordinates.shape[0]):
         dx = (coordinates[n, 0] + 0.4375) * block - t[0]
         dy = (coordinates[n, 1] + 0.4375) * block - t[1]
@@ -38,22 +27,32 @@ def tile_bounds(
         z = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
         if z < 0.1:
             continue
-        x = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
-        y = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
-        u, v = fx * x / z + cx, fy * y / z + cy
-        reach_u, reach_v = 1.1 * fx * radius / z + 1.0, 1.1 * fy * radius / z + 1.0
-        c0, c1 = max(0, math.floor((u - reach_u) / tile)), min(tile_columns - 1, int((u + reach_u) / tile))
-        r0, r1 = max(0, math.floor((v - reach_v) / tile)), min(tile_rows - 1, int((v + reach_v) / tile))
-        if u + reach_u < 0.0 or v + reach_v < 0.0 or c0 > c1 or r0 > r1:
-            continue
-        seen[count] = n
-        count += 1
-        low, high = max(0.1, z - radius), z + radius
-        for r in range(r0, r1 + 1):
-            for c in range(c0, c1 + 1):
-                bounds[r, c, 0] = min(bounds[r, c, 0], low)
-                bounds[r, c, 1] = max(bounds[r, c, 1], high)
-    return bounds, seen[:count]
+        u = lens[0] * (R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz) / z + lens[2]
+        v = lens[1] * (R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz) / z + lens[3]
+        reach = 1.1 * max(lens[0], lens[1]) * radius / z + 1.0
+        if -reach < u < columns + reach and -reach < v < rows + reach:
+            seen[count] = n
+            count += 1
+    return seen[:count]
+
+
+@nb.njit(cache=True, nogil=True)
+def _voxel(
+    i: Any,
+    j: Any,
+    k: Any,
+    distance: Float32Array,
+    weight: Float32Array,
+    table_keys: Int64Array,
+    table: Int32Array,
+    shift: int,
+) -> float:
+    """Return the distance at a voxel, NaN where it is not known."""
+    number = find_block(pack(i >> 3, j >> 3, k >> 3), table_keys, table, shift)
+    if number < 0:
+        return np.nan
+    index = ((i & 7) * SIDE + (j & 7)) * SIDE + (k & 7)
+    return distance[number, index] if weight[number, index] > 0.0 else np.nan
 
 
 @nb.njit(cache=True, nogil=True)
@@ -72,29 +71,37 @@ def sample_cell(
     i0, j0, k0 = math.floor(x), math.floor(y), math.floor(z)
     fx, fy, fz = x - i0, y - j0, z - k0
     i, j, k = np.int64(i0), np.int64(j0), np.int64(k0)
-    v = np.empty(8)
-    last = np.int64(-1)
-    number = -1
-    for n in range(8):
-        a, b, c = i + (n >> 2), j + ((n >> 1) & 1), k + (n & 1)
-        key = pack(a >> 3, b >> 3, c >> 3)
-        if key != last:
-            number = find_block(key, table_keys, table, shift)
-            last = key
+    if (i & 7) < 7 and (j & 7) < 7 and (k & 7) < 7:
+        number = find_block(pack(i >> 3, j >> 3, k >> 3), table_keys, table, shift)
         if number < 0:
             return False
-        index = ((a & 7) * SIDE + (b & 7)) * SIDE + (c & 7)
-        if not weight[number, index] > 0.0:
+        at = ((i & 7) * SIDE + (j & 7)) * SIDE + (k & 7)
+        d, w = distance[number], weight[number]
+        if not (w[at] > 0.0 and w[at + 1] > 0.0 and w[at + 8] > 0.0 and w[at + 9] > 0.0):
             return False
-        v[n] = distance[number, index]
+        if not (w[at + 64] > 0.0 and w[at + 65] > 0.0 and w[at + 72] > 0.0 and w[at + 73] > 0.0):
+            return False
+        v0, v1, v2, v3 = d[at], d[at + 1], d[at + 8], d[at + 9]
+        v4, v5, v6, v7 = d[at + 64], d[at + 65], d[at + 72], d[at + 73]
+    else:
+        v0 = _voxel(i, j, k, distance, weight, table_keys, table, shift)
+        v1 = _voxel(i, j, k + 1, distance, weight, table_keys, table, shift)
+        v2 = _voxel(i, j + 1, k, distance, weight, table_keys, table, shift)
+        v3 = _voxel(i, j + 1, k + 1, distance, weight, table_keys, table, shift)
+        v4 = _voxel(i + 1, j, k, distance, weight, table_keys, table, shift)
+        v5 = _voxel(i + 1, j, k + 1, distance, weight, table_keys, table, shift)
+        v6 = _voxel(i + 1, j + 1, k, distance, weight, table_keys, table, shift)
+        v7 = _voxel(i + 1, j + 1, k + 1, distance, weight, table_keys, table, shift)
+        if not math.isfinite(v0 + v1 + v2 + v3 + v4 + v5 + v6 + v7):
+            return False
     gx, gy, gz = 1.0 - fx, 1.0 - fy, 1.0 - fz
-    c00, c01 = v[0] * gz + v[1] * fz, v[2] * gz + v[3] * fz
-    c10, c11 = v[4] * gz + v[5] * fz, v[6] * gz + v[7] * fz
+    c00, c01 = v0 * gz + v1 * fz, v2 * gz + v3 * fz
+    c10, c11 = v4 * gz + v5 * fz, v6 * gz + v7 * fz
     low, high = c00 * gy + c01 * fy, c10 * gy + c11 * fy
     out[0] = low * gx + high * fx
     out[1] = high - low
     out[2] = (c01 - c00) * gx + (c11 - c10) * fx
-    out[3] = ((v[1] - v[0]) * gy + (v[3] - v[2]) * fy) * gx + ((v[5] - v[4]) * gy + (v[7] - v[6]) * fy) * fx
+    out[3] = ((v1 - v0) * gy + (v3 - v2) * fy) * gx + ((v5 - v4) * gy + (v7 - v6) * fy) * fx
     return True
 
 
@@ -102,8 +109,8 @@ def sample_cell(
 def cast_rows(
     first: int,
     last_row: int,
-    bounds: Float32Array,
-    tile: int,
+    expected: Float32Array,
+    reach: float,
     R: Float64Array,
     t: Float64Array,
     lens: Float64Array,
@@ -121,7 +128,8 @@ def cast_rows(
 ) -> None:
     """Find where the rays of some rows of an image meet the surface: points and normals in the world, NaN elsewhere.
 
-    ``shade`` receives (grey value, weight) of the surface there.
+    Looked for within ``reach`` of the depth ``expected`` of each pixel. ``shade`` receives (grey value, weight) of the
+    surface there.
     """
     columns = points.shape[1]
     inverse = 1.0 / voxel
@@ -131,9 +139,9 @@ def cast_rows(
             points[r, c, :] = np.nan
             normals[r, c, :] = np.nan
             shade[r, c, :] = 0.0
-            near, far = bounds[r // tile, c // tile, 0], bounds[r // tile, c // tile, 1]
-            if not far > near:
+            if not expected[r, c] > 0.0:
                 continue
+            near, far = max(0.1, expected[r, c] - reach), expected[r, c] + reach
             dx, dy = (c - lens[2]) / lens[0], (r - lens[3]) / lens[1]
             length = math.sqrt(dx * dx + dy * dy + 1.0)
             ux = (R[0, 0] * dx + R[0, 1] * dy + R[0, 2]) / length
@@ -165,7 +173,21 @@ def cast_rows(
                 if value < 0.0:
                     if before > 0.0:
                         hit = _refine(
-                            s_before, s, ux, uy, uz, t, inverse, distance, weight, table_keys, table, shift, out
+                            s_before,
+                            s,
+                            before,
+                            value,
+                            ux,
+                            uy,
+                            uz,
+                            t,
+                            inverse,
+                            distance,
+                            weight,
+                            table_keys,
+                            table,
+                            shift,
+                            out,
                         )
                         if hit > 0.0:
                             size = math.sqrt(out[1] ** 2 + out[2] ** 2 + out[3] ** 2)
@@ -182,7 +204,7 @@ def cast_rows(
                                 shade[r, c, 1] = weight[number, index]
                     break
                 before, s_before = value, s
-                s += max(0.8 * value, 0.5 * voxel) if value < 0.99 * band else max(0.7 * band, voxel)
+                s += max(0.9 * value, voxel) if value < 0.99 * band else max(0.7 * band, voxel)
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -199,6 +221,8 @@ def _exit(x: Any, block: Any, direction: Any) -> Any:
 def _refine(
     low: float,
     high: float,
+    f_low: float,
+    f_high: float,
     ux: float,
     uy: float,
     uz: float,
@@ -211,34 +235,19 @@ def _refine(
     shift: int,
     out: Float64Array,
 ) -> Any:
-    """Place of the zero of the interpolated distance between two places on a ray; -1 where there is none."""
-    span = 1.0 / inverse
-    low, high = low - 0.5 * span, high + 0.5 * span
-    f_low, f_high = np.nan, np.nan
+    """Find the zero of the interpolated distance between two places on a ray by false position; -1 where none is."""
+    half = 0.5 / inverse
+    low, high = low - half, high + half
     s = low
-    n_steps = math.ceil((high - low) / (0.5 * span))
-    step = (high - low) / n_steps
-    found = False
-    for _ in range(n_steps + 1):
-        if sample_cell((t[0] + s * ux) * inverse, (t[1] + s * uy) * inverse, (t[2] + s * uz) * inverse,
-                       distance, weight, table_keys, table, shift, out):  # fmt: skip
-            if out[0] <= 0.0 and f_low > 0.0:
-                f_high, high = out[0], s
-                found = True
-                break
-            f_low, low = out[0], s
+    for _ in range(5):
+        s = low + (high - low) * f_low / (f_low - f_high)
+        if not sample_cell((t[0] + s * ux) * inverse, (t[1] + s * uy) * inverse, (t[2] + s * uz) * inverse,
+                           distance, weight, table_keys, table, shift, out):  # fmt: skip
+            return -1.0
+        if abs(out[0]) < 0.05 * half:
+            break
+        if out[0] > 0.0:
+            low, f_low = s, out[0]
         else:
-            f_low = np.nan
-        s += step
-    if not found:
-        return -1.0
-    s = low + (high - low) * f_low / (f_low - f_high)
-    if not sample_cell((t[0] + s * ux) * inverse, (t[1] + s * uy) * inverse, (t[2] + s * uz) * inverse,
-                       distance, weight, table_keys, table, shift, out):  # fmt: skip
-        return -1.0
-    along = (out[1] * ux + out[2] * uy + out[3] * uz) * inverse
-    if along < -1e-3:
-        move = -out[0] / along
-        if abs(move) < 0.5 * span:
-            s += move
-    return s
+            high, f_high = s, out[0]
+    return s if abs(out[0]) < half else -1.0

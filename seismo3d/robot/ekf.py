@@ -50,7 +50,7 @@ class MotionFilter:
         Standard deviations of the angular (rad/s^2) and linear (m/s^2) acceleration over a second.
     """
 
-    def __init__(self, time: float, T_world_body: Float64Array, *, turning: float = 1.0, moving: float = 0.5) -> None:
+    def __init__(self, time: float, T_world_body: Float64Array, *, turning: float = 0.4, moving: float = 0.25) -> None:
         self.time = time
         self.T_world_body = T_world_body.copy()
         self.twist = np.zeros(6)
@@ -67,7 +67,7 @@ class MotionFilter:
         self.T_world_body = self.pose_at(time)
         F = np.eye(12)
         F[:6, 6:] = adjoint(self.T_world_body) * dt
-        G = np.vstack([F[:6, 6:] * 0.5, np.eye(6) * dt])
+        G = np.vstack([F[:6, 6:] * (0.5 * dt), np.eye(6) * dt])
         span = abs(dt)
         self.covariance = F @ self.covariance @ F.T
         if span > 0.0:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -92,11 +94,14 @@ class Measurer:
     ----------
     lens : PinholeCamera
     settings : MeasureSettings
+    pool : ThreadPoolExecutor
+        Where work on rows goes.
     """
 
-    def __init__(self, lens: PinholeCamera, settings: MeasureSettings) -> None:
+    def __init__(self, lens: PinholeCamera, settings: MeasureSettings, pool: ThreadPoolExecutor) -> None:
         self.lens = lens
         self.settings = settings
+        self._pool = pool
         self._rays: Float32Array | None = None
 
     def rays(self, shape: tuple[int, ...]) -> Float32Array:
@@ -140,7 +145,14 @@ class Measurer:
 
             grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
             motion = _row_motions(-twist, shutter + timing.colour_lead)
-            colour = kernels.colour_at_depth(frame.rgb, depth, rays, motion, focal)
+            colour = np.zeros(frame.rgb.shape, dtype=np.uint8)
+            edges = np.linspace(0, rows, 5).astype(int).tolist()
+            parts = [
+                self._pool.submit(kernels.colour_at_depth, a, b, frame.rgb, depth, rays, motion, focal, colour)
+                for a, b in pairwise(edges)
+            ]
+            for part in parts:
+                part.result()
         return self.measured(depth, colour, grey)
 
     def measured(self, depth: Float32Array, colour: AnyArray, grey: AnyArray | None = None) -> Measured:

@@ -8,6 +8,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array, Int64Array
 from seismo3d.features.describing import Features, describe
+from seismo3d.features.matching import match
 from seismo3d.features.places import PlaceIndex
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import invert_transform, rotation_angle
@@ -17,11 +18,12 @@ from seismo3d.registration.result import Registration
 from seismo3d.robot.ekf import adjoint, exp_motion, log_motion
 from seismo3d.scan import Scan
 
-_STEP_TURN, _STEP_SHIFT = 0.001, 0.0015
+_STEP_TURN, _STEP_SHIFT = 0.002, 0.003
 """Standard deviations of the pose from one keyframe to the next, rad and m."""
-_CLOSURE_TURN, _CLOSURE_SHIFT = 0.003, 0.004
+_CLOSURE_TURN, _CLOSURE_SHIFT = 0.006, 0.008
 """The same that a closure has at least."""
 _N_POINTS = 300
+_LEAST_AGREEING = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,20 +114,53 @@ class PlaceMemory:
                 found.append(other)
         return found
 
-    def compare(self, target: int, source: Keyframe, *, start: Float64Array | None = None) -> Registration | None:
+    def compare(
+        self, target: int, source: Keyframe, *, start: Float64Array | None = None, far: bool = True
+    ) -> Registration | None:
         """Register a keyframe onto one that is remembered; None where they don't show the same place.
 
-        Accepted are transforms that converge, whose certificate holds, that leave nothing undetermined and on which
-        the two overlap by a third and fit within the sensor's noise.
+        Accepted are transforms that converge, whose certificate holds, that leave nothing undetermined, on which the
+        two overlap by a third and fit within the sensor's noise, and with which matched features agree.
+
+        Parameters
+        ----------
+        target : int
+        source : Keyframe
+        start : ndarray of shape (4, 4), optional
+            Where the registration starts; the identity by default.
+        far : bool
+            Whether the transform is looked for far from the start, too.
+
+        Returns
+        -------
+        Registration or None
         """
         scans = [self._scan(self.keyframes[target]), self._scan(source)]
         if scans[0] is None or scans[1] is None:
             return None
-        found = register(scans[0], scans[1], voxel_size=0.03, start=start)
+        stages = ("local", "global", "polish") if far else ("local",)
+        found = register(scans[0], scans[1], voxel_size=0.04, start=start, stages=stages)
         sound = found.converged and found.certificate is not None and found.certificate.holds
         if not sound or found.unobservable or found.overlap < 0.33 or found.rmse > 0.025:
             return None
-        return found
+        return found if self._looks_agree(self.keyframes[target], source, found.T_target_source) else None
+
+    def _looks_agree(self, target: Keyframe, source: Keyframe, T_target_source: Float64Array) -> bool:
+        """Whether the features that the two images have in common lie where the transform puts them."""
+        matches = match(target.features, source.features)
+        p, q = self._points(target, matches.points_target), self._points(source, matches.points_source)
+        known = np.isfinite(p).all(axis=1) & np.isfinite(q).all(axis=1)
+        p, q = p[known], q[known]
+        off = np.linalg.norm(q @ T_target_source[:3, :3].T + T_target_source[:3, 3] - p, axis=1)
+        agreeing = int((off < 0.02 + 0.02 * q[:, 2]).sum())
+        return agreeing >= _LEAST_AGREEING and agreeing >= 0.4 * len(p)
+
+    def _points(self, keyframe: Keyframe, pixels: Float64Array) -> Float64Array:
+        """Points (n, 3) at pixels (column, row) of a keyframe, NaN where it has no depth."""
+        column, row = np.rint(pixels).astype(np.int64).T
+        z = keyframe.depth[row, column] * 1e-4
+        rays = self._lenses[keyframe.camera].rays(pixels)
+        return np.where((z > 0.0)[:, None], np.column_stack([rays * z[:, None], z]), np.nan)
 
     def _scan(self, keyframe: Keyframe) -> Scan | None:
         if np.count_nonzero(keyframe.depth) < 500:
@@ -151,35 +186,36 @@ class Closure:
     information: Float64Array
 
 
-def find_closures(memory: PlaceMemory, *, gap: int = 8, most_each: int = 2) -> list[Closure]:
-    """Find keyframes that show the same place, by looks and by position, and verify each pair.
+def find_closures(memory: PlaceMemory, *, gap: int = 8, every: int = 2) -> list[Closure]:
+    """Find keyframes that show the same place, by position and by looks, and verify each pair.
+
+    A pair that lies near by the poses is registered from there. Only where none does, the keyframe that looks most
+    alike is registered from anywhere.
 
     Parameters
     ----------
     memory : PlaceMemory
     gap : int
         Keyframes nearer in order are not compared: tracking ties them already.
-    most_each : int
-        Closures of a keyframe, at most.
+    every : int
+        Every so many keyframes one is compared.
 
     Returns
     -------
     list of Closure
+        At most one a keyframe.
     """
     out = []
-    for number, keyframe in enumerate(memory.keyframes):
-        alike = memory.recall(keyframe.features, until=number - gap + 1) if number >= gap else np.empty(0, np.int64)
-        tried = list(dict.fromkeys([*alike.tolist(), *memory.near(number, gap=gap)]))[:4]
-        count = 0
-        for other in tried:
-            T_target = memory.keyframes[other].T_world_camera
-            guess = invert_transform(T_target) @ keyframe.T_world_camera
-            found = memory.compare(other, keyframe, start=guess)
-            if found is None:
-                continue
-            out.append(Closure(other, number, found.T_target_source, _closure_information(found)))
-            count += 1
-            if count >= most_each:
+    for number in range(gap, len(memory.keyframes), every):
+        keyframe = memory.keyframes[number]
+        alike = memory.recall(keyframe.features, n_best=2, until=number - gap + 1).tolist()
+        near = memory.near(number, gap=gap)
+        both = [other for other in alike if other in near] or near[:1]
+        for other, far in [*((k, False) for k in both[:1]), *((k, True) for k in alike[:1])]:
+            guess = invert_transform(memory.keyframes[other].T_world_camera) @ keyframe.T_world_camera
+            found = memory.compare(other, keyframe, start=guess, far=far)
+            if found is not None:
+                out.append(Closure(other, number, found.T_target_source, _closure_information(found)))
                 break
     return out
 

@@ -93,6 +93,7 @@ def sight_landmarks(
     timing: Timing,
     *,
     most_views: int = 3,
+    enough: int = 200,
     radius: int = 7,
 ) -> Sightings:
     """Find the landmarks of the nearest views in an image.
@@ -107,8 +108,8 @@ def sight_landmarks(
     twist : ndarray of shape (6,), float64
         Camera's velocity in its own frame.
     timing : Timing
-    most_views, radius : int
-        Views that are searched, and half the side of a patch in pixels.
+    most_views, enough, radius : int
+        Views that are searched at most, landmarks after which no other view is, half the side of a patch in pixels.
 
     Returns
     -------
@@ -119,7 +120,7 @@ def sight_landmarks(
     found_points, found_pixels = [np.empty((0, 3))], [np.empty((0, 2))]
     for number in np.argsort(apart, kind="stable")[:most_views]:
         view = views[number]
-        if apart[number] > 0.9:
+        if apart[number] > 0.9 or sum(len(p) for p in found_pixels) > enough:
             break
         expected, visible = _expected(view, lens, T_colour, grey.shape)
         if visible.sum() < 6:

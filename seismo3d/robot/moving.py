@@ -12,7 +12,7 @@ from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import _kernels_motion as kernels
 from seismo3d.robot.frames import Measured
 
-_EVERY, _MOST = 5, 6
+_EVERY, _MOST = 8, 4
 _LEAST_SHARE = 0.003
 _REACH = 2
 

@@ -26,6 +26,8 @@ from seismo3d.robot.tsdf import Prediction
 TERMS = ("fused", "planes", "features", "two_stage")
 """What a frame is located by; ``two_stage`` is landmarks first, then planes alone."""
 _FREE = Limits(np.full(6, -np.inf), np.full(6, np.inf))
+_STILL = 2e-4
+"""Steps below are the last, rad and m."""
 _PER_PLANE = 50.0
 """Pixels of the half image (every second one of it) that carry as much as one independent measurement: neighbours
 share the sensor's and the map's errors."""
@@ -130,14 +132,14 @@ def locate(
         use_planes = terms in ("fused", "planes") or (terms == "two_stage" and fine)
         use_landmarks = terms in ("fused", "features") or (terms == "two_stage" and not fine)
         reach = (0.1, 0.1, 0.06, 0.04)[min(step, 3)] if fine or step < 3 else 0.04
-        pairs = _pair_planes(measured, prediction, T, 2 if fine else 4, reach) if use_planes else None
+        pairs = _pair_planes(measured, prediction, T, 3 if fine else 4, reach) if use_planes else None
         rays = _weigh_landmarks(sightings, T, lens) if use_landmarks and len(sightings) >= 4 else None
         new = _solve(T, pairs, rays, sightings)
         if new is None:
             return found
         move = log_motion(np.linalg.inv(T) @ new.T_world_camera)
         T, found = new.T_world_camera, new
-        if np.linalg.norm(move[:3]) < 1e-4 and np.linalg.norm(move[3:]) < 1e-4:
+        if np.linalg.norm(move[:3]) < _STILL and np.linalg.norm(move[3:]) < _STILL:
             if fine:
                 break
             max_steps = min(max_steps, step + 1 + max_steps // 2)

@@ -25,7 +25,8 @@ from seismo3d.robot import _kernels_blocks as blocks
 from seismo3d.robot import _kernels_raycast as rays
 from seismo3d.robot.frames import Measured
 
-TILE = 8
+REACH = 0.15
+"""Metres from the expected depth within which a surface is looked for."""
 _MARGIN = 40
 
 
@@ -134,7 +135,7 @@ class SurfaceMap:
         if carve:
             rows, columns = measured.depth.shape
             every = self.coordinates[: self.n_blocks]
-            _, seen = rays.tile_bounds(every, self.block_size, R, t, lens_numbers(camera), rows, columns, TILE)
+            seen = rays.blocks_in_view(every, self.block_size, R, t, lens_numbers(camera), rows, columns)
             numbers = np.union1d(numbers, seen)
         lens = lens_numbers(camera)
         table = self._pixel_table(camera, measured.depth.shape)
@@ -149,22 +150,40 @@ class SurfaceMap:
         _spread(work, np.array_split(numbers, 4 * n_threads), pool)
 
     def cast(
-        self, shape: tuple[int, int], lens: Float64Array, T_world_camera: Float64Array, *, pool: ThreadPoolExecutor,
+        self,
+        expected: Float32Array,
+        lens: Float64Array,
+        T_world_camera: Float64Array,
+        *,
+        pool: ThreadPoolExecutor,
         n_threads: int,
-    ) -> Prediction:  # fmt: skip
-        """Return the surface as a camera without distortion sees it; ``lens`` is fx, fy, cx, cy."""
-        rows, columns = shape
+    ) -> Prediction:
+        """Return the surface as a camera without distortion sees it.
+
+        Parameters
+        ----------
+        expected : ndarray of shape (rows, columns), float32
+            Depth near which the surface of each pixel is looked for, within ``REACH``; none where it is not positive.
+        lens : ndarray of shape (4,), float64
+            fx, fy, cx, cy.
+        T_world_camera : ndarray of shape (4, 4), float64
+        pool, n_threads
+            Where the work goes; the result doesn't depend on it.
+
+        Returns
+        -------
+        Prediction
+        """
+        rows, columns = expected.shape
+        expected = np.where(expected > 0.0, expected, np.float32(-1e3))
         R, t = _parts(T_world_camera)
-        bounds, _ = rays.tile_bounds(
-            self.coordinates[: self.n_blocks], self.block_size, R, t, lens, rows, columns, TILE
-        )
         points = np.empty((rows, columns, 3), dtype=np.float32)
         normals = np.empty((rows, columns, 3), dtype=np.float32)
         shade = np.empty((rows, columns, 2), dtype=np.float32)
 
         def work(first: int, last: int) -> None:
             rays.cast_rows(
-                first, last, bounds, TILE, R, t, lens, self.voxel_size, self.band, self.distance, self.weight,
+                first, last, expected, REACH, R, t, lens, self.voxel_size, self.band, self.distance, self.weight,
                 self.colour, self._table_keys, self._table, self._shift, points, normals, shade,
             )  # fmt: skip
 
