@@ -125,7 +125,7 @@ def _run_block(path: Path | None, out: Path) -> None:
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
-        record = describe_run(path, {})
+        record = describe_run(path, options={})
         found = run_block(cube, aside, name=path.name, record=record, progress=clock)
         write_record(aside / RECORD, {**record, "found": found, "timings_s": clock.stop()})
     for name, value in found.items():
