@@ -122,7 +122,7 @@ def run_cube(
     UnfaultResult
     """
     import seismo3d
-    from seismo3d.seismic.unfaulting import find_slip_field, unfault
+    from seismo3d.seismic.unfaulting import UnfaultSettings, find_slip_field, unfault
 
     cube = fault_cube(kind, seed=seed, shape=shape)
     found: Any = seismo3d.trace_faults(cube.seismic) if faults is None else faults
@@ -131,9 +131,10 @@ def run_cube(
     seconds = time.perf_counter() - start
     field = find_slip_field(found)
     # the surface itself, without what it is carried on to
-    trees = [cKDTree(surface.vertices) for surface in found.surfaces]
+    moved = [surface for surface in found.surfaces if float(np.mean(surface.throw_fit)) >= UnfaultSettings().least_fit]
+    trees = [cKDTree(surface.vertices) for surface in moved]
     places, normals, today = [], [], []
-    for surface, tree, nodes in zip(found.surfaces, trees, field.surfaces, strict=True):
+    for surface, tree, nodes in zip(moved, trees, field.surfaces, strict=True):
         at = np.clip(np.rint(nodes), 0, np.array(shape) - 1).astype(np.int64)
         back = nodes + field.displacement[:, at[:, 0], at[:, 1], at[:, 2]].T
         distance, near = tree.query(back)

@@ -13,7 +13,10 @@ from seismo3d._validate import freeze
 from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_unfaulting import cross_edges
 from seismo3d.seismic.fault_links import SurfaceGrid, grid_surface
-from seismo3d.seismic.faultset import FaultSet
+from seismo3d.seismic.faultset import FaultSet, FaultSurface
+
+# traces and samples from the cube's end within which a fault that ends there is taken to leave the cube
+_RIM = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +29,10 @@ class UnfaultSettings:
         Traces and samples over which the slip of a fault dies out beyond the edge of its surface.
     smoothing : float
         Width, in traces and samples, of the smoothing of slip over a surface.
+    least_fit : float
+        Mean fit of the two sides below which a fault is left as it is: a throw that is a guess tears the layers.
+    steepest : float
+        Most samples a trace by which throw grows away from the tip of a fault, where it is `beyond` times as much.
     following : float
         Width of the smoothing of the motion by which a fault moves along.
     rounds : int
@@ -38,6 +45,8 @@ class UnfaultSettings:
 
     beyond: int = 8
     smoothing: float = 2.0
+    least_fit: float = 0.3
+    steepest: float = 1.5
     following: float = 4.0
     rounds: int = 3
     iterations: int = 12
@@ -74,7 +83,7 @@ def unfault(
     cube : DataArray or array_like
         A cube (inline, crossline, sample).
     faults : FaultSet
-        Faults of this cube, with throws.
+        Faults of this cube, with throws. Those whose sides hardly match are left as they are.
     settings : UnfaultSettings, optional
     progress : callable, optional
         Called with the stage's name and the share of it that is done.
@@ -119,7 +128,7 @@ def find_slip_field(
     Parameters
     ----------
     faults : FaultSet
-        Faults of a cube; those whose throw is known nowhere are left as they are.
+        Faults of a cube; those whose throw is not known, or whose sides hardly match, are left as they are.
     settings : UnfaultSettings, optional
     progress : callable, optional
         Called with the stage's name and the share of it that is done.
@@ -142,7 +151,7 @@ def find_slip_field(
     shape = np.shape(faults.labels)
     if len(shape) != 3:
         raise ShapeError(f"faults are of a section of shape {shape}; expected those of a cube.")
-    sheets = [sheet for surface in faults.surfaces if (sheet := _lay_out(surface, settings)) is not None]
+    sheets = [sheet for surface in faults.surfaces if (sheet := _lay_out(surface, shape, settings)) is not None]
     displacement, missing = np.zeros((3, *shape), np.float32), 0.0
     places = [sheet.nodes - 0.5 * sheet.slip for sheet in sheets]
     for number in range(settings.rounds + 1 if sheets else 0):
@@ -184,14 +193,16 @@ class _SlipSheet:
         return np.asarray(means.reshape(len(columns), -1).T[self.numbers].reshape(values.shape))
 
 
-def _lay_out(surface: Any, settings: UnfaultSettings) -> _SlipSheet | None:
-    """Nodes, slip and triangles of a surface carried on beyond its edge; None where its throw is known nowhere."""
+def _lay_out(surface: FaultSurface, shape: tuple[int, ...], settings: UnfaultSettings) -> _SlipSheet | None:
+    """Nodes, slip and triangles of a surface carried on beyond its edge; None where its throw is not to be trusted."""
+    if float(np.mean(surface.throw_fit)) < settings.least_fit:
+        return None
     grid = grid_surface(surface, beyond=settings.beyond)
     if not np.isfinite(grid.throw).any():
         return None
     rows, samples = np.meshgrid(*(np.arange(n) for n in grid.w.shape), indexing="ij")
     nodes = grid.place(rows.ravel(), samples.ravel())
-    slip, normals = _slip_of(grid, settings)
+    slip, normals = _slip_of(grid, _from_tip(grid, nodes, shape), settings)
     numbers = np.arange(grid.w.size).reshape(grid.w.shape)
     a, b, c, d = (n.ravel() for n in (numbers[:-1, :-1], numbers[1:, :-1], numbers[:-1, 1:], numbers[1:, 1:]))
     cells = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
@@ -202,14 +213,25 @@ def _lay_out(surface: Any, settings: UnfaultSettings) -> _SlipSheet | None:
     return _SlipSheet(nodes[used], slip[used], normals[used], triangles, grid.w.shape, used)
 
 
-def _slip_of(grid: SurfaceGrid, settings: UnfaultSettings) -> tuple[Float64Array, Float64Array]:
+def _from_tip(grid: SurfaceGrid, nodes: Float64Array, shape: tuple[int, ...]) -> Float64Array:
+    """Distance of every place of a grid from the tip of its fault; a fault has no tip where it leaves the cube."""
+    with np.errstate(invalid="ignore"):
+        left = (nodes < _RIM).any(axis=1) | (nodes > np.array(shape) - 1.0 - _RIM).any(axis=1)
+    going_on = grid.inside | left.reshape(grid.inside.shape)
+    if going_on.all():
+        return np.full(going_on.shape, np.inf)
+    return np.asarray(ndimage.distance_transform_edt(going_on))
+
+
+def _slip_of(grid: SurfaceGrid, from_tip: Float64Array, settings: UnfaultSettings) -> tuple[Float64Array, Float64Array]:
     """Slip straight down the dip, and the unit normal, at every node of a grid."""
     known = np.isfinite(grid.w)
     w = _smooth(np.where(known, grid.w, 0.0), known, settings.smoothing)
     ds, dz = (np.gradient(w, axis=axis) for axis in (0, 1))
     outside = ndimage.distance_transform_edt(~grid.inside)
     taper = np.clip(1.0 - outside / settings.beyond, 0.0, 1.0) if settings.beyond else grid.inside.astype(np.float64)
-    throw = _smooth(grid.throw, known, settings.smoothing) * taper
+    most = settings.steepest * (from_tip + settings.beyond)
+    throw = _smooth(np.clip(grid.throw, -most, most), known, settings.smoothing) * taper
     along = np.array([-grid.across[1], grid.across[0]])
     flat = grid.across - ds[..., None] * along
     heave = flat * (dz / (1.0 + ds**2))[..., None]

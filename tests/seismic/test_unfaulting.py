@@ -12,13 +12,14 @@ from seismo3d.errors import ShapeError
 from seismo3d.plot import unfaulted_section
 from seismo3d.seismic._kernels_unfaulting import cross_edges
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
-from seismo3d.seismic.unfaulting import find_slip_field, unfault
+from seismo3d.seismic.unfaulting import UnfaultSettings, _lay_out, find_slip_field, unfault
 
 SHAPE = (40, 48, 60)
 
 
 def even(surface: FaultSurface, throw: float) -> FaultSurface:
-    return replace(surface, throw=np.full(len(surface.vertices), throw, np.float32))
+    n = len(surface.vertices)
+    return replace(surface, throw=np.full(n, throw, np.float32), throw_fit=np.full(n, 0.9, np.float32))
 
 
 def wide(*, axis: int, centre: float, dip_deg: float, throw: float) -> FaultSurface:
@@ -134,6 +135,32 @@ def test_without_faults_or_throws_nothing_moves() -> None:
     np.testing.assert_allclose(unfault(cube, fault_set()), cube, atol=1e-5)
     unknown = even(wide(axis=1, centre=24.0, dip_deg=65.0, throw=5.0), np.nan)
     np.testing.assert_allclose(unfault(cube, fault_set(unknown)), cube, atol=1e-5)
+
+
+def test_throws_that_are_guesses_are_left_alone() -> None:
+    cube = faulted(throw=5.0)
+    surface = wide(axis=1, centre=24.0, dip_deg=65.0, throw=5.0)
+    guessed = replace(surface, throw_fit=np.full(len(surface.vertices), 0.2, np.float32))
+    field = find_slip_field(fault_set(guessed))
+    assert np.abs(field.displacement).max() == 0.0
+    assert field.surfaces == ()
+    np.testing.assert_allclose(unfault(cube, fault_set(guessed)), cube, atol=1e-5)
+
+
+def test_large_throw_grows_gently_from_the_tip() -> None:
+    whole = wide(axis=1, centre=24.0, dip_deg=80.0, throw=30.0)
+    kept = whole.cells[(whole.vertices[whole.cells, 2] > 26.0).all(axis=1)]
+    surface = replace(whole, **_used(whole, kept))
+    sheet = _lay_out(surface, SHAPE, UnfaultSettings())
+    assert sheet is not None
+    within = (sheet.nodes[:, 0] >= 0) & (sheet.nodes[:, 0] <= SHAPE[0] - 1)
+    throw, sample = sheet.slip[within, 2], sheet.nodes[within, 2]
+    tip = surface.vertices[:, 2].min()
+    # 1.5 times eight samples at the tip, which the grid puts two samples further out and smoothing blurs by as many;
+    # dying out beyond it; none is lost where the fault leaves the cube
+    assert throw[np.abs(sample - tip) < 1.0].max() < 1.5 * (8.0 + 6.0)
+    assert throw[sample < tip - 7.0].max() < 6.0
+    np.testing.assert_allclose(throw[(sample > tip + 20.0) & (sample < SHAPE[2] - 1)], 30.0, atol=0.1)
 
 
 def test_kernel_finds_each_crossed_edge_with_its_sign() -> None:
