@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import typer
+
+Reading: TypeAlias = dict[str, Any]
+"""How a cube is to be read: keyword arguments of ``open_cube``."""
 
 Cube: TypeAlias = Annotated[Path, typer.Argument(help="SEG-Y file, Zarr folder, .npy or .npz.", show_default=False)]
 InlineByte: TypeAlias = Annotated[
@@ -23,3 +28,45 @@ YByte: TypeAlias = Annotated[
 Domain: TypeAlias = Annotated[
     str | None, typer.Option(help="time or depth, where the file does not tell. [default: judged from the file]")
 ]
+Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the results as JSON.")]
+Overwrite: TypeAlias = Annotated[
+    bool, typer.Option("--overwrite", help="Replace the results of an earlier run in the folder.")
+]
+
+_READING: dict[str, Any] = {
+    "inline_byte": InlineByte,
+    "crossline_byte": CrosslineByte,
+    "x_byte": XByte,
+    "y_byte": YByte,
+    "domain": Domain,
+}
+
+
+def reads_cube(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options that say how a cube is read.
+
+    Parameters
+    ----------
+    command : callable
+        A command with a keyword parameter ``reading``, which gets them as keyword arguments of ``open_cube``.
+
+    Returns
+    -------
+    callable
+        The command with an option each in place of ``reading``.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    options = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+        for name, kind in _READING.items()
+    ]
+    own = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for n, p in signature.parameters.items() if n != "reading"]
+
+    def run(**given: Any) -> None:
+        reading = {name: given.pop(name) for name in _READING}
+        command(**given, reading=reading)
+
+    run.__signature__ = signature.replace(parameters=[*own, *options])  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in (*own, *options)}
+    run.__doc__, run.__module__, run.__name__ = command.__doc__, command.__module__, command.__name__
+    return run

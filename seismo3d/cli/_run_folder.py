@@ -56,14 +56,23 @@ def find_versions() -> dict[str, str]:
     return found | {package: version(package) for package in _PACKAGES}
 
 
-def describe_run(path: Path, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what every record begins with: the input's fingerprint, the time, the options given, the versions."""
+def describe_run(*paths: Path, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what every record begins with: the inputs' fingerprints, the time, the options given, the versions.
+
+    Parameters
+    ----------
+    *paths : Path
+        The inputs; the record has ``input`` where there is one, and the list ``inputs`` where there are several.
+    options : mapping
+        The options; those that are None were not given, and are left out.
+    """
     from datetime import UTC, datetime
 
     from seismo3d.io.fingerprint import fingerprint
 
+    found = [fingerprint(path) for path in paths]
     return {
-        "input": fingerprint(path),
+        **({"input": found[0]} if len(found) == 1 else {"inputs": found}),
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         "options": {name: value for name, value in options.items() if value is not None},
         "versions": find_versions(),
@@ -73,6 +82,13 @@ def describe_run(path: Path, options: Mapping[str, Any]) -> dict[str, Any]:
 def write_record(path: Path, record: Mapping[str, Any]) -> None:
     """Write a run's record as JSON; NaN and infinities as null."""
     path.write_text(json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def print_json(record: Mapping[str, Any]) -> None:
+    """Print results as JSON; NaN and infinities as null."""
+    import typer
+
+    typer.echo(json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def plain(value: Any) -> Any:

@@ -22,7 +22,6 @@ def _make_app() -> typer.Typer:
     made = typer.Typer(
         name="seismo3d",
         help="Faults, tracks and throws from seismic cubes.",
-        add_completion=False,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"]},
@@ -31,8 +30,15 @@ def _make_app() -> typer.Typer:
     names = [name for name in found if name != "app" and not name.startswith("_")]
     for name in sorted(names, key=lambda n: (_FIRST.index(n) if n in _FIRST else len(_FIRST), n)):
         module = importlib.import_module(f"seismo3d.cli.{name}")
-        made.command(name.replace("_", "-"))(module.run)
+        made.command(name.replace("_", "-"), epilog=_show_examples(getattr(module, "EXAMPLES", ())))(module.run)
     return made
+
+
+def _show_examples(examples: tuple[str, ...]) -> str | None:
+    """Lay examples out below a command's help; the sign in front keeps them from being wrapped."""
+    if not examples:
+        return None
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in examples)
 
 
 def _print_version(value: bool) -> None:

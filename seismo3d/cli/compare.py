@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import typer
+
+from seismo3d.cli._options import Json, Overwrite
+
+EXAMPLES = (
+    "seismo3d compare before.tif after.tif -o change",
+    "seismo3d compare before.tif after.tif -o change --vertical tilt --confidence 0.99 --json",
+)
 
 
 def run(
@@ -18,7 +26,8 @@ def run(
     ),
     sigma_after: float | None = typer.Option(None, help="Noise of the later map (m)."),
     confidence: float = typer.Option(0.95, help="Of the level of detection."),
-    overwrite: bool = typer.Option(False, "--overwrite", help="Replace the results of an earlier run in the folder."),
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Subtract two elevation maps; tell change from noise.
 
@@ -29,41 +38,58 @@ def run(
 
     import matplotlib.pyplot as plt
 
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, find_versions, write_record
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._stages import StageClock, say_timings
+    from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.elevation import read_elevation, write_elevation
-    from seismo3d.io.fingerprint import fingerprint
     from seismo3d.plot.terrain_maps import change_map
     from seismo3d.terrain.alignment import register
     from seismo3d.terrain.change import compare
 
     check_run_folder(out, inputs=[before, after], overwrite=overwrite)
     first, second = read_elevation(before), read_elevation(after)
-    registration = register(first, second, vertical=vertical) if align else None
-    change = compare(
-        first, second, registration=registration, sigma_before=sigma_before, sigma_after=sigma_after,
-        confidence=confidence,
-    )  # fmt: skip
     ending = "tif" if find_spec("rasterio") is not None else "npz"
-    with written_aside(out, folder=True) as aside:
+    with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
+        clock = StageClock(show)
+        clock("align", 0.0)
+        registration = register(first, second, vertical=vertical) if align else None
+        clock("compare", 0.0)
+        change = compare(
+            first, second, registration=registration, sigma_before=sigma_before, sigma_after=sigma_after,
+            confidence=confidence,
+        )  # fmt: skip
+        clock("export", 0.0)
         for name in ("difference", "detection", "significant"):
             write_elevation(aside / f"{name}.{ending}", getattr(change, name))
         ax = change_map(change)
         ax.figure.savefig(aside / "change.png", dpi=130)
         plt.close(ax.figure)
-        record = {
-            "inputs": [fingerprint(before), fingerprint(after)],
-            "gained_m3": change.gained,
-            "gained_sigma_m3": change.gained_sigma,
-            "lost_m3": change.lost,
-            "lost_sigma_m3": change.lost_sigma,
-            "versions": find_versions(),
-        }
-        if registration is not None:
-            record["shift_m"] = registration.shift
-            record["registration_state"] = registration.state
-        write_record(aside / RECORD, record)
+        asked = {"align": align, "vertical": vertical, "sigma_before": sigma_before, "sigma_after": sigma_after}
+        facts, timings = _facts(change, registration), clock.stop()
+        record = describe_run(before, after, options={**asked, "confidence": confidence})
+        write_record(aside / RECORD, {**record, **facts, "timings_s": timings})
+    if json:
+        print_json({"folder": out, **facts, "timings_s": timings})
+    else:
+        _say(out, change, registration)
+    say_timings(timings)
+
+
+def _facts(change: Any, registration: Any) -> dict[str, Any]:
+    facts = {
+        "gained_m3": change.gained,
+        "gained_sigma_m3": change.gained_sigma,
+        "lost_m3": change.lost,
+        "lost_sigma_m3": change.lost_sigma,
+    }
+    if registration is not None:
+        facts |= {"shift_m": registration.shift, "registration_state": registration.state}
+    return facts
+
+
+def _say(out: Path, change: Any, registration: Any) -> None:
     if registration is not None:
         x, y, z = registration.shift
         typer.echo(f"moved    {x:.3f} {y:.3f} {z:.3f} m first ({registration.state})")

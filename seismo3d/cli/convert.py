@@ -6,31 +6,32 @@ from pathlib import Path
 
 import typer
 
-from seismo3d.cli._options import CrosslineByte, Cube, Domain, InlineByte, XByte, YByte
+from seismo3d.cli._options import Cube, Json, Reading, reads_cube
+
+EXAMPLES = ("seismo3d convert f3.sgy f3.zarr", "seismo3d convert f3.zarr f3-again.sgy --domain time")
 
 
+@reads_cube
 def run(
     cube: Cube,
     out: Path = typer.Argument(help="File or folder to write: .sgy, .segy, .zarr or .npy tells the format."),
-    inline_byte: InlineByte = None,
-    crossline_byte: CrosslineByte = None,
-    x_byte: XByte = None,
-    y_byte: YByte = None,
-    domain: Domain = None,
+    json: Json = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Convert a cube between SEG-Y, Zarr and NPY, in blocks, so that its size does not matter."""
+    from seismo3d.cli._run_folder import print_json
+    from seismo3d.cli._stages import StageClock, say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io.cubes import convert_cube
 
-    with shown_progress() as progress:
-        written = convert_cube(
-            cube,
-            out,
-            progress=progress,
-            inline_byte=inline_byte,
-            crossline_byte=crossline_byte,
-            x_byte=x_byte,
-            y_byte=y_byte,
-            domain=domain,
-        )
-    typer.echo(str(written))
+    with shown_progress() as show:
+        clock = StageClock(show)
+        clock("open", 0.0)
+        written = convert_cube(cube, out, progress=clock, **reading)
+        timings = clock.stop()
+    if json:
+        print_json({"file": written, "timings_s": timings})
+    else:
+        typer.echo(str(written))
+    say_timings(timings)

@@ -7,12 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from seismo3d.cli._options import CrosslineByte, Cube, Domain, InlineByte, XByte, YByte
+from seismo3d.cli._options import Cube, Json, Overwrite, Reading, reads_cube
 
 if TYPE_CHECKING:
     from seismo3d._typing import Progress
 
+EXAMPLES = (
+    "seismo3d faults f3.sgy -o f3-faults",
+    "seismo3d faults f3.sgy -o f3-faults --inline-byte 9 --crossline-byte 21 --attributes",
+    "seismo3d faults line.sgy -o line-faults --json",
+)
 
+
+@reads_cube
 def run(
     cube: Cube,
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
@@ -20,21 +27,22 @@ def run(
     smooth_tv: float | None = typer.Option(
         None, help="With --attributes: weight of a total-variation smoothing, such as 0.1. [default: none]"
     ),
-    inline_byte: InlineByte = None,
-    crossline_byte: CrosslineByte = None,
-    x_byte: XByte = None,
-    y_byte: YByte = None,
-    domain: Domain = None,
-    overwrite: bool = typer.Option(False, "--overwrite", help="Replace the results of an earlier run in the folder."),
+    unfault: bool = typer.Option(
+        False, "--unfault", help="Write the cube with the slip taken out, and a picture of it."
+    ),
+    overwrite: Overwrite = False,
+    json: Json = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Trace the faults of a cube or line: surfaces, sticks, table, SEG-Y volumes, pictures and report.html.
 
     The folder gets surfaces.vtp (VTK), surfaces.ts (GOCAD), sticks_opendtect.txt, sticks_petrel.txt, faults.csv,
-    likelihood.sgy and labels.sgy on the input's own geometry, PNG pictures, report.html, run.json and faultset.npz. It
-    appears when all is done, or not at all.
+    likelihood.sgy and labels.sgy on the input's own geometry, PNG pictures, report.html, run.json and faultset.npz;
+    with --unfault, unfaulted.sgy. It appears when all is done, or not at all.
     """
     from seismo3d.cli._run_folder import check_run_folder
-    from seismo3d.cli._stages import StageClock
+    from seismo3d.cli._stages import StageClock, say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside
@@ -43,14 +51,9 @@ def run(
     if smooth_tv is not None and not attributes:
         raise ParameterError("--smooth-tv is given without --attributes; it smooths those. Add --attributes.")
     check_run_folder(out, inputs=[cube], overwrite=overwrite)
-    options: dict[str, Any] = {
-        "inline_byte": inline_byte,
-        "crossline_byte": crossline_byte,
-        "x_byte": x_byte,
-        "y_byte": y_byte,
-        "domain": domain,
-    }
-    opened = open_cube(cube, **options)
+    opened = open_cube(cube, **reading)
+    if unfault and opened.ndim != 3:
+        raise ParameterError("--unfault is given for a 2D line; it takes the slip out of cubes. Leave it out.")
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
@@ -60,9 +63,14 @@ def run(
         faults = _trace(opened, aside, clock)
         if attributes:
             _write_attributes(opened, aside, smooth_tv, clock)
-        asked = {**options, "attributes": attributes, "smooth_tv": smooth_tv}
-        _report(opened, faults, aside, clock, path=cube, asked=asked)
-    _say(out, faults, opened)
+        if unfault:
+            _write_unfaulted(opened, faults, aside, clock)
+        asked = {**reading, "attributes": attributes, "smooth_tv": smooth_tv}
+        if unfault:
+            asked["unfault"] = True
+        timings = _report(opened, faults, aside, clock, path=cube, asked=asked)
+    (_print_json if json else _say)(out, faults, opened, timings)
+    say_timings(timings)
 
 
 def _trace(cube: Any, folder: Path, clock: Progress) -> Any:
@@ -94,8 +102,25 @@ def _write_attributes(cube: Any, folder: Path, smooth_tv: float | None, clock: P
         clock("attributes: write", number / len(found))
 
 
-def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, asked: dict[str, Any]) -> None:
-    """Draw the pictures, and write the report and the record of the run."""
+def _write_unfaulted(cube: Any, faults: Any, folder: Path, clock: Progress) -> None:
+    """Write the unfaulted cube, and its most faulted lines beside the same lines today."""
+    from matplotlib.figure import Figure
+
+    from seismo3d.io.segy import write_segy
+    from seismo3d.plot.sections import most_faulted_lines
+    from seismo3d.plot.unfaulted_sections import unfaulted_section
+    from seismo3d.seismic.unfaulting import unfault
+
+    found = unfault(cube, faults, progress=clock)
+    write_segy(folder / "unfaulted.sgy", found)
+    for name, line in list(most_faulted_lines(faults, cube).items())[:2]:
+        figure = Figure(figsize=(14.0, 5.6), layout="constrained")
+        unfaulted_section(cube, found, faults=faults, axes=figure.subplots(1, 2), **{name: line})
+        figure.savefig(folder / f"unfaulted_{name}_{line:g}.png", dpi=110)
+
+
+def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, asked: dict[str, Any]) -> dict[str, float]:
+    """Draw the pictures, write the report and the record of the run, and return the seconds of each stage."""
     from seismo3d.cli._run_folder import RECORD, describe_run, write_record
     from seismo3d.io.summary import summarise
     from seismo3d.plot.picture_set import save_pictures
@@ -103,7 +128,7 @@ def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, ask
 
     pictures = save_pictures(folder, cube, faults=faults, progress=clock)
     clock("report", 0.0)
-    record = describe_run(path, asked)
+    record = describe_run(path, options=asked)
     settings, timings = faults.settings, clock.stop()
     write_report(
         folder / "report.html",
@@ -116,9 +141,18 @@ def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, ask
     notes = [picture.note for picture in pictures if picture.note]
     extra = {"geometry": summarise(cube), "settings": settings, "n_faults": len(faults.surfaces), "notes": notes}
     write_record(folder / RECORD, {**record, **extra, "timings_s": timings})
+    return dict(timings)
 
 
-def _say(out: Path, faults: Any, cube: Any) -> None:
+def _print_json(out: Path, faults: Any, cube: Any, timings: dict[str, float]) -> None:
+    """Print the table of faults, where all is, and the seconds of each stage, as JSON."""
+    from seismo3d.cli._run_folder import print_json
+    from seismo3d.seismic.fault_table import tabulate_faults
+
+    print_json({"folder": out, "faults": tabulate_faults(faults, cube), "timings_s": timings})
+
+
+def _say(out: Path, faults: Any, cube: Any, timings: dict[str, float]) -> None:  # noqa: ARG001 - they follow on stderr
     """Print the largest faults and where the report is."""
     from seismo3d.seismic.fault_table import tabulate_faults
 

@@ -6,25 +6,18 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import CrosslineByte, Cube, Domain, InlineByte, XByte, YByte
+from seismo3d.cli._options import Cube, Json, Reading, reads_cube
+
+EXAMPLES = ("seismo3d info f3.sgy", "seismo3d info f3.sgy --inline-byte 9 --crossline-byte 21 --json")
 
 
-def run(
-    cube: Cube,
-    inline_byte: InlineByte = None,
-    crossline_byte: CrosslineByte = None,
-    x_byte: XByte = None,
-    y_byte: YByte = None,
-    domain: Domain = None,
-    json: bool = typer.Option(False, "--json", help="Print JSON."),
-) -> None:
+@reads_cube
+def run(cube: Cube, json: Json = False, *, reading: Reading) -> None:
     """Print a cube's geometry, formats, amplitude range, and dead, missing and duplicate traces."""
     from seismo3d.io.cubes import open_cube
     from seismo3d.io.summary import summarise
 
-    opened = open_cube(
-        cube, inline_byte=inline_byte, crossline_byte=crossline_byte, x_byte=x_byte, y_byte=y_byte, domain=domain
-    )
+    opened = open_cube(cube, **reading)
     summary = summarise(opened)
     if json:
         from json import dumps

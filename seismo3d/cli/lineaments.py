@@ -7,24 +7,32 @@ from typing import Any
 
 import typer
 
+from seismo3d.cli._options import Json, Overwrite
+
+EXAMPLES = (
+    "seismo3d lineaments dem.tif -o lines",
+    "seismo3d lineaments dem.tif -o lines --length 40 --levels 3 --json",
+)
+
 
 def run(
     dem: Path = typer.Argument(help="Elevation map: GeoTIFF, ESRI ASCII, .npz or .npy.", show_default=False),
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
     length: float = typer.Option(24.0, help="Cells along which a line must be straight."),
     levels: int = typer.Option(2, min=1, max=6, help="Levels of halved resolution that are searched."),
-    overwrite: bool = typer.Option(False, "--overwrite", help="Replace the results of an earlier run in the folder."),
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Find lineaments and fault scarps in an elevation map.
 
     The folder gets lineaments.geojson, lineaments.csv, scarp_profiles.csv, likelihood.tif, map.png, rose.png and
     run.json. It appears when all is done, or not at all.
     """
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, find_versions, write_record
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._stages import StageClock, say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.elevation import read_elevation
-    from seismo3d.io.fingerprint import fingerprint
     from seismo3d.terrain.exports import write_lineaments
     from seismo3d.terrain.lineament_search import LineamentSettings, lineaments
     from seismo3d.terrain.scarp_profiles import scarps
@@ -34,13 +42,33 @@ def run(
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         settings = LineamentSettings(length=length, n_levels=levels)
-        found = lineaments(elevation, settings=settings, progress=show)
+        clock = StageClock(show)
+        found = lineaments(elevation, settings=settings, progress=clock)
+        clock("scarps", 0.0)
         steps = scarps(elevation, found, settings=settings)
+        clock("export", 0.0)
         write_lineaments(aside, found, scarps=steps)
         _draw(aside, elevation, found)
-        record = {"input": fingerprint(dem), "settings": found.settings, "versions": find_versions()}
-        write_record(aside / RECORD, {**record, "n_lineaments": len(found), "n_scarps": len(steps)})
-    _say(out, found, steps)
+        timings = clock.stop()
+        counts = {"n_lineaments": len(found), "n_scarps": len(steps)}
+        record = describe_run(dem, options={"length": length, "levels": levels})
+        write_record(aside / RECORD, {**record, "settings": found.settings, **counts, "timings_s": timings})
+    if json:
+        print_json({"folder": out, **counts, "lineaments": _tabulate(found, steps), "timings_s": timings})
+    else:
+        _say(out, found, steps)
+    say_timings(timings)
+
+
+def _tabulate(found: Any, steps: Any) -> list[dict[str, Any]]:
+    """Return a row a lineament, with its scarp where it has one."""
+    heights = {id(scarp.lineament): scarp for scarp in steps}
+    rows = []
+    for line in found.lines:
+        row = {"strike_deg": line.strike_deg, "length": line.length, "confidence": line.confidence}
+        scarp = heights.get(id(line))
+        rows.append(row if scarp is None else {**row, "height_m": scarp.height_m, "facing_deg": scarp.facing_deg})
+    return rows
 
 
 def _draw(folder: Path, elevation: Any, found: Any) -> None:

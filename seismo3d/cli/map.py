@@ -7,11 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from seismo3d.cli._options import Overwrite
+
 if TYPE_CHECKING:
     from seismo3d._typing import Progress
     from seismo3d.robot.mapper import Mapper
     from seismo3d.robot.results import Closed, Tracked
     from seismo3d.robot.sequence import RgbdSequence
+
+EXAMPLES = (
+    "seismo3d map desk -o desk-map",
+    "seismo3d map desk -o desk-map --voxel-size 0.005 --far 3",
+)
 
 _CALIBRATED = 90
 """Frames from which open timing is found."""
@@ -30,7 +37,7 @@ def run(
     max_difference: float = typer.Option(0.02, help="Stamps of colour and depth farther apart are no pair, seconds."),
     close_loops: bool = typer.Option(True, help="Find places seen twice, and make the map anew from corrected poses."),
     threads: int = typer.Option(0, help="[default: one a core]", show_default=False),
-    overwrite: bool = typer.Option(False, "--overwrite", help="Replace the results of an earlier run in the folder."),
+    overwrite: Overwrite = False,
 ) -> None:
     """Map an RGB-D sequence: where the camera was, and the surface that it saw.
 

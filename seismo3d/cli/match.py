@@ -7,6 +7,11 @@ from typing import Any
 
 import typer
 
+EXAMPLES = (
+    "seismo3d match a.png b.png -o matches.png",
+    "seismo3d match a.sgy b.sgy --points 200 --json",
+)
+
 
 def run(
     target: Path = typer.Argument(help="Image (PNG, JPEG, TIFF), .npy, .npz, SEG-Y or Zarr.", show_default=False),

@@ -13,6 +13,11 @@ _REGISTRATION = ("table1", "figure3")
 _MATCHING = ("table2", "table3", "table4")
 """Experiments on pictures: a function of the experiment's name in ``experiments.matching_tables`` gives its text."""
 _EXPERIMENTS = ("table1", "figure3", *_MATCHING)
+EXAMPLES = (
+    "seismo3d paper table1 --frames 2 --angles 10,45,90",
+    "seismo3d paper figure3 -o figures",
+    "seismo3d paper table2 --images 2",
+)
 _ANGLES = "5,10,15,20,25,30,45,60,75,90"
 _FIGURE_ANGLE_DEG = 20
 
@@ -20,19 +25,21 @@ _FIGURE_ANGLE_DEG = 20
 def run(
     experiment: str = typer.Argument(
         help="table1 or figure3 (registration of rotated depth frames), table2, table3 or table4 (matching under "
-        "rotation, tilt, scale), or all.",
+        "rotation, tilt, scale), all of these, or f3 (faults, throws, horizons and network of a SEG-Y file).",
         show_default=False,
     ),
     data: Path | None = typer.Argument(
         None,
-        help="For table1 and figure3: RGB-D sequence in the TUM layout with camera.json. [default: drawn rooms]",
+        help="For table1 and figure3: RGB-D sequence in the TUM layout with camera.json. [default: drawn rooms] "
+        "For f3: the cube, such as the Netherlands F3 block.",
         show_default=False,
     ),
     output: Path | None = typer.Option(
         None,
         "--output",
         "-o",
-        help="Folder for the tables' texts and the figure. [default: none; the figure's is the current folder]",
+        help="Folder for the tables' texts and the figure [default: none; the figure's is the current folder], or, for "
+        "f3, the folder to make [default: f3].",
         show_default=False,
     ),
     images: int | None = typer.Option(
@@ -45,9 +52,16 @@ def run(
         None, "--angles", help=f"For table1: rotations in whole degrees, with commas. [default: {_ANGLES}]"
     ),
 ) -> None:
-    """Measure a table or the figure of the paper again, beside the methods that the paper compares with."""
+    """Measure a table or the figure of the paper again, beside the methods that the paper compares with.
+
+    f3 is the test on field data that the paper planned: everything that can be traced in a cube, with a report.
+    """
+    if experiment == "f3":
+        _check_given({"--images": images, "--frames": frames, "--angles": angles}, ("f3",), ())
+        _run_block(data, Path("f3") if output is None else output)
+        return
     if experiment != "all" and experiment not in _EXPERIMENTS:
-        raise ParameterError(f"experiment is {experiment!r}; expected one of {', '.join(_EXPERIMENTS)} or all.")
+        raise ParameterError(f"experiment is {experiment!r}; expected one of {', '.join(_EXPERIMENTS)}, f3 or all.")
     chosen = _EXPERIMENTS if experiment == "all" else (experiment,)
     _check_given({"data": data, "--frames": frames}, chosen, _REGISTRATION)
     _check_given({"--angles": angles}, chosen, ("table1",))
@@ -64,7 +78,7 @@ def _check_given(given: dict[str, object], chosen: tuple[str, ...], served: tupl
     for name, value in given.items():
         if value is not None and not set(chosen) & set(served):
             raise ParameterError(
-                f"{name} is {str(value)!r}; expected none with {chosen[0]}: it serves {', '.join(served)}."
+                f"{name} is {str(value)!r}; expected none with {chosen[0]}: it serves {', '.join(served) or 'others'}."
             )
 
 
@@ -93,6 +107,31 @@ def _measure_registration(
         folder = Path() if output is None else output
         folder.mkdir(parents=True, exist_ok=True)
         typer.echo(str(draw_figure(made, folder / "figure3.png")))
+
+
+def _run_block(path: Path | None, out: Path) -> None:
+    """Trace everything in a cube, and write it with a report."""
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
+    from seismo3d.cli._stages import StageClock
+    from seismo3d.cli.app import shown_progress
+    from seismo3d.experiments.f3 import run_block
+    from seismo3d.io._files import written_aside
+    from seismo3d.io.cubes import open_cube
+
+    if path is None:
+        raise ParameterError("f3 is given no cube; expected a SEG-Y file, as in: seismo3d paper f3 F3.sgy.")
+    check_run_folder(out, inputs=[path], overwrite=False)
+    cube = open_cube(path).load()
+    with written_aside(out, folder=True) as aside, shown_progress() as show:
+        aside.mkdir()
+        clock = StageClock(show)
+        record = describe_run(path, options={})
+        found = run_block(cube, aside, name=path.name, record=record, progress=clock)
+        write_record(aside / RECORD, {**record, "found": found, "timings_s": clock.stop()})
+    for name, value in found.items():
+        shown = "unknown" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
+        typer.echo(f"{name:<26}{shown}")
+    typer.echo(str(out / "report.html"))
 
 
 def _measure_matching(name: str, n_images: int | None, output: Path | None) -> None:

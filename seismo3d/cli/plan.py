@@ -7,6 +7,11 @@ from typing import Any
 
 import typer
 
+EXAMPLES = (
+    "seismo3d plan desk-map --start 0,0 --goal 2.4,1.1",
+    "seismo3d plan desk-map --start 0,0,90 --goal 2.4,1.1,0 --radius 0.3 --turning-radius 0.8",
+)
+
 
 def run(
     folder: Path = typer.Argument(

@@ -10,6 +10,11 @@ import typer
 if TYPE_CHECKING:
     from seismo3d.registration.result import Registration
 
+EXAMPLES = (
+    "seismo3d register target.ply source.ply -o moved.ply",
+    "seismo3d register before.tif after.tif --model rigid --vertical tilt --json",
+)
+
 
 def run(
     target: Path = typer.Argument(

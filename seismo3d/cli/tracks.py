@@ -7,59 +7,89 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import CrosslineByte, Cube, Domain, InlineByte, XByte, YByte
+from seismo3d.cli._options import Cube, Json, Overwrite, Reading, reads_cube
+
+EXAMPLES = (
+    "seismo3d tracks f3.sgy -o f3-tracks --seed 420,880,812",
+    "seismo3d tracks f3.sgy -o f3-tracks --faults f3-faults --seed 420,880,812 --seed 420,880,1104 --event peak",
+    "seismo3d tracks f3.sgy -o f3-tracks --count 8",
+)
 
 
+@reads_cube
 def run(
     cube: Cube,
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
     seed: list[str] = typer.Option(
-        [], help="INLINE,CROSSLINE,TIME of a point on a horizon; several times for several. [default: find horizons]"
+        [],
+        help="INLINE,CROSSLINE,TIME (of a 2D line TRACE,TIME) of a point on a horizon; several times for several. "
+        "[default: find horizons]",
+    ),
+    horizon: list[Path] = typer.Option(
+        [],
+        help="File of a picked horizon (XYZ, IRAP classic, Charisma): points spread over it are the seeds of one "
+        "track; several times for several.",
     ),
     faults: Path | None = typer.Option(None, help="Folder of a faults run of this cube. [default: no faults]"),
     event: str | None = typer.Option(None, help="peak, trough or zero. [default: the seed's own phase]"),
     count: int = typer.Option(5, min=1, help="Number of horizons to find where no seed is given."),
-    inline_byte: InlineByte = None,
-    crossline_byte: CrosslineByte = None,
-    x_byte: XByte = None,
-    y_byte: YByte = None,
-    domain: Domain = None,
-    overwrite: bool = typer.Option(False, "--overwrite", help="Replace the results of an earlier run in the folder."),
+    overwrite: Overwrite = False,
+    json: Json = False,
+    *,
+    reading: Reading,
 ) -> None:
-    """Follow horizons from seeds through a cube and across its faults: grids, points, table and pictures.
+    """Follow horizons from seeds through a cube or line and across its faults: points, grids, table and pictures.
 
-    The folder gets each track as XYZ, Charisma and IRAP classic text, tracks.csv, a depth map of each track, a section
-    with all of them, and run.json. It appears when all is done, or not at all.
+    The folder gets each track as XYZ, Charisma and IRAP classic text, tracks.csv, a depth map of each track, sections
+    with all of them, report.html and run.json; of a 2D line XYZ, table, section and report. It appears when all is
+    done, or not at all.
     """
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
-    from seismo3d.cli._stages import StageClock
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._stages import StageClock, say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
+    from seismo3d.io.horizons import read_horizon
+    from seismo3d.plot.run_reports import tracks_page, write_page
+    from seismo3d.plot.track_pictures import save_track_pictures
     from seismo3d.seismic.faultset import FaultSet
-    from seismo3d.seismic.track_exports import write_tracks
+    from seismo3d.seismic.horizon_search import find_horizons
+    from seismo3d.seismic.picks import horizon_seeds
+    from seismo3d.seismic.track_exports import tabulate_tracks, write_tracks
     from seismo3d.seismic.tracks import trace_tracks
 
-    points = [_as_seed(text) for text in seed]
-    check_run_folder(out, inputs=[cube, *([faults] if faults else [])], overwrite=overwrite)
-    options: dict[str, Any] = {
-        "inline_byte": inline_byte,
-        "crossline_byte": crossline_byte,
-        "x_byte": x_byte,
-        "y_byte": y_byte,
-        "domain": domain,
-    }
-    opened = open_cube(cube, **options).load()
+    points: list[Any] = [_as_seed(text) for text in seed]
+    picked = [read_horizon(file) for file in horizon]
+    check_run_folder(out, inputs=[cube, *horizon, *([faults] if faults else [])], overwrite=overwrite)
+    opened = open_cube(cube, **reading).load()
+    _check_seeds(points, picked, opened)
+    points += [horizon_seeds(entry, opened) for entry in picked]
     known = None if faults is None else FaultSet.load(faults)
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
-        tracks = trace_tracks(opened, points or None, faults=known, event=event, count=count, progress=clock)
+        if points:
+            tracks = trace_tracks(opened, points, faults=known, event=event, progress=clock)
+        else:
+            tracks = find_horizons(opened, count, faults=known, event=event, progress=clock)
         clock("export", 0.0)
         write_tracks(tracks, opened, directory=aside)
-        _draw(opened, tracks, known, aside)
-        asked = {**options, "seed": seed, "faults": faults, "event": event, "count": count}
-        write_record(aside / RECORD, {**describe_run(cube, asked), "timings_s": clock.stop()})
+        clock("pictures", 0.0)
+        pictures = save_track_pictures(aside, opened, tracks, faults=known)
+        asked = {**reading, "seed": seed, "horizon": horizon, "faults": faults, "event": event, "count": count}
+        timings = clock.stop()
+        record = {**describe_run(cube, options=asked), "timings_s": timings}
+        page = tracks_page(tracks, opened, title=f"Horizons in {cube.name}", pictures=pictures, run=record)
+        write_page(aside / "report.html", page)
+        write_record(aside / RECORD, record)
+    if json:
+        print_json({"folder": out, "tracks": tabulate_tracks(tracks), "timings_s": timings})
+    else:
+        _say(out, tracks)
+    say_timings(timings)
+
+
+def _say(out: Path, tracks: list[Any]) -> None:
     for number, track in enumerate(tracks, start=1):
         typer.echo(f"{number:4d}  traced on {100 * track.share:3.0f} % of the traces")
     typer.echo(str(out))
@@ -72,25 +102,21 @@ def _as_seed(text: str) -> tuple[float, ...]:
         values = tuple(float(part) for part in text.split(","))
     except ValueError:
         values = ()
-    if len(values) != 3:
-        raise ParameterError(f"--seed is {text!r}; expected INLINE,CROSSLINE,TIME, such as 1040,2060,812.")
+    if len(values) not in (2, 3):
+        raise ParameterError(
+            f"--seed is {text!r}; expected INLINE,CROSSLINE,TIME, such as 1040,2060,812, or of a 2D line TRACE,TIME."
+        )
     return values
 
 
-def _draw(cube: Any, tracks: list[Any], faults: Any, folder: Path) -> None:
-    """Draw the map of each track, and both sections through the first seed."""
-    from matplotlib.figure import Figure
+def _check_seeds(points: list[tuple[float, ...]], picked: list[Any], cube: Any) -> None:
+    """Refuse seeds that do not fit a cube or a line."""
+    from seismo3d.errors import ParameterError
 
-    from seismo3d.plot.track_pictures import track_map, track_section
-
-    if not tracks:
-        return
-    inline, crossline, _ = tracks[0].seeds[0]
-    for number, track in enumerate(tracks, start=1):
-        figure = Figure(figsize=(8.0, 6.0), layout="constrained")
-        track_map(track, cube, ax=figure.add_subplot())
-        figure.savefig(folder / f"track_{number:02d}_map.png", dpi=150)
-    for name, where in (("inline", {"inline": inline}), ("crossline", {"crossline": crossline})):
-        figure = Figure(figsize=(10.0, 5.5), layout="constrained")
-        track_section(cube, tracks, faults=faults, ax=figure.add_subplot(), **where)
-        figure.savefig(folder / f"tracks_{name}.png", dpi=150)
+    wanted = "INLINE,CROSSLINE,TIME" if cube.ndim == 3 else "TRACE,TIME"
+    for point in points:
+        if len(point) != cube.ndim:
+            text = ",".join(f"{value:g}" for value in point)
+            raise ParameterError(f"--seed is {text!r}; expected {wanted} in a file of {cube.ndim} axes.")
+    if picked and cube.ndim == 2:
+        raise ParameterError("--horizon is given for a 2D line; it is for cubes. Give --seed TRACE,TIME.")

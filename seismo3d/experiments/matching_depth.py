@@ -31,7 +31,7 @@ def load_depth_scenes() -> list[DepthScene]:
     data = Path(skimage.__file__).parent / "data"
     scenes = [_motorcycle(data)]
     samples = Path(mpl.get_data_path()) / "sample_data"
-    jacksboro = np.load(samples / "jacksboro_fault_dem.npz")["elevation"].astype(np.float32)
+    jacksboro = np.load(samples / "jacksboro_fault_dem.npz", allow_pickle=False)["elevation"].astype(np.float32)
     scenes.append(_terrain("jacksboro", jacksboro, 60.0))
     photos = load_photos()
     for seed, name in enumerate(("coffee", "astronaut", "gravel", "rocket")):
@@ -43,7 +43,7 @@ def _motorcycle(data: Path) -> DepthScene:
     from scipy.ndimage import distance_transform_edt
 
     image = _read_grey(data / "motorcycle_left.png")
-    disparity = np.load(data / "motorcycle_disp.npz")["arr_0"].astype(np.float64)
+    disparity = np.load(data / "motorcycle_disp.npz", allow_pickle=False)["arr_0"].astype(np.float64)
     nearest = distance_transform_edt(~np.isfinite(disparity), return_distances=False, return_indices=True)
     disparity = disparity[tuple(nearest)]
     return DepthScene(

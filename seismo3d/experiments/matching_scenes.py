@@ -32,7 +32,9 @@ def load_photos(*, longest: int = 640) -> dict[str, AnyArray]:
     photos = {Path(name).stem: _read_grey(folder / name) for name in PHOTOS}
     samples = Path(mpl.get_data_path()) / "sample_data"
     photos["grace_hopper"] = _read_grey(samples / "grace_hopper.jpg")
-    photos["jacksboro"] = _hillshade(np.load(samples / "jacksboro_fault_dem.npz")["elevation"].astype(np.float32))
+    photos["jacksboro"] = _hillshade(
+        np.load(samples / "jacksboro_fault_dem.npz", allow_pickle=False)["elevation"].astype(np.float32)
+    )
     for name, image in photos.items():
         ratio = longest / max(image.shape)
         if ratio < 1.0:

@@ -44,7 +44,7 @@ def _spectra(descriptors: Float32Array) -> AnyArray:
 def best_similarity(target: AnyArray, source: AnyArray, *, n_satellites: int, n_shifts: int = 32) -> Float32Array:
     """Best similarity over all cyclic shifts of all pairs of half spectra (F, n, d) and (F, m, d): (n, m), float32.
 
-    Shifts +k and -k share the even part C and differ in the sign of the odd part S: the better of both is C + |S|.
+    Shifts +k and -k share the even part C and differ in the sign of the odd part S: the better of both is ``C + |S|``.
     """
     n_frequencies, n, _ = target.shape
     m = source.shape[1]

@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 import json
 import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,8 +18,10 @@ import numpy as np
 from seismo3d._typing import AnyArray
 from seismo3d.errors import FileAccessError, FormatError, ParameterError
 from seismo3d.io._files import written_aside
+from seismo3d.io.numpy_files import read_member, refuse_damage
 
 _META = "meta.json"
+_META_BYTES = 256 * 2**20
 
 
 def write_archive(path: str | Path, arrays: Mapping[str, AnyArray], *, meta: Mapping[str, Any]) -> None:
@@ -78,23 +79,16 @@ def read_archive(path: str | Path) -> tuple[dict[str, AnyArray], dict[str, Any]]
         If it is not such an archive, or is damaged.
     """
     path = Path(path)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            meta = _decode(json.loads(archive.read(_META)))
-            names = [name for name in archive.namelist() if name.endswith(".npy")]
-            return {name.removesuffix(".npy"): _read_member(archive, name) for name in names}, meta
-    except OSError as error:
-        raise FileAccessError(
-            f"{path} cannot be read: {error.strerror or error}. Check the name and the permissions."
-        ) from error
-    except (zipfile.BadZipFile, KeyError, ValueError, EOFError, zlib.error, StopIteration, TypeError) as error:
-        raise FormatError(f"{path} is not a seismo3d archive, or is damaged ({error}). Write it again.") from error
-
-
-def _read_member(archive: zipfile.ZipFile, name: str) -> AnyArray:
-    with archive.open(name) as member:
-        array: AnyArray = np.lib.format.read_array(member, allow_pickle=False)
-        return array
+    if not path.is_file():
+        raise FileAccessError(f"{path} cannot be read: it is no file. Check the name and the permissions.")
+    with refuse_damage(path, "seismo3d archive"), zipfile.ZipFile(path) as archive:
+        if archive.getinfo(_META).file_size > _META_BYTES:
+            raise FormatError(f"{path} has a description of more than {_META_BYTES} bytes. It is damaged.")
+        meta = _decode(json.loads(archive.read(_META)))
+        if not isinstance(meta, dict):
+            raise FormatError(f"{path} has a description that is no mapping. Write it again.")
+        names = [name for name in archive.namelist() if name.endswith(".npy")]
+        return {name.removesuffix(".npy"): read_member(archive, name, path) for name in names}, meta
 
 
 def _encode(value: Any, place: str) -> Any:

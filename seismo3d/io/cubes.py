@@ -9,9 +9,10 @@ import numpy as np
 
 from seismo3d._typing import Progress
 from seismo3d._validate import as_number
-from seismo3d.errors import FileAccessError, FormatError, ParameterError
+from seismo3d.errors import FormatError, ParameterError
 from seismo3d.io._as_cube import as_cube
-from seismo3d.io._files import as_readable_file, refuse_os_errors, written_aside
+from seismo3d.io._files import refuse_os_errors, written_aside
+from seismo3d.io.numpy_files import list_npz, read_npy, read_npz
 
 __all__ = ["as_cube", "convert_cube", "open_cube", "write_npy"]
 
@@ -168,19 +169,7 @@ def _read_numpy(
     variable: str | None,
     lazy_above: int,
 ) -> Any:
-    as_readable_file(file)
-    try:
-        with refuse_os_errors(file, "read"):
-            loaded = np.load(file, mmap_mode="r", allow_pickle=False)
-            array = loaded if isinstance(loaded, np.ndarray) else _from_npz(loaded, file, variable)
-    except FileAccessError:
-        raise
-    except (ValueError, EOFError, KeyError) as error:
-        if isinstance(error, FormatError | ParameterError):
-            raise
-        raise FormatError(
-            f"{file} cannot be read as {file.suffix}: {error}. It is cut short, or something else."
-        ) from error
+    array = read_npy(file, mapped=True) if file.suffix.lower() == ".npy" else _from_npz(file, variable)
     data: Any = array
     if array.nbytes > lazy_above:
         import dask.array as da
@@ -195,15 +184,16 @@ def _read_numpy(
     return cube.assign_attrs(path=str(file), file_format=file.suffix[1:].upper())
 
 
-def _from_npz(archive: Any, file: Path, variable: str | None) -> Any:
+def _from_npz(file: Path, variable: str | None) -> Any:
+    entries = list_npz(file)
     if variable is not None:
-        if variable not in archive.files:
-            raise ParameterError(f"{file} has no array {variable!r}; expected one of {archive.files}.")
-        return archive[variable]
-    found = [name for name in archive.files if archive[name].ndim in (2, 3) and archive[name].dtype.kind in "fiu"]
-    cubes = [name for name in found if archive[name].ndim == 3] or found
+        if variable not in entries:
+            raise ParameterError(f"{file} has no array {variable!r}; expected one of {list(entries)}.")
+        return read_npz(file, [variable])[variable]
+    found = [name for name, entry in entries.items() if entry.ndim in (2, 3) and entry.dtype.kind in "fiu"]
+    cubes = [name for name in found if entries[name].ndim == 3] or found
     if len(cubes) != 1:
         raise FormatError(
             f"{file} has {len(cubes)} arrays that could be the cube: {cubes}; expected one. Name it by variable."
         )
-    return archive[cubes[0]]
+    return read_npz(file, cubes)[cubes[0]]

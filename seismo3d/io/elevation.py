@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 from seismo3d._typing import AnyArray
-from seismo3d.errors import FormatError, GeometryError, MissingDependencyError, ParameterError
+from seismo3d.errors import FileAccessError, FormatError, GeometryError, MissingDependencyError, ParameterError
 from seismo3d.geometry.map_grid import MapGrid, as_six, elevation_values, is_geographic
 from seismo3d.io._files import as_readable_file, refuse_os_errors, written_aside
+from seismo3d.io.numpy_files import check_declared, list_npz, read_npy, read_npz
 
 RASTERS = (".tif", ".tiff", ".asc", ".agr", ".img", ".vrt", ".bil", ".hgt")
 """Endings that rasterio reads."""
@@ -144,10 +144,10 @@ def holds_elevation(path: str | Path) -> bool:
     if path.suffix.lower() != ".npz" or not path.is_file():
         return False
     try:
-        with np.load(path, allow_pickle=False) as held:
-            return any(name in held.files for name in _NAMES[:1] + _NAMES[2:])
-    except (ValueError, EOFError, OSError, BadZipFile):
+        held = list_npz(path)
+    except (FormatError, FileAccessError):
         return False
+    return any(name in held for name in _NAMES[:1] + _NAMES[2:])
 
 
 def import_rasterio(purpose: str) -> Any:
@@ -173,6 +173,8 @@ def _read_raster(path: Path, band: int) -> Any:
                     raise FormatError(f"{path.name} has {file.count} bands; band {band} was asked for.")
                 if np.dtype(file.dtypes[band - 1]).kind not in "iuf":
                     raise FormatError(f"{path.name} holds values of type {file.dtypes[band - 1]}; expected elevations.")
+                declared = file.width * file.height * np.dtype(file.dtypes[band - 1]).itemsize
+                check_declared(declared, path.stat().st_size, f"{path.name}, of {file.height} x {file.width} cells,")
                 values = file.read(band)
                 crs = _name_of(file.crs)
                 placed = file.crs is not None or not file.transform.is_identity
@@ -192,12 +194,7 @@ def _name_of(crs: Any) -> str:
 
 
 def _read_numpy(path: Path) -> Any:
-    try:
-        with path.open("rb") as file:
-            read = np.load(file, allow_pickle=False)
-            arrays = {"elevation": read} if isinstance(read, np.ndarray) else {key: read[key] for key in read.files}
-    except (ValueError, EOFError, OSError, BadZipFile) as error:
-        raise FormatError(f"{path.name} is no NumPy file of numbers, or is cut short: {error}.") from error
+    arrays = {"elevation": read_npy(path)} if path.suffix.lower() == ".npy" else read_npz(path)
     name = next((key for key in _NAMES if key in arrays), None)
     if name is None and len(arrays) == 1:
         name = next(iter(arrays))

@@ -1,4 +1,4 @@
-"""Fault sticks in the ASCII forms that OpendTect and Petrel read.
+"""Fault sticks in the ASCII forms that OpendTect and Petrel read and write.
 
 - OpendTect (Survey > Import > Faults > ASCII, "Import Multiple Faults"): columns fault name, x, y, z, stick index,
   node index. Without map coordinates the second and third column are inline and crossline, which its import dialog
@@ -19,6 +19,11 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.io._files import written_aside
+from seismo3d.io._pick_lines import leading_numbers, numbers_of, read_lines, refuse_line
+
+_LINE_WORDS = ("INLINE-", "CROSSLINE-", "XLINE-", "TRACE-")
+_CHARISMA = "'INLINE- [inline crossline] x y z fault_name stick_number' with finite numbers"
+_OPENDTECT = "'[fault_name] x y z stick_index [node_index]' with finite numbers"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +39,7 @@ class FaultStick:
     points : ndarray of shape (n, 3), float64
         x, y, z of the nodes from top to foot.
     lines : ndarray of shape (n, 2), float64
-        Inline and crossline numbers of the nodes; not whole between lines.
+        Inline and crossline numbers of the nodes; not whole between lines, NaN where a file does not tell.
     """
 
     fault: str
@@ -87,3 +92,83 @@ def write_charisma_sticks(path: str | Path, sticks: Iterable[FaultStick]) -> Non
             for (inline, crossline), (x, y, z) in zip(lines, stick.points, strict=True):
                 place = f"{inline:>8d} {crossline:>8d} {x:>15.2f} {y:>15.2f} {z:>12.3f}"
                 file.write(f"INLINE- {place} {stick.fault} {stick.number:>6d}\n".encode())
+
+
+def read_sticks(path: str | Path) -> list[FaultStick]:
+    """Read fault sticks: OpendTect's ASCII, or Charisma's, which Petrel and others write.
+
+    The form is told by the lines: Charisma's begin with ``INLINE-`` (or ``CROSSLINE-``, ``XLINE-``, ``TRACE-``).
+    OpendTect's may lack the fault name (the file's name then stands for it) and the node index. Lines that are blank or
+    begin with ``#`` or ``!`` are passed over. Names may hold blanks.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    list of FaultStick
+        In the order of the file; nodes by their index where there is one, else as in the file.
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be read.
+    FormatError
+        If it is not text or holds no pick, or a line has another form: the message names the line.
+    """
+    lines = read_lines(path)
+    charisma = lines[0][1].upper().startswith(_LINE_WORDS)
+    parse = _parse_charisma if charisma else _parse_opendtect
+    nodes: dict[tuple[str, int], list[tuple[float, ...]]] = {}
+    for number, line in lines:
+        found = parse(line)
+        if found is None:
+            refuse_line(path, number, line, _CHARISMA if charisma else _OPENDTECT)
+        fault, stick, order, place = found
+        node = nodes.setdefault((fault or Path(path).stem, stick), [])
+        node.append((order if order is not None else len(node), *place))
+    return [_as_stick(fault, stick, rows) for (fault, stick), rows in nodes.items()]
+
+
+_Node = tuple[str, int, float | None, tuple[float, ...]]
+"""Fault, stick, place in the stick, and (x, y, z, inline, crossline)."""
+
+
+def _as_stick(fault: str, number: int, rows: list[tuple[float, ...]]) -> FaultStick:
+    table = np.array(sorted(rows, key=lambda row: row[0]), dtype=np.float64)
+    return FaultStick(fault, number, table[:, 1:4].copy(), table[:, 4:6].copy())
+
+
+def _parse_charisma(line: str) -> _Node | None:
+    key, _, rest = line.partition("-")
+    words = rest.split()
+    if f"{key.upper()}-" not in _LINE_WORDS or len(words) < 5:
+        return None
+    n_numbers = leading_numbers(words[:-2])  # the name may look like a number, and the stick's number is one
+    stick = numbers_of(words[-1:])
+    n_places = 5 if n_numbers >= 5 else 3
+    place = numbers_of(words[:n_places]) if n_numbers >= 3 else None
+    if stick is None or place is None or stick[0] != int(stick[0]):
+        return None
+    lines = (place[0], place[1]) if n_places == 5 else (np.nan, np.nan)
+    return " ".join(words[n_places:-1]), int(stick[0]), None, (*place[-3:], *lines)
+
+
+def _parse_opendtect(line: str) -> _Node | None:
+    name, rest = "", line
+    if line.startswith('"') and line.count('"') >= 2:
+        name, rest = line[1:].split('"', 1)
+    elif "\t" in line and numbers_of([line.split("\t", 1)[0]]) is None:
+        name, rest = line.split("\t", 1)
+    words = rest.split()
+    if not name and words and numbers_of(words[:1]) is None:
+        # without tabs or quotes the name ends where only numbers follow, of which there are five at most
+        first = len(words) - min(leading_numbers(words[::-1]), 5)
+        name, words = " ".join(words[:first]), words[first:]
+    values = numbers_of(words)
+    if values is None or len(values) not in (4, 5) or any(v != int(v) for v in values[3:]):
+        return None
+    order = values[4] if len(values) == 5 else None
+    return name.strip(), int(values[3]), order, (*values[:3], np.nan, np.nan)

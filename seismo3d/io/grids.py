@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import struct
+from contextlib import suppress
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
 from seismo3d._typing import AnyArray
 from seismo3d.errors import FileAccessError, FormatError
+from seismo3d.io._files import as_readable_file
+from seismo3d.io.numpy_files import check_declared, list_npz, read_npy, read_npz
 
 _PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
 
@@ -49,22 +52,37 @@ def read_grid(path: str | Path) -> AnyArray:
 def _read_picture(path: Path) -> AnyArray:
     import cv2
 
-    image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+    data = np.fromfile(as_readable_file(path), dtype=np.uint8)
+    image = None
+    if data.size:
+        _check_picture(path, data.size)
+        with suppress(cv2.error):
+            image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
     if image is None:
         raise FormatError(f"{path} cannot be read as a picture; expected what its ending says. It may be cut short.")
     return np.asarray(image)
 
 
-def _read_array(path: Path) -> AnyArray:
+def _check_picture(path: Path, size: int) -> None:
+    """Refuse a picture that declares far more pixels than its file can hold; what is not understood is let through."""
+    from PIL import Image
+
+    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
     try:
-        with path.open("rb") as file:
-            read = np.load(file, allow_pickle=False)
-            if isinstance(read, np.ndarray):
-                return read
-            names = list(read.files)
-            if len(names) == 1:
-                return np.asarray(read[names[0]])
-    except (ValueError, EOFError, OSError, BadZipFile) as error:
-        raise FormatError(f"{path} is no NumPy file of numbers, or is cut short: {error}.") from error
-    held = ", ".join(names) or "none"
-    raise FormatError(f"{path} holds the arrays {held}; expected one. Save the one that is meant as .npy.")
+        with Image.open(path) as opened:
+            columns, rows = opened.size
+    except (OSError, ValueError, SyntaxError, KeyError, TypeError, IndexError, ArithmeticError, struct.error):
+        return
+    finally:
+        Image.MAX_IMAGE_PIXELS = limit
+    check_declared(8 * rows * columns, size, f"{path}, of {rows} x {columns} pixels,")
+
+
+def _read_array(path: Path) -> AnyArray:
+    if path.suffix.lower() == ".npy":
+        return read_npy(path)
+    names = list(list_npz(path))
+    if len(names) != 1:
+        held = ", ".join(names) or "none"
+        raise FormatError(f"{path} holds the arrays {held}; expected one. Save the one that is meant as .npy.")
+    return read_npz(path)[names[0]]

@@ -1,4 +1,4 @@
-"""Horizons in the ASCII forms that other programs read: XYZ points, Charisma points, IRAP classic grids.
+"""Horizons in the ASCII forms that other programs read and write: XYZ points, Charisma points, IRAP classic.
 
 z grows downwards, in the cube's own unit. Charisma's rows name the lines: ``INLINE : n XLINE : m x y z``. An IRAP
 classic grid (ROXAR text) has no line numbers; places without a value hold 9999900.
@@ -6,16 +6,23 @@ classic grid (ROXAR text) has no line numbers; places without a value hold 99999
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d.errors import GeometryError
+from seismo3d._validate import freeze
+from seismo3d.errors import FormatError, GeometryError, ParameterError
 from seismo3d.io._files import written_aside
+from seismo3d.io._pick_lines import numbers_of, read_lines, refuse_line, rows_of
 
 _UNKNOWN = 9999900.0
+_END_OF_PART = 999.0
+"""An IRAP classic file of points ends its parts by a line of three of these."""
+_CHARISMA = re.compile(r"^INLINE\s*:\s*(\S+)\s+(?:XLINE|CROSSLINE|TRACE)\s*:\s*(\S+)\s+(.*)$", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,6 +42,125 @@ class HorizonGrid:
     z: Float64Array
     inlines: Float64Array
     crosslines: Float64Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HorizonPoints:
+    """A horizon as points.
+
+    Attributes
+    ----------
+    name : str
+        The file's name without its ending.
+    points : ndarray of shape (n, 3), float64
+        x, y, z.
+    lines : ndarray of shape (n, 2), float64
+        Inline and crossline numbers; NaN where the file does not tell.
+    """
+
+    name: str
+    points: Float64Array
+    lines: Float64Array
+
+
+def read_horizon(path: str | Path, *, columns: Sequence[int] | None = None) -> HorizonPoints:
+    """Read a horizon: XYZ, IRAP classic points or grid, or Charisma, told by its lines.
+
+    Lines that are blank or begin with ``#`` or ``!`` are passed over. Points without a value are left out: 9999900 in
+    IRAP, 1e30 in OpendTect.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    columns : sequence of three int, optional
+        Which columns of an XYZ file hold x, y and z, counted from 1; needed where there are more than three.
+
+    Returns
+    -------
+    HorizonPoints
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be read.
+    FormatError
+        If it is not text, a line has another form (the message names the line), or no point has a value.
+    ParameterError
+        If `columns` are not three different numbers from 1, or are given for another form than XYZ.
+    """
+    if columns is not None and (len(set(columns)) != 3 or len(columns) != 3 or min(columns) < 1):
+        raise ParameterError(f"columns is {tuple(columns)}; expected three different numbers, from 1.")
+    lines = read_lines(path)
+    first = lines[0][1]
+    if first.upper().startswith("INLINE"):
+        table, form = _read_charisma(path, lines), "Charisma"
+    elif first.split()[0] == "-996":
+        table, form = _read_irap_grid(path, lines), "IRAP"
+    else:
+        table, form = _read_columns(path, lines, columns), "XYZ"
+    if columns is not None and form != "XYZ":
+        raise ParameterError(f"columns is given, but {path} is in {form} form, which tells them. Leave it out.")
+    known = (np.abs(table[:, 2]) < 1e29) & (table[:, 2] != _UNKNOWN)
+    if not known.any():
+        raise FormatError(f"{path} holds no point with a value. Check the export.")
+    table = table[known]
+    return HorizonPoints(Path(path).stem, freeze(table[:, :3].copy()), freeze(table[:, 3:].copy()))
+
+
+def _read_charisma(path: str | Path, lines: list[tuple[int, str]]) -> Float64Array:
+    rows = []
+    for number, line in lines:
+        match = _CHARISMA.match(line)
+        values = numbers_of([*match.group(3).split(), match.group(1), match.group(2)]) if match else None
+        if values is None or len(values) != 5:
+            refuse_line(path, number, line, "'INLINE : n XLINE : m x y z' with finite numbers")
+        rows.append(values)
+    return np.array(rows, dtype=np.float64)
+
+
+def _read_columns(path: str | Path, lines: list[tuple[int, str]], columns: Sequence[int] | None) -> Float64Array:
+    n = len(lines[0][1].replace(",", " ").split())
+    if n > 3 and columns is None:
+        refuse_line(path, *lines[0], f"three numbers x y z, or `columns` to say which of the {n} these are")
+    if columns is not None and max(columns) > n:
+        refuse_line(path, *lines[0], f"at least {max(columns)} numbers")
+    chosen = [0, 1, 2] if columns is None else [column - 1 for column in columns]
+    rows = [values for _, values in rows_of(path, lines, max(n, 3), f"{max(n, 3)} finite numbers")]
+    table = np.array(rows, dtype=np.float64)[:, chosen]
+    table = table[(table != _END_OF_PART).any(axis=1)]
+    return np.column_stack([table, np.full((len(table), 2), np.nan)])
+
+
+def _read_irap_grid(path: str | Path, lines: list[tuple[int, str]]) -> Float64Array:
+    """Return the places of all nodes of an IRAP classic grid with their values."""
+    header, end = [], 0
+    for number, line in lines:
+        values = numbers_of(line.split())
+        if values is None:
+            refuse_line(path, number, line, "numbers of the header of an IRAP classic grid")
+        header += values
+        end += 1
+        if len(header) >= 19:
+            break
+    if len(header) != 19:
+        raise FormatError(
+            f"{path} ends in its header, or that has {len(header)} numbers; expected 19. Export it again."
+        )
+    m, dx, dy, n = int(header[1]), header[2], header[3], int(header[8])
+    turn, x0, y0 = np.radians(header[9]), header[10], header[11]
+    body = []
+    for number, line in lines[end:]:
+        values = numbers_of(line.split())
+        if values is None:
+            refuse_line(path, number, line, "finite numbers")
+        body += values
+    if min(m, n) < 1 or len(body) != n * m:
+        raise FormatError(f"{path} has {len(body)} values; its header tells {n} x {m}. Export it again.")
+    b, a = np.divmod(np.arange(n * m), n)
+    x = x0 + a * dx * np.cos(turn) - b * dy * np.sin(turn)
+    y = y0 + a * dx * np.sin(turn) + b * dy * np.cos(turn)
+    return np.column_stack([x, y, body, np.full((n * m, 2), np.nan)])
 
 
 def write_xyz_horizon(path: str | Path, horizon: HorizonGrid) -> None:

@@ -14,12 +14,18 @@ from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d._validate import as_points
 from seismo3d.errors import FileAccessError, FormatError, MissingDependencyError, ParameterError
 from seismo3d.io import _lzf
+from seismo3d.io._las import check_las
+from seismo3d.io.numpy_files import list_npz, read_npy, read_npz
 
 _PLY_TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double":
     "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
     "float64": "f8",
 }  # fmt: skip
+_PCD_TYPES = {
+    (kind, str(size)): f"<{kind.lower()}{size}" for kind in "IUF" for size in (1, 2, 4, 8) if (kind, size) != ("F", 1)
+}
+_LAS_BYTES = 64 * 2**20
 _NORMAL_NAMES = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 
 
@@ -135,9 +141,9 @@ def _write_ply(path: Path, p: Float64Array, n: Float64Array | None) -> None:
 def _read_ply(path: Path) -> tuple[AnyArray, AnyArray | None]:
     data = path.read_bytes()
     end = data.find(b"end_header")
-    if not data.startswith(b"ply") or end < 0:
-        raise FormatError(f"{path.name} has no PLY header; expected 'ply' first and 'end_header'.")
-    start = data.index(b"\n", end) + 1
+    start = data.find(b"\n", end) + 1
+    if not data.startswith(b"ply") or end < 0 or start == 0:
+        raise FormatError(f"{path.name} has no PLY header; expected 'ply' first and a line 'end_header'.")
     lines = data[:end].decode("ascii", errors="replace").split("\n")
     form, elements = _ply_elements(lines, path)
     if form == "ascii":
@@ -184,6 +190,8 @@ def _ply_binary(
     for name, count, properties in elements:
         if any(kind in ("list", "") for _, kind in properties):
             raise FormatError(f"{path.name} has lists in or before element 'vertex'; expected plain numbers there.")
+        if not properties or len({p for p, _ in properties}) < len(properties):
+            raise FormatError(f"{path.name} has no property, or two of one name, in {name!r}; expected one of each.")
         layout = np.dtype([(p, order + kind) for p, kind in properties])
         if name == "vertex":
             if len(body) < offset + count * layout.itemsize:
@@ -209,11 +217,13 @@ def _read_pcd(path: Path) -> tuple[AnyArray, AnyArray | None]:
     try:
         names, count = header["FIELDS"], int(header["POINTS"][0])
         counts = [int(c) for c in header.get("COUNT", ["1"] * len(names))]
-        kinds = [f"<{t.lower()}{s}" for t, s in zip(header["TYPE"], header["SIZE"])]
+        kinds = [_PCD_TYPES[t.upper(), s] for t, s in zip(header["TYPE"], header["SIZE"])]
         layout = np.dtype([(n, k, (c,)) if c > 1 else (n, k) for n, k, c in zip(_unique(names), kinds, counts)])
         form = header["DATA"][0]
-    except (KeyError, ValueError, IndexError, TypeError) as error:
+    except (KeyError, ValueError, IndexError, TypeError, OverflowError) as error:
         raise FormatError(f"{path.name} has a broken PCD header: {error}.") from error
+    if count < 0 or min(counts, default=1) < 1:
+        raise FormatError(f"{path.name} has a broken PCD header: {count} points of {counts} values a field.")
     if form == "ascii":
         lines = data[start:].decode("ascii", errors="replace").split("\n")
         spread = [n if c == 1 else f"{n}{k}" for n, c in zip(_unique(names), counts) for k in range(c)]
@@ -230,7 +240,10 @@ def _pcd_binary(body: bytes, layout: np.dtype[Any], count: int, form: str, path:
         return {name: rows[name] for name in layout.names or ()}
     if form != "binary_compressed" or len(body) < 8:
         raise FormatError(f"{path.name} has DATA {form!r}; expected ascii, binary or binary_compressed.")
-    packed, full = np.frombuffer(body, dtype="<u4", count=2)
+    packed, full = (int(value) for value in np.frombuffer(body, dtype="<u4", count=2))
+    # three bytes of LZF unpack to 264 at most
+    if packed > len(body) - 8 or full > 88 * packed + 264:
+        raise FormatError(f"{path.name} announces {full} bytes of points in {packed}; expected fewer. It is damaged.")
     out = _lzf.decompress(np.frombuffer(body, dtype=np.uint8)[8 : 8 + int(packed)], int(full))
     if out.size < size:
         raise FormatError(f"{path.name} is cut short: expected {count} points. Get the file again.")
@@ -317,31 +330,45 @@ def _read_las(path: Path) -> tuple[AnyArray, AnyArray | None]:
         raise MissingDependencyError(
             f"{path.name} needs laspy, which is not installed. Install it with: pip install 'seismo3d[las]'."
         ) from error
+    check_las(path)
     try:
-        file = laspy.read(path)
-    except (laspy.errors.LaspyException, ValueError, RuntimeError) as error:
+        # the decoder of several threads gives memory to whatever the table of chunks says, and ends the process
+        with laspy.open(path, laz_backend=[laspy.LazBackend.Lazrs]) as file:
+            n_at_once = max(1, _LAS_BYTES // file.header.point_format.size)
+            parts = [np.column_stack([part.x, part.y, part.z]) for part in file.chunk_iterator(n_at_once)]
+            expected = int(file.header.point_count)
+    except BaseException as error:
+        # the decoder of LAZ panics on what it does not understand, which is no Exception
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+            raise
         raise FormatError(f"{path.name} is not a readable LAS or LAZ file: {error}.") from error
-    return np.column_stack([file.x, file.y, file.z]), None
+    points = np.concatenate([np.zeros((0, 3)), *parts])
+    if len(points) != expected:
+        raise FormatError(f"{path.name} is cut short: {len(points)} points of {expected}. Get the file again.")
+    return points, None
 
 
 def _read_numpy(path: Path) -> tuple[AnyArray, AnyArray | None]:
-    try:
-        loaded = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError) as error:
-        raise FormatError(f"{path.name} is not a NumPy file of numbers: {error}.") from error
     normals = None
-    points = loaded
-    if not isinstance(loaded, np.ndarray):
-        with loaded:
-            if "points" not in loaded.files:
-                raise FormatError(f"{path.name} has entries {', '.join(loaded.files)}; expected one called 'points'.")
-            points = loaded["points"]
-            normals = loaded["normals"] if "normals" in loaded.files else None
+    if path.suffix.lower() == ".npy":
+        points = read_npy(path)
+    else:
+        entries = list_npz(path)
+        if "points" not in entries:
+            raise FormatError(f"{path.name} has entries {', '.join(entries)}; expected one called 'points'.")
+        loaded = read_npz(path, [name for name in ("points", "normals") if name in entries])
+        points, normals = loaded["points"], loaded.get("normals")
     if points.ndim != 2 or points.shape[1] < 2 or points.dtype.kind not in "fiu":
         raise FormatError(
             f"{path.name} holds an array of shape {points.shape}; expected points of shape (n, 2) or (n, 3)."
         )
-    return points[:, :3], normals
+    points = points[:, :3]
+    if normals is not None and (normals.shape != points.shape or normals.dtype.kind not in "fiu"):
+        raise FormatError(
+            f"{path.name} has normals of shape {normals.shape} and type {normals.dtype}; expected numbers of shape "
+            f"{points.shape}, as its points."
+        )
+    return points, normals
 
 
 _READERS: dict[str, Callable[[Path], tuple[AnyArray, AnyArray | None]]] = {

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
 from seismo3d._typing import Progress
 from seismo3d.errors import FileAccessError, FormatError, ParameterError
 from seismo3d.io._as_cube import as_cube
-from seismo3d.io._files import refuse_os_errors, written_aside
+from seismo3d.io._files import written_aside
+from seismo3d.io.numpy_files import check_declared, refuse_damage
 
 _BRICK = 64
 _SLAB_BYTES = 512 * 2**20
@@ -72,20 +75,64 @@ def read_zarr(path: Any, *, variable: str | None = None, lazy_above: int = 2 * 2
         raise FileAccessError(f"{store} does not exist. Check the path.")
     if not store.is_dir():
         raise FormatError(f"{store} is a file; expected a folder that holds a Zarr group.")
-    try:
-        with refuse_os_errors(store, "read"):
-            dataset = xr.open_zarr(store, chunks={}, consolidated=False)
-    except (ValueError, KeyError, TypeError) as error:
-        raise FormatError(f"{store} is no Zarr group that can be read: {error}".splitlines()[0]) from error
-    names = [str(n) for n, v in dataset.data_vars.items() if v.ndim in (2, 3) and set(v.dims) & {"time", "depth"}]
-    chosen = variable or (names[0] if len(names) == 1 else None)
-    if chosen is None or chosen not in dataset.data_vars:
-        raise FormatError(f"{store} holds {names or 'no cube'}; expected one. Name it by variable.")
-    cube = dataset[chosen]
-    cube.encoding = {}
-    coords = {n: c.compute() for n, c in cube.coords.items() if c.nbytes < 2**30}
-    cube = as_cube(cube.assign_coords(coords), name=str(store)).assign_attrs(path=str(store), file_format="Zarr")
-    return cube if cube.nbytes > lazy_above else cube.compute()
+    with refuse_damage(store, "Zarr group"):
+        dataset = xr.open_zarr(store, chunks=None, consolidated=False)
+        names = [str(n) for n, v in dataset.data_vars.items() if v.ndim in (2, 3) and set(v.dims) & {"time", "depth"}]
+        chosen = variable or (names[0] if len(names) == 1 else None)
+        if chosen is None or chosen not in dataset.data_vars:
+            raise FormatError(f"{store} holds {names or 'no cube'}; expected one. Name it by variable.")
+        cube = dataset[chosen]
+        loaded = sum(c.nbytes for c in cube.coords.values()) + (cube.nbytes if cube.nbytes <= lazy_above else 0)
+        if loaded > 0:
+            check_declared(loaded, _stored_bytes(store, loaded), str(store))
+        coords = {n: c.compute() for n, c in cube.coords.items() if c.nbytes < 2**30}
+        lazy = xr.DataArray(_as_dask(cube, store), dims=cube.dims, coords=coords, name=cube.name, attrs=cube.attrs)
+        made = as_cube(lazy, name=str(store)).assign_attrs(path=str(store), file_format="Zarr")
+    return made if made.nbytes > lazy_above else made.compute()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Guarded:
+    """An array of a store, indexed as an array; what damaged bricks raise is turned into one clear line."""
+
+    array: Any
+    store: Path
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return tuple(self.array.shape)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return np.dtype(self.array.dtype)
+
+    @property
+    def ndim(self) -> int:
+        return int(self.array.ndim)
+
+    def __getitem__(self, key: Any) -> Any:
+        with refuse_damage(self.store, "Zarr group whose bricks can be read"):
+            return np.asarray(self.array.variable[key].values)
+
+
+def _as_dask(cube: Any, store: Path) -> Any:
+    """Return the samples, lazily, in the store's own bricks."""
+    import dask.array as da
+
+    chunks = cube.encoding.get("chunks") or "auto"
+    guarded = _Guarded(cube, store)
+    empty = np.empty((0,) * guarded.ndim, guarded.dtype)
+    return da.from_array(guarded, chunks=chunks, name=f"zarr-{uuid4().hex}", lock=False, meta=empty)
+
+
+def _stored_bytes(store: Path, enough: int) -> int:
+    """Bytes of the store's files; counting stops where there are enough of them."""
+    total = 0
+    for path in store.rglob("*"):
+        total += path.stat().st_size if path.is_file() else 0
+        if total >= enough:
+            break
+    return total
 
 
 def _make_group(aside: Path, volume: Any, name: str, chunks: tuple[int, ...]) -> None:

@@ -63,9 +63,9 @@ def write_report(
         import tempfile
 
         with tempfile.TemporaryDirectory() as folder:
-            shown = _embed(save_pictures(folder, cube, faults=faults))
+            shown = embed_pictures(save_pictures(folder, cube, faults=faults))
     else:
-        shown = _embed(pictures)
+        shown = embed_pictures(pictures)
     text = _page(cube, faults, title, shown, dict(run or {}))
     with written_aside(path) as aside, aside.open("wb") as file:
         file.write(text.encode())
@@ -73,8 +73,6 @@ def write_report(
 
 
 def _page(cube: Any, faults: Any, title: str, pictures: list[dict[str, str]], run: dict[str, Any]) -> str:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     rows = tabulate_faults(faults, cube)
     columns = table_columns(rows)
     table = [
@@ -84,15 +82,9 @@ def _page(cube: Any, faults: Any, title: str, pictures: list[dict[str, str]], ru
         }
         for row in rows[:_MOST_ROWS]
     ]
-    environment = Environment(
-        loader=PackageLoader("seismo3d.plot"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     timings = run.pop("timings_s", {})
-    return environment.get_template("report.html.jinja").render(
+    return fill_template(
+        "report.html.jinja",
         title=title,
         section=len(name_axes(cube)) == 2,
         survey=survey_facts(cube),
@@ -107,7 +99,22 @@ def _page(cube: Any, faults: Any, title: str, pictures: list[dict[str, str]], ru
     )
 
 
-def _embed(pictures: Sequence[PictureFile]) -> list[dict[str, str]]:
+def fill_template(name: str, **values: Any) -> str:
+    """Fill one of the templates of this package; a name that it lacks is an error, and text is escaped."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("seismo3d.plot"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(name).render(**values)
+
+
+def embed_pictures(pictures: Sequence[PictureFile]) -> list[dict[str, str]]:
+    """Return what a template needs of pictures: their bytes in base 64, captions, notes and widths."""
     return [
         {
             "data": base64.b64encode(picture.path.read_bytes()).decode(),

@@ -50,7 +50,10 @@ def occupancy_map(occupancy: Any, *, path: Any = None, traversability: Any = Non
     if path is not None and len(path.poses):
         _draw_path(ax, path)
     handles = [Patch(facecolor=colour, edgecolor="0.5", label=name) for name, colour in legend.items()]
-    ax.legend(handles=[*ax.get_legend_handles_labels()[0], *handles], loc="upper right", fontsize="x-small")
+    handles = [*ax.get_legend_handles_labels()[0], *handles]
+    ax.legend(
+        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, fontsize="x-small", frameon=False
+    )
     ax.set(xlabel="x (m)", ylabel="y (m)", xlim=(left, right), ylim=(low, high))
     ax.set_aspect("equal")
     return ax

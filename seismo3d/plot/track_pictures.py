@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import new_axes
+from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes, take_picture
 from seismo3d.plot.sections import section
 
@@ -42,6 +44,8 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
         If the track is of another cube.
     """
     _check(track, cube)
+    if track.depth.ndim != 2:
+        raise ShapeError(f"track has shape {track.depth.shape}: one of a section has no map. Use plot.track_section.")
     rows, columns = axis_coordinates(cube, 0), axis_coordinates(cube, 1)
     names = name_axes(cube)
     ax = new_axes(8.0, 6.0) if ax is None else ax
@@ -65,7 +69,7 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
     Parameters
     ----------
     cube : DataArray or ndarray
-        A cube.
+        A cube, or a section, which is drawn whole.
     tracks : sequence of Track
         Tracks of this cube.
     ax : matplotlib Axes, optional
@@ -88,14 +92,60 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
     ax = section(cube, ax=ax, **where)
     picture = take_picture(cube, inline=where.get("inline"), crossline=where.get("crossline"))
     for number, track in enumerate(tracks):
-        line = np.take(np.asarray(track.depth), int(picture.index), axis=picture.axis)
+        depth = np.asarray(track.depth)
+        line = depth if picture.axis < 0 else np.take(depth, int(picture.index), axis=picture.axis)
         ax.plot(picture.columns, line, color="black", linewidth=3.0)
         ax.plot(picture.columns, line, color=_COLOURS[number % len(_COLOURS)], linewidth=1.6)
     return ax
 
 
+def save_track_pictures(
+    directory: str | Path, cube: Any, tracks: Sequence[Any], *, faults: Any = None
+) -> list[PictureFile]:
+    """Draw the pictures of a tracks run: a map of each track, and sections through the first seed with all of them.
+
+    Parameters
+    ----------
+    directory : str or Path
+        A folder that is there.
+    cube : DataArray or ndarray
+        The cube or section.
+    tracks : sequence of Track
+        Its tracks.
+    faults : FaultSet, optional
+        Its faults, drawn on the sections.
+
+    Returns
+    -------
+    list of PictureFile
+        ``tracks_inline.png`` and ``tracks_crossline.png`` (``tracks_section.png`` of a section), ``track_01_map.png``
+        and so on.
+    """
+    from matplotlib.figure import Figure
+
+    if not tracks:
+        return []
+    directory, files = Path(directory), []
+    lines: list[tuple[str, dict[str, float]]] = [("section", {})]
+    if np.ndim(cube) == 3:
+        lines = [(n, {n: float(tracks[0].seeds[0][k])}) for k, n in enumerate(("inline", "crossline"))]
+    for name, where in lines:
+        figure = Figure(figsize=(10.0, 5.5), layout="constrained")
+        track_section(cube, tracks, faults=faults, ax=figure.add_subplot(), **where)
+        figure.savefig(directory / f"tracks_{name}.png", dpi=130)
+        at = "The section" if not where else f"{name.capitalize()} {where[name]:g}, through the first seed"
+        files.append(PictureFile(directory / f"tracks_{name}.png", f"{at}, with all tracks."))
+    for number, track in enumerate(tracks if np.ndim(cube) == 3 else [], start=1):
+        figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+        track_map(track, cube, ax=figure.add_subplot())
+        path = directory / f"track_{number:02d}_map.png"
+        figure.savefig(path, dpi=130)
+        files.append(PictureFile(path, f"Track {number} from above, with contours; seeds are stars.", kind="half"))
+    return files
+
+
 def _check(track: Any, cube: Any) -> None:
-    if track.depth.shape != tuple(cube.shape[:2]):
+    if track.depth.shape != tuple(cube.shape[:-1]):
         raise ShapeError(
-            f"track has shape {track.depth.shape}; expected {tuple(cube.shape[:2])}. Give the cube it was traced in."
+            f"track has shape {track.depth.shape}; expected {tuple(cube.shape[:-1])}. Give the cube it was traced in."
         )

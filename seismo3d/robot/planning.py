@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path as FilePath
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, ArrayLike, Float64Array
+from seismo3d._typing import AnyArray, ArrayLike
 from seismo3d._validate import as_real_array, freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.robot.dstar import DStarLite, Repair
 from seismo3d.robot.lattice import lattice_motions
 from seismo3d.robot.motions import UNIT
 from seismo3d.robot.occupancy import Occupancy
+from seismo3d.robot.paths import Path
 from seismo3d.robot.speeds import find_speeds
 from seismo3d.robot.traversability import (
     OPEN,
@@ -30,59 +29,8 @@ from seismo3d.robot.traversability import (
 
 __all__ = ["Path", "Planner", "RobotLimits", "plan_path"]
 
-COLUMNS = ("time", "x", "y", "heading", "speed", "curvature", "world_x", "world_y", "world_z")
 _TILE = 32
 _WAY_OUT_PRICE = 16
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Path:
-    """A way of a robot's middle over the ground, or word that there is none.
-
-    Attributes
-    ----------
-    state : str
-        "found"; or "no way" that keeps within the limits, "start blocked" or "goal blocked" since the map has
-        changed: then all arrays are empty and the cost is infinite.
-    poses : ndarray of shape (n, 3), float64
-        x and y (metres) and heading (radians, counterclockwise from x, continuous) in map axes. They begin and end in
-        the middle of the start's and the goal's cell, with one of the lattice's 16 headings.
-    length : ndarray of shape (n,), float64
-        Metres gone since the start.
-    times, speeds : ndarray of shape (n,), float64
-        Seconds since the start, and metres a second.
-    curvature : ndarray of shape (n,), float64
-        Of the piece that begins at each point, one over metres, positive to the left; at the end, of the last one.
-    points_world : ndarray of shape (n, 3), float64
-        On the ground, in the world's frame.
-    cost : float
-        Metres, each counted as many times as the ground there costs, 1 on open and level ground.
-    expansions : int
-        Vertices of the lattice that were expanded for it.
-    """
-
-    state: str
-    poses: Float64Array
-    length: Float64Array
-    times: Float64Array
-    speeds: Float64Array
-    curvature: Float64Array
-    points_world: Float64Array
-    cost: float
-    expansions: int
-
-    def save_csv(self, path: str | FilePath) -> None:
-        """Write one point a row: time, x, y, heading, speed, curvature, world_x, world_y, world_z; SI units.
-
-        Raises
-        ------
-        FileAccessError
-            If it cannot be written.
-        """
-        from seismo3d.io.tables import write_csv
-
-        table = np.column_stack([self.times, self.poses, self.speeds, self.curvature, self.points_world])
-        write_csv(path, [dict(zip(COLUMNS, row, strict=True)) for row in table.tolist()], columns=COLUMNS)
 
 
 class Planner:
@@ -94,7 +42,8 @@ class Planner:
 
     With V = 16 x cells vertices, a plan is O(V (C + log V)), C the cells that a motion sweeps (some 2 + half a turning
     radius); a repair that expands E vertices, at most twice each, is O(E (C + log V)). An update of n changed cells
-    is O(n A) with A the cells within the robot's reach.
+    is O(n A) with A the cells within the robot's reach. Since the search starts at the goal, what changes near the
+    robot is cheap to repair; an obstacle on the way near the goal can cost as much as a new plan.
 
     Parameters
     ----------

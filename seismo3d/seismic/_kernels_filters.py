@@ -65,11 +65,14 @@ def filter_crosslines(volume, taps, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, parallel=True, fastmath=True)
 def filter_inlines(volume, taps, out):  # type: ignore[no-untyped-def]
-    """Correlate with the taps along the inline axis; the ends repeat."""
+    """Correlate with the taps along the inline axis; the ends repeat.
+
+    Inlines are the inner loop, so that the traces a window shares with the next one are still in the cache.
+    """
     n0, n1, n2 = volume.shape
     half = len(taps) // 2
-    for i in prange(n0):
-        for j in range(n1):
+    for j in prange(n1):
+        for i in range(n0):
             for k in range(n2):
                 out[i, j, k] = 0.0
             for t in range(-half, half + 1):
@@ -121,11 +124,16 @@ def tensor_slopes(txx, txy, txz, tyy, tyz, tzz, steepest, p, q):  # type: ignore
                 q[i, j, k] = min(max(-e / f, -steepest), steepest)
 
 
-def smooth(volume: Float32Array, sigma: tuple[float, float, float]) -> Float32Array:
-    """Return the volume smoothed by a Gaussian of the given widths along its three axes; the ends repeat."""
-    first = np.empty_like(volume)
-    second = np.empty_like(volume)
-    filter_samples(volume, gaussian_taps(sigma[2]), first)
-    filter_crosslines(first, gaussian_taps(sigma[1]), second)
-    filter_inlines(second, gaussian_taps(sigma[0]), first)
-    return first
+def smooth(
+    volume: Float32Array, sigma: tuple[float, float, float], *, scratch: Float32Array | None = None
+) -> Float32Array:
+    """Return the volume smoothed by a Gaussian of the given widths along its three axes; the ends repeat.
+
+    `scratch`, an array of the same shape, is written over: a caller that smooths many volumes saves as many.
+    """
+    out = np.empty_like(volume)
+    scratch = np.empty_like(volume) if scratch is None else scratch
+    filter_samples(volume, gaussian_taps(sigma[2]), out)
+    filter_crosslines(out, gaussian_taps(sigma[1]), scratch)
+    filter_inlines(scratch, gaussian_taps(sigma[0]), out)
+    return out

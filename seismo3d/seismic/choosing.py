@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,12 +34,19 @@ class ChoiceSettings:
         Height from which on a sheet is no channel's edge, and the strength that is enough there.
     host_strength : float
         Strength of a fault beside which weaker ones are looked for: faults come in families, and cut each other up.
-    company_area, company_strength, company_height, company_throw : float
-        Smallest area, strength, height and median throw of such a weaker one.
-    company_matched, company_fit : float
-        Smallest share of it where its moved sides match, and their median fit there.
+    company_area, company_strength, company_length : float
+        Smallest area, strength and length down the dip of such a weaker one.
+    company_matched : float
+        Smallest share of it where its moved sides match.
+    company_throw, company_fit : tuple of (float, float)
+        Smallest median throw, and smallest median fit where its sides match: of sloping ones, and of steep ones.
     gap : float
         Farthest that it may be from its host.
+    steep_deg : float
+        Dip from which on a weaker one may be a channel's edge, or the bend of layers over a lower fault.
+    low_dip_deg, alike_deg : float
+        Beside a host of a lower dip than the first, what is steep, weaker than a host and strikes alike within the
+        second is such a bend, and no fault.
     overlap, beside : float
         Largest share of it that may lie within `beside` of faults chosen before: more is the same fault once more.
     """
@@ -53,11 +61,14 @@ class ChoiceSettings:
     host_strength: float = 55.0
     company_area: float = 200.0
     company_strength: float = 18.0
-    company_height: float = 30.0
-    company_throw: float = 1.4
+    company_length: float = 30.0
     company_matched: float = 0.3
-    company_fit: float = 0.75
+    company_throw: tuple[float, float] = (1.0, 1.4)
+    company_fit: tuple[float, float] = (0.65, 0.75)
     gap: float = 8.0
+    steep_deg: float = 65.0
+    low_dip_deg: float = 55.0
+    alike_deg: float = 25.0
     overlap: float = 0.3
     beside: float = 2.5
 
@@ -104,7 +115,7 @@ def may_be_faults(sheets: list[Sheet], is_section: bool, settings: ChoiceSetting
         if (is_section or min(sheet.w.shape) > 1)
         and sheet.area >= min(settings.company_area, settings.least_area)
         and strength(sheet) >= min(settings.company_strength, settings.least_strength)
-        and _height(sheet) >= min(settings.company_height, settings.least_height)
+        and _height(sheet) >= settings.least_height
     ]
 
 
@@ -162,20 +173,27 @@ def choose_faults(
     significance = np.array([strength(sheet) for sheet, _ in candidates])
     keep = np.array([_stands(*candidate, settings) for candidate in candidates], bool)
     order = [int(n) for n in np.argsort(-significance, kind="stable")]
-    weaker = [n for n in order if not keep[n] and _may_join(*candidates[n], settings)]
-    trees = {n: cKDTree(_nodes(candidates[n][0])) for n in order if keep[n]} if weaker else {}
-    hosts = [n for n in trees if significance[n] >= settings.host_strength]
-    for n in weaker:
-        nodes = _nodes(candidates[n][0])
-        if not any(_within(trees[host], nodes, settings.gap).any() for host in hosts):
+    nodes = [_nodes(sheet) for sheet, _ in candidates]
+    hosts = [(n, cKDTree(nodes[n])) for n in order if keep[n] and significance[n] >= settings.host_strength]
+    kept = [tree for _, tree in hosts]
+    for n in order:
+        sheet, throw = candidates[n]
+        if significance[n] >= settings.host_strength or not (keep[n] or _may_join(sheet, throw, settings)):
             continue
-        taken = np.zeros(len(nodes), bool)
-        for tree in trees.values():
-            taken |= _within(tree, nodes, settings.beside)
-        if taken.mean() <= settings.overlap:
-            keep[n] = True
-            trees[n] = cKDTree(nodes)
+        near = [candidates[host][0] for host, tree in hosts if _within(tree, nodes[n], settings.gap).any()]
+        is_bend = any(_is_bend(sheet, host, settings) for host in near)
+        keep[n] = not is_bend and (keep[n] or (bool(near) and _is_new(nodes[n], kept, settings)))
+        if keep[n]:
+            kept.append(cKDTree(nodes[n]))
     return [candidates[n] for n in np.flatnonzero(keep)]
+
+
+def _is_new(nodes: Float64Array, kept: Sequence[cKDTree], settings: ChoiceSettings) -> bool:
+    """Tell whether a sheet does not double those chosen before."""
+    taken = np.zeros(len(nodes), bool)
+    for tree in kept:
+        taken |= _within(tree, nodes, settings.beside)
+    return bool(taken.mean() <= settings.overlap)
 
 
 def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
@@ -192,13 +210,15 @@ def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
 def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
     fit = throw.fit[sheet.inside]
     matched = fit > 0.0
+    steep = int(dip_deg(sheet) >= settings.steep_deg)
     return (
         sheet.area >= settings.company_area
-        and _height(sheet) >= settings.company_height
+        and _height(sheet) >= settings.least_height
+        and length_down_dip(sheet) >= settings.company_length
         and strength(sheet) >= settings.company_strength
-        and median_throw(throw) >= settings.company_throw
+        and median_throw(throw) >= settings.company_throw[steep]
         and float(matched.mean()) >= settings.company_matched
-        and float(np.median(fit[matched])) >= settings.company_fit
+        and float(np.median(fit[matched])) >= settings.company_fit[steep]
     )
 
 
@@ -211,6 +231,25 @@ def median_throw(throw: SheetThrow) -> float:
 def _height(sheet: Sheet) -> float:
     columns = np.flatnonzero(sheet.inside.any(axis=0))
     return float(np.ptp(columns)) * sheet.step if len(columns) else 0.0
+
+
+def dip_deg(sheet: Sheet) -> float:
+    """Return a sheet's median dip in degrees, in traces and samples; 90 for a sheet of one column."""
+    if sheet.w.shape[1] < 2:
+        return 90.0
+    moves = np.abs(np.diff(sheet.w, axis=1))
+    moves = moves[np.isfinite(moves)]
+    return float(np.degrees(np.arctan2(sheet.step, np.median(moves)))) if moves.size else 90.0
+
+
+def length_down_dip(sheet: Sheet) -> float:
+    """Return a sheet's extent down its dip, in samples and traces."""
+    return _height(sheet) / np.sin(np.radians(max(dip_deg(sheet), 10.0)))
+
+
+def _is_bend(sheet: Sheet, host: Sheet, settings: ChoiceSettings) -> bool:
+    strikes_alike = abs(float(sheet.across @ host.across)) > np.cos(np.radians(settings.alike_deg))
+    return strikes_alike and dip_deg(sheet) >= settings.steep_deg and dip_deg(host) < settings.low_dip_deg
 
 
 def _nodes(sheet: Sheet) -> Float64Array:

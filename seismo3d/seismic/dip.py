@@ -42,7 +42,7 @@ class DipSettings:
     vertical: float = 8.0
     steepest: float = 4.0
     rim: float = 0.05
-    slab: int = 48
+    slab: int = 96
 
 
 def estimate_slopes(
@@ -91,12 +91,12 @@ def _slab_slopes(
 ) -> tuple[Float32Array, Float32Array]:
     gradient = _gradient(volume, settings.derivative)
     sigma = (settings.lateral, settings.lateral, settings.vertical)
-    product = np.empty_like(volume)
+    product, scratch = np.empty_like(volume), np.empty_like(volume)
     tensor = []
     for a, b in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
         multiply_weighted(gradient[a], gradient[b], weight, product)
-        tensor.append(smooth(product, sigma))
-    p, q = np.empty_like(volume), np.empty_like(volume)
+        tensor.append(smooth(product, sigma, scratch=scratch))
+    p, q = product, scratch
     txx, txy, txz, tyy, tyz, tzz = tensor
     tensor_slopes(txx, txy, txz, tyy, tyz, tzz, np.float32(settings.steepest), p, q)
     return p, q

@@ -9,27 +9,21 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy import ndimage
 
-from seismo3d._typing import BoolArray, Float32Array, Int32Array, Progress
+from seismo3d._typing import Float32Array, Int32Array, Progress
 from seismo3d._validate import freeze
-from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic._kernels_valid import mark_valid, same_as_next
 from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
 from seismo3d.seismic.misfit import Evidence, MisfitSettings, measure_misfit
+from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
 from seismo3d.seismic.surfaces import build_surface
 from seismo3d.seismic.throw import SheetThrow, ThrowSettings, measure_throw
-from seismo3d.seismic.whitening import whiten
 
-# samples of one value, and traces of the same values, from which on they are no data
-_LONGEST_RUN = 12
-_LEAST_REPEATS = 4
 # median misfit ratios of a cube without noise, of a good survey, and of one with nearly as much noise as signal
 _NOISES = (0.0, 0.08, 0.2)
 
@@ -119,10 +113,10 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
     """
     report = progress or _unheard
-    amplitudes, geometry, sampling = _prepare(cube)
+    amplitudes, geometry, sampling = as_volume(cube)
     is_section = 1 in amplitudes.shape[:2]
     settings = settings or (FaultSettings.for_section() if is_section else FaultSettings())
-    volume, valid = _clean(amplitudes)
+    volume, valid = clean_volume(amplitudes)
     report("dip", 0.0)
     slopes = estimate_slopes(volume, valid, settings=settings.dip)
     report("misfit", 0.0)
@@ -172,51 +166,6 @@ def _at_noise(scores: tuple[float, float, float], evidence: Evidence) -> float:
 def to_likelihood(score: Float32Array) -> Float32Array:
     """Turn support into a likelihood from 0 to 1: one half at one standard deviation of the cube's evidence."""
     return (1.0 - np.exp2(-np.maximum(score, 0.0))).astype(np.float32)
-
-
-def _prepare(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[float, str]]:
-    """Return amplitudes as a volume, the survey's geometry (None for a section) and the sample interval and unit."""
-    values = np.asarray(getattr(cube, "values", cube))
-    if values.dtype.kind not in "fiu":
-        raise ShapeError(f"cube has elements of type {values.dtype}; expected real numbers. Convert it first.")
-    if values.ndim not in (2, 3):
-        raise ShapeError(f"cube has shape {values.shape}; expected (inline, crossline, sample) or (trace, sample).")
-    least = (8,) * (values.ndim - 1) + (16,)
-    if any(n < m for n, m in zip(values.shape, least, strict=True)):
-        raise ShapeError(f"cube has shape {values.shape}; expected at least {least}. A fault needs both its sides.")
-    dims = getattr(cube, "dims", None)
-    sampling = (1.0, "samples")
-    if dims is not None and dims[-1] in ("time", "depth") and dims[-1] in cube.coords:
-        coordinate = cube[dims[-1]].values
-        sampling = (float(coordinate[1] - coordinate[0]), "ms" if dims[-1] == "time" else "m")
-    if values.ndim == 2:
-        return values[None].astype(np.float32), None, sampling
-    return values.astype(np.float32), SurveyGeometry.from_cube(cube), sampling
-
-
-def _clean(amplitudes: Float32Array) -> tuple[Float32Array, BoolArray]:
-    """Mark where there are data, put zero elsewhere, clip spikes, and whiten."""
-    valid = np.empty(amplitudes.shape, bool)
-    mark_valid(amplitudes, _LONGEST_RUN, valid)
-    valid[_repeated(amplitudes, valid)] = False
-    amplitudes[~valid] = 0.0
-    step = max(1, amplitudes.size // 1_000_000)
-    sample = np.abs(amplitudes.ravel()[::step][valid.ravel()[::step]])
-    strength = float(np.percentile(sample, 90.0)) if sample.size else 0.0
-    if strength > 0.0:
-        amplitudes /= np.float32(strength)
-        np.clip(amplitudes, -8.0, 8.0, out=amplitudes)
-    return whiten(amplitudes, valid), valid
-
-
-def _repeated(amplitudes: Float32Array, valid: BoolArray) -> BoolArray:
-    """Mark runs of equal traces along an inline: padding and picture frames, not data."""
-    same = np.zeros(amplitudes.shape[:2], bool)
-    same_as_next(amplitudes, valid, same)
-    pairs = _LEAST_REPEATS - 1
-    kept = ndimage.binary_opening(np.pad(same, ((0, 0), (pairs, pairs))), np.ones((1, pairs), bool))[:, pairs:-pairs]
-    kept[:, 1:] |= kept[:, :-1]
-    return kept
 
 
 def _surfaces(

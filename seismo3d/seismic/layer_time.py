@@ -12,8 +12,8 @@ from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_increasing
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_links import SurfaceGrid, cut_grid, grid_surface, match_grid
-from seismo3d.seismic.faults import _clean, _prepare
 from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, solve_graph
+from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.shifts import measure_shifts
 
 
@@ -102,8 +102,8 @@ def model_layers(
             f"faults are of a cube of shape {np.shape(faults.labels)}; cube has shape {np.shape(cube)}. "
             "Give the cube that they were traced in."
         )
-    amplitudes, _, (_, unit) = _prepare(cube)
-    volume, valid = _clean(amplitudes)
+    amplitudes, _, (_, unit) = as_volume(cube)
+    volume, valid = clean_volume(amplitudes)
     cuts = np.zeros(volume.shape, np.uint8)
     grids = [grid_surface(s, beyond=settings.links.beyond) for s in (faults.surfaces if faults is not None else ())]
     for grid in grids:

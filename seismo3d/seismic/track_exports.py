@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d.errors import ShapeError
-from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.io.horizons import HorizonGrid, write_charisma_horizon, write_irap_classic, write_xyz_horizon
 from seismo3d.io.tables import write_csv
 from seismo3d.seismic.tracks import Track
@@ -21,8 +21,8 @@ def write_tracks(tracks: Sequence[Track], cube: Any, *, directory: str | Path) -
     """Write tracks as horizons in every exchange format, and a table.
 
     ``track_01.xyz``, ``track_01.charisma.txt`` and ``track_01.irap.txt`` (IRAP classic) for the first, and so on, and
-    ``tracks.csv``. Coordinates are metres on the map where the cube knows them, else line numbers; z is time or depth,
-    positive downwards.
+    ``tracks.csv``; of a section the first and the last alone. Coordinates are metres on the map where the cube knows
+    them, else line numbers; z is time or depth, positive downwards.
 
     Parameters
     ----------
@@ -47,23 +47,29 @@ def write_tracks(tracks: Sequence[Track], cube: Any, *, directory: str | Path) -
     """
     directory = Path(directory)
     files = []
+    forms = [("xyz", write_xyz_horizon), ("charisma.txt", write_charisma_horizon), ("irap.txt", write_irap_classic)]
     for number, track in enumerate(tracks, start=1):
         horizon = _grid(track, cube)
-        for ending, write in (
-            ("xyz", write_xyz_horizon),
-            ("charisma.txt", write_charisma_horizon),
-            ("irap.txt", write_irap_classic),
-        ):
+        for ending, write in forms if np.ndim(cube) == 3 else forms[:1]:
             files.append(directory / f"track_{number:02d}.{ending}")
             write(files[-1], horizon)
-    write_csv(directory / "tracks.csv", [_row(n, t) for n, t in enumerate(tracks, start=1)], columns=_COLUMNS)
+    write_csv(directory / "tracks.csv", tabulate_tracks(tracks), columns=_COLUMNS)
     return [*files, directory / "tracks.csv"]
 
 
+def tabulate_tracks(tracks: Sequence[Track]) -> list[dict[str, Any]]:
+    """Return a row a track: share traced, unit, seeds, mean confidence, shallowest and deepest place."""
+    return [_row(number, track) for number, track in enumerate(tracks, start=1)]
+
+
 def _grid(track: Track, cube: Any) -> HorizonGrid:
-    shape = tuple(np.shape(cube)[:2])
+    shape = tuple(np.shape(cube)[:-1])
     if track.depth.shape != shape:
         raise ShapeError(f"track has shape {track.depth.shape}; expected {shape}. Give the cube that it was traced in.")
+    if len(shape) == 1:
+        line = SectionGeometry.from_cube(cube)
+        x, y = line.index_to_map(np.column_stack([np.arange(shape[0]), np.zeros(shape[0])]))[:, :2].T
+        return HorizonGrid(x, y, track.depth.astype(np.float64), np.zeros(1), np.arange(float(shape[0])))
     survey = SurveyGeometry.from_cube(cube)
     rows, columns = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
     places = survey.index_to_map(np.stack([rows.ravel(), columns.ravel(), np.zeros(rows.size)], axis=1))

@@ -28,12 +28,12 @@ class Track:
 
     Attributes
     ----------
-    depth : ndarray of shape (inline, crossline), float32
+    depth : ndarray of shape (inline, crossline), or (trace,) of a section, float32
         Where the horizon is, in the unit of the cube's sample coordinate (fractional sample index of a bare array); NaN
         where it was not traced.
     confidence : ndarray of the same shape, float32
         Correlation of the waveform there with that at the seeds, 0 to 1; NaN where it was not traced.
-    seeds : ndarray of shape (n, 3), float64
+    seeds : ndarray of shape (n, 3), or (n, 2) of a section, float64
         The points that it was traced from, in the cube's coordinates.
     sample_unit : str
         "ms", "m" or "samples".
@@ -102,10 +102,11 @@ def trace_tracks(
     Parameters
     ----------
     cube : DataArray or array_like
-        A cube (inline, crossline, sample).
+        A cube (inline, crossline, sample) or a section (trace, sample).
     seeds : sequence, optional
         One entry a track: a point (inline, crossline, time or depth) in the cube's coordinates (indices on a bare
-        array), or a list of points that lie on one horizon. Without seeds the `count` most continuous horizons.
+        array; of a section without the inline), or a list of points that lie on one horizon. Without seeds the `count`
+        most continuous horizons.
     faults : FaultSet, optional
         Faults of this cube.
     event : {"peak", "trough", "zero"}, optional
@@ -127,17 +128,28 @@ def trace_tracks(
     Raises
     ------
     ShapeError
-        If the cube has not three axes, or a seed not three numbers.
+        If the cube has neither two nor three axes, or a seed not as many numbers.
     ParameterError
-        If a seed lies outside the cube or on a trace without data, or `event` is not known.
+        If a seed lies outside the cube or on a trace without data, `event` is not known, or `layers` is given for a
+        section.
     """
+    if np.ndim(cube) == 2:
+        from seismo3d.seismic.section_tracks import cut_middle, thicken, thicken_seeds
+
+        if layers is not None:
+            raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")
+        thick, surfaces = thicken(cube, faults)
+        found = trace_tracks(
+            thick, thicken_seeds(seeds), faults=surfaces, event=event, count=count, settings=settings, progress=progress
+        )
+        return [cut_middle(track) for track in found]
     settings = settings or TrackSettings()
     if event is not None and event not in EVENTS:
         raise ParameterError(
             f"event is {event!r}; expected one of {', '.join(EVENTS)}, or None for the seed's own phase."
         )
     layers = layers or model_layers(cube, faults=faults, settings=settings.layers, progress=progress)
-    axes = _axes(cube)
+    axes = axes_of(cube)
     if seeds is None:
         groups = [axis_points(axes, point[None]) for point in find_seeds(layers, count=count)]
     else:
@@ -156,7 +168,7 @@ def trace_tracks(
     return tracks
 
 
-def _axes(cube: Any) -> tuple[Axis, Axis, Axis]:
+def axes_of(cube: Any) -> tuple[Axis, Axis, Axis]:
     """Return the cube's three axes; of a bare array those of its indices."""
     shape = np.shape(cube)
     if not hasattr(cube, "dims"):

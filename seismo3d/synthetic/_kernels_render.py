@@ -21,6 +21,9 @@ BOX, INSIDE, SPHERE = 0, 1, 2
 RELIEF, SKY = -1, -2
 N_OCTAVES = 7
 TILE = 8
+_CELLS = 1.1 * 0.42 ** np.arange(N_OCTAVES)
+_COS, _SIN = np.cos(0.6 + 1.9 * np.arange(N_OCTAVES)), np.sin(0.6 + 1.9 * np.arange(N_OCTAVES))
+_AMPLITUDES = 62.0 * 0.92 ** np.arange(N_OCTAVES)
 _MASK = np.uint64(0xFFFFFFFF)
 
 
@@ -50,14 +53,13 @@ def normal_number(a, b, c):
 @njit(cache=True, nogil=True)
 def _texture(u, v, seed, footprint, out):
     """Add patches of random colour at all scales to ``out``; edges are soft to the pixel's footprint in metres."""
-    cell, amplitude = 1.1, 62.0
     for octave in range(N_OCTAVES):
+        cell = _CELLS[octave]
         width = footprint / cell
         if width > 1.0:
             return
-        fade = min(1.0, 2.0 - 2.0 * width)
-        angle = 0.6 + 1.9 * octave
-        c, s = math.cos(angle) / cell, math.sin(angle) / cell
+        amplitude = _AMPLITUDES[octave] * min(1.0, 2.0 - 2.0 * width)
+        c, s = _COS[octave] / cell, _SIN[octave] / cell
         x, y = c * u - s * v, s * u + c * v
         i, j = math.floor(x), math.floor(y)
         soft = max(width, 0.12)
@@ -70,13 +72,11 @@ def _texture(u, v, seed, footprint, out):
             if w == 0.0:
                 continue
             bits = hashed(np.int64(i) + (corner & 1), np.int64(j) + (corner >> 1), key)
-            w *= amplitude * fade
+            w *= amplitude
             grey = np.float64(bits & np.uint64(0xFFFF)) / 65535.0 - 0.5
             for channel in range(3):
                 bits = bits >> np.uint64(16)
                 out[channel] += w * (grey + 0.5 * (np.float64(bits & np.uint64(0xFFFF)) / 65535.0 - 0.5))
-        cell *= 0.42
-        amplitude *= 0.92
 
 
 @njit(cache=True, nogil=True)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,60 +12,16 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Pr
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.camera import PinholeCamera
-from seismo3d.geometry.rotations import exp_rotation, quaternion_from_rotation
+from seismo3d.geometry.rotations import exp_rotation
 from seismo3d.synthetic import _kernels_render as k
 from seismo3d.synthetic.camera_paths import room_poses, terrain_poses
+from seismo3d.synthetic.depth_noise import NOISE_FREE, DepthNoise
 from seismo3d.synthetic.rooms import Scene, make_room, make_terrain, shape_row
 
+__all__ = ["NOISE_FREE", "DepthNoise", "RgbdFrame", "RgbdSequence", "rgbd_sequence"]
+
 FIRST_STAMP = 1000.0
-PNG_DEPTH_SCALE = 5000.0
 _MOVER_DISTANCE = 0.9
-
-
-@dataclass(frozen=True, slots=True)
-class DepthNoise:
-    """What a structured-light depth camera does to depth, by default about what the first Kinect does [1]_.
-
-    Attributes
-    ----------
-    throw : float
-        Focal length times baseline, pixel metres: disparity in pixels is ``throw / depth``.
-    sigma, step : float
-        Noise and step of disparity, pixels. Depth's standard deviation is
-        ``depth**2 / throw * sqrt(sigma**2 + step**2 / 12)``.
-    least, greatest : float
-        Depths beyond which nothing is measured, metres.
-    blind, clear : float
-        Cosine of incidence below which nothing, and above which everything, comes back.
-    jump, lost_edges : float
-        Second difference of depth, as a share of depth, that makes an edge, and the share of edge pixels lost.
-    lost : float
-        Share of all pixels lost.
-    colour : float
-        Noise of the colour image, grey levels.
-
-    References
-    ----------
-    .. [1] K. Khoshelham, S. O. Elberink, Sensors 12(2), 1437-1454, 2012. :doi:`10.3390/s120201437`
-    """
-
-    throw: float = 43.5
-    sigma: float = 0.0625
-    step: float = 0.125
-    least: float = 0.45
-    greatest: float = 6.0
-    blind: float = 0.08
-    clear: float = 0.25
-    jump: float = 0.03
-    lost_edges: float = 0.6
-    lost: float = 0.005
-    colour: float = 2.0
-
-
-NOISE_FREE = DepthNoise(
-    sigma=0.0, step=0.0, least=0.0, greatest=1e6, blind=-1.0, clear=0.0, lost_edges=0.0, lost=0.0, colour=0.0
-)
-"""A camera that measures every pixel exactly, but for what its projector does not light."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,11 +125,7 @@ class RgbdSequence:
         if not self._within(self.blackout, n):
             key = int(k.hashed(self.seed, n, 0) >> np.uint64(1))
             noise = self.noise
-            settings = (
-                noise.throw, noise.sigma, noise.step, noise.least, noise.greatest, noise.blind, noise.clear,
-                noise.jump, noise.lost_edges, noise.lost,
-            )  # fmt: skip
-            measure_depth(exact, facing, settings, key, depth)
+            measure_depth(exact, facing, noise.settings(), key, depth)
             measure_colour(paint, noise.colour, key, colour)
         moved = owner == len(scene.shapes)  # the mover, where there is one, is the last shape
         return RgbdFrame(
@@ -204,20 +155,9 @@ class RgbdSequence:
         FileAccessError
             If it cannot be written.
         """
-        from seismo3d.io._files import written_aside
+        from seismo3d.synthetic.rgbd_files import write_frames
 
-        with written_aside(folder, folder=True) as aside:
-            (aside / "rgb").mkdir(parents=True)
-            (aside / "depth").mkdir()
-            lines: dict[str, list[str]] = {"rgb": [], "depth": [], "associations": [], "groundtruth": []}
-            for number, frame in enumerate(self):
-                _write_frame(aside, frame, lines)
-                if progress is not None:
-                    progress("frames", (number + 1) / len(self))
-            for name, held in lines.items():
-                (aside / f"{name}.txt").write_text("\n".join([*_HEADS[name], *held]) + "\n")
-            camera = asdict(replace(self.camera, depth_scale=PNG_DEPTH_SCALE))
-            (aside / "camera.json").write_text(json.dumps(camera, indent=1) + "\n")
+        write_frames(Path(folder), self, self.camera, progress=progress)
         return Path(folder)
 
     def _within(self, span: tuple[float, float] | None, n: int) -> bool:
@@ -238,14 +178,6 @@ class RgbdSequence:
         kind, half = (k.SPHERE, [radius] * 3) if self.moving == "sphere" else (k.BOX, [0.58 * radius] * 3)
         row = shape_row(kind, place[:3], half, R, [170.0, 90.0, 70.0], self.seed + 991)
         return np.vstack([self.scene.shapes, row])
-
-
-_HEADS: dict[str, list[str]] = {
-    "rgb": ["# timestamp filename"],
-    "depth": ["# timestamp filename"],
-    "associations": [],
-    "groundtruth": ["# timestamp tx ty tz qx qy qz qw"],
-}
 
 
 def rgbd_sequence(
@@ -349,21 +281,3 @@ def _default_camera(size: tuple[int, int]) -> PinholeCamera:
 def _rays_of(camera: PinholeCamera) -> Float64Array:
     grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1).reshape(-1, 2)
     return np.ascontiguousarray(camera.rays(grid.astype(np.float64)).reshape(camera.height, camera.width, 2))
-
-
-def _write_frame(folder: Path, frame: RgbdFrame, lines: dict[str, list[str]]) -> None:
-    import cv2
-
-    stamp = f"{frame.stamp:.6f}"
-    fast = [cv2.IMWRITE_PNG_COMPRESSION, 1]
-    depth = np.where(np.isfinite(frame.depth), frame.depth, 0.0) * PNG_DEPTH_SCALE
-    images = {"rgb": frame.colour[:, :, ::-1], "depth": np.clip(depth + 0.5, 0, 65535).astype(np.uint16)}
-    for name, image in images.items():
-        done, data = cv2.imencode(".png", image, fast)
-        if not done:
-            raise ParameterError(f"{name} of frame {stamp} has shape {image.shape}: PNG cannot hold it.")
-        (folder / name / f"{stamp}.png").write_bytes(data.tobytes())
-        lines[name].append(f"{stamp} {name}/{stamp}.png")
-    lines["associations"].append(f"{stamp} rgb/{stamp}.png {stamp} depth/{stamp}.png")
-    t, (w, x, y, z) = frame.T_world_camera[:3, 3], quaternion_from_rotation(frame.T_world_camera[:3, :3])
-    lines["groundtruth"].append(" ".join([stamp, *(f"{value:.9f}" for value in (*t, x, y, z, w))]))

@@ -254,3 +254,27 @@ def test_demo_writes_a_cube_that_opens(
     assert run("demo", "-o", str(tmp_path / "x.sgy"), "--kind", "nothing") == 2
     assert "expected one of clean" in capsys.readouterr().err
     assert [entry.name for entry in tmp_path.iterdir()] == ["demo.sgy"]
+
+
+def test_json_has_the_table_and_the_timings(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("faults", demo.name, "-o", "out", "--json") == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert [row["fault"] for row in found["faults"]] == [1, 2]
+    assert found["folder"] == "out"
+    assert found["timings_s"] == json.loads(Path("out/run.json").read_text())["timings_s"]
+    assert err.startswith("time     ")
+
+
+def test_unfaulted_cube_is_written_on_request(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("faults", "demo.sgy", "-o", "out", "--unfault") == 0
+    found = open_cube(demo.parent / "out" / "unfaulted.sgy")
+    assert found.shape == (30, 40, 50)
+    # the layers of the two sides agree better across the first fault than before
+    cube = open_cube(demo).values
+    before, after = (np.abs(v[8:14, 26:30, 12:38] - v[8:14, 10:14, 12:38]).mean() for v in (cube, found.values))
+    assert after < 0.8 * before
+    assert len(list((demo.parent / "out").glob("unfaulted_*.png"))) == 2
+    write_segy(demo.with_name("line.sgy"), make_section()[0], like=None)
+    assert run("faults", "line.sgy", "-o", "line", "--unfault") == 2
+    assert "for a 2D line" in capsys.readouterr().err

@@ -79,6 +79,14 @@ def test_convert_there_and_back(run, segy, tmp_path):
     assert run("info", tmp_path / "a.zarr")[0] == 0
 
 
+def test_convert_as_json_and_its_time(run, segy, tmp_path):
+    code, out, err = run("convert", segy, tmp_path / "a.npy", "--json")
+    assert code == 0
+    assert json.loads(out)["file"] == str(tmp_path / "a.npy")
+    assert set(json.loads(out)["timings_s"]) == {"open", "write"}
+    assert err.startswith("time     0.")
+
+
 def bad_files(tmp_path, segy):
     raw = segy.read_bytes()
     made = {

@@ -58,3 +58,22 @@ def test_register_on_maps(tmp_path, maps, capsys):
     assert np.nanmedian(np.abs(difference)) < 0.5
     assert run("register", *maps, "--vertical", "bent") == 2
     assert "vertical is 'bent'" in capsys.readouterr().err
+
+
+def test_json_and_records_hold_the_same(tmp_path, maps, capsys):
+    assert run("compare", *maps, "-o", tmp_path / "out", "--confidence", 0.9, "--json") == 0
+    out, err = capsys.readouterr()
+    found, record = json.loads(out), json.loads((tmp_path / "out" / "run.json").read_text())
+    assert all(record[name] == found[name] for name in ("gained_m3", "lost_m3", "shift_m", "timings_s"))
+    assert [entry["file"] for entry in record["inputs"]] == ["a.tif", "b.tif"]
+    assert record["options"] == {"align": True, "vertical": "offset", "confidence": 0.9}
+    assert {"finished", "versions"} <= set(record)
+    assert err.startswith("time     ")
+    dem = write_elevation(tmp_path / "dem.tif", place(make_scarp(azimuth_deg=20.0)))
+    assert run("lineaments", dem, "-o", tmp_path / "lines", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    record = json.loads((tmp_path / "lines" / "run.json").read_text())
+    assert len(found["lineaments"]) == found["n_lineaments"] == record["n_lineaments"] >= 1
+    assert abs(found["lineaments"][0]["strike_deg"] - 20) <= 2
+    assert record["input"]["file"] == "dem.tif"
+    assert record["options"] == {"length": 24.0, "levels": 2}

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from seismo3d.cli import _run
+from seismo3d.io.cubes import open_cube
 from seismo3d.io.segy import write_segy
 from seismo3d.synthetic import SyntheticCube, make_cube, recipe_of
 
@@ -30,7 +32,7 @@ def test_run_writes_tracks_in_map_coordinates(
     names = {path.name for path in out.iterdir()}
     assert names == {
         "track_01.xyz", "track_01.charisma.txt", "track_01.irap.txt", "track_01_map.png", "tracks_inline.png",
-        "tracks_crossline.png", "tracks.csv", "run.json",
+        "tracks_crossline.png", "tracks.csv", "report.html", "run.json",
     }  # fmt: skip
     rows = [line.split() for line in (out / "track_01.charisma.txt").read_text().splitlines()]
     assert rows[0][:2] == ["INLINE", ":"]
@@ -71,3 +73,63 @@ def test_bad_seed_is_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureF
     assert _run(["tracks", str(tmp_path / "cube.npy"), "--seed", "1,2", "-o", str(tmp_path / "o")], debug=False) == 2
     assert "INLINE,CROSSLINE,TIME" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
+
+
+def test_json_has_a_row_a_track(folded: SyntheticCube, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_segy(tmp_path / "cube.sgy", folded.to_dataarray())
+    words = ["tracks", str(tmp_path / "cube.sgy"), "--count", "2", "-o", str(tmp_path / "out"), "--json"]
+    assert _run(words, debug=True) == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert [row["track"] for row in found["tracks"]] == [1, 2]
+    assert {"dip", "shifts", "solve", "tracks", "export"} <= set(found["timings_s"])
+    assert err.startswith("time     ")
+
+
+def test_picked_horizon_is_followed(folded: SyntheticCube, tmp_path: Path) -> None:
+    cube = folded.to_dataarray()
+    write_segy(tmp_path / "cube.sgy", cube)
+    truth = folded.horizons[2]
+    i, j = (a.ravel() for a in np.meshgrid(range(0, 24, 6), range(0, 28, 6), indexing="ij"))
+    z = 600 + 4 * truth[i, j]
+    picks = [f"INLINE : {1001 + a} XLINE : {2001 + b} 0 0 {c:.3f}" for a, b, c in zip(i, j, z) if np.isfinite(c)]
+    (tmp_path / "top.txt").write_text("\n".join(picks) + "\n")
+    words = ["tracks", str(tmp_path / "cube.sgy"), "--horizon", str(tmp_path / "top.txt"), "-o", str(tmp_path / "out")]
+    assert _run(words, debug=True) == 0
+    rows = [line.split() for line in (tmp_path / "out" / "track_01.charisma.txt").read_text().splitlines()]
+    table = np.array([[float(row[k]) for k in (2, 5, 8)] for row in rows])
+    a, b = (table[:, 0] - 1001).astype(int), (table[:, 1] - 2001).astype(int)
+    assert np.nanmedian(np.abs((table[:, 2] - 600) / 4 - truth[a, b])) < 0.5
+
+
+def test_report_shows_every_track(folded: SyntheticCube, tmp_path: Path) -> None:
+    write_segy(tmp_path / "cube.sgy", folded.to_dataarray())
+    assert _run(["tracks", str(tmp_path / "cube.sgy"), "--count", "2", "-o", str(tmp_path / "out")], debug=True) == 0
+    page = (tmp_path / "out" / "report.html").read_text()
+    n = len(list((tmp_path / "out").glob("track_*_map.png")))
+    assert 1 <= n <= 2
+    assert page.count("data:image/png;base64") == n + 2
+    assert "Horizons in cube.sgy" in page
+
+
+def test_line_is_tracked_by_the_same_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from seismo3d.synthetic import fault_section
+
+    line = fault_section("folded", seed=2007, shape=(16, 60, 64), population=None, wavelength=(12.0, 12.0))
+    write_segy(tmp_path / "line.sgy", line.to_dataarray())
+    truth = line.horizons[2]
+    out = tmp_path / "out"
+    words = ["tracks", str(tmp_path / "line.sgy"), "-o", str(out)]
+    trace = int(open_cube(tmp_path / "line.sgy")["trace"].values[30])
+    assert _run([*words, "--seed", f"{trace},{600 + 4 * truth[30]:.3f}"], debug=True) == 0
+    assert {path.name for path in out.iterdir()} == {
+        "track_01.xyz", "tracks.csv", "tracks_section.png", "report.html", "run.json",
+    }  # fmt: skip
+    points = np.loadtxt(out / "track_01.xyz")
+    assert len(points) > 50
+    assert _run([*words, "--seed", "1,2031,800", "--overwrite"], debug=False) == 2
+    assert "expected TRACE,TIME" in capsys.readouterr().err
+    picks = tmp_path / "top.xyz"
+    picks.write_text("1 2 3\n")
+    assert _run([*words, "--horizon", str(picks), "--overwrite"], debug=False) == 2
+    assert "it is for cubes" in capsys.readouterr().err

@@ -50,8 +50,8 @@ def test_refusals(tmp_path: Path) -> None:
         read_archive(tmp_path / "none.npz")
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "text.npz").write_text("no archive")
-    with pytest.raises(FormatError, match="not a seismo3d archive"):
+    with pytest.raises(FormatError, match="no seismo3d archive"):
         read_archive(tmp_path / "text.npz")
     np.savez(tmp_path / "other.npz", a=np.zeros(2))
-    with pytest.raises(FormatError, match="not a seismo3d archive"):
+    with pytest.raises(FormatError, match="no seismo3d archive"):
         read_archive(tmp_path / "other.npz")

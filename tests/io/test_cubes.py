@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import resource
 
 import dask.array as da
@@ -12,7 +13,7 @@ import seismo3d as s3
 from seismo3d.errors import FileAccessError, FormatError, ParameterError, ShapeError
 from seismo3d.io.cubes import convert_cube, write_npy
 from seismo3d.io.summary import summarise
-from seismo3d.io.zarr_store import write_zarr
+from seismo3d.io.zarr_store import read_zarr, write_zarr
 
 
 @pytest.fixture
@@ -122,14 +123,14 @@ def test_npy_and_npz(segy, tmp_path):
 @pytest.mark.parametrize("content", [b"", b"not numpy at all", b"\x93NUMPY\x01\x00v\x00{"])
 def test_broken_numpy_files(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(FormatError, match="cannot be read as") as error:
+    with pytest.raises(FormatError, match=r"is no (NumPy file of numbers|NPZ archive)") as error:
         s3.open_cube(tmp_path / name)
     assert "\n" not in str(error.value)
 
 
 def test_pickles_are_refused(tmp_path):
     np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    with pytest.raises(FormatError, match="cannot be read as"):
+    with pytest.raises(FormatError, match="holds Python objects"):
         s3.open_cube(tmp_path / "a.npy")
 
 
@@ -144,7 +145,7 @@ def test_broken_zarr(tmp_path):
         s3.open_cube(tmp_path / "empty.zarr")
     (tmp_path / "bad.zarr").mkdir()
     (tmp_path / "bad.zarr" / "zarr.json").write_text("{")
-    with pytest.raises(FormatError, match="no Zarr group that can be read"):
+    with pytest.raises(FormatError, match="is no Zarr group"):
         s3.open_cube(tmp_path / "bad.zarr")
     xr.Dataset({"a": ("x", [1, 2])}).to_zarr(tmp_path / "other.zarr", consolidated=False)
     with pytest.raises(FormatError, match="holds no cube"):
@@ -219,3 +220,21 @@ def test_summary_of_bad_samples():
     values[1, 1] = np.nan
     assert summarise(values)["amplitude"]["n_not_finite"] == 1
     assert summarise(np.full((2, 3), np.nan))["amplitude"]["max"] is None
+
+
+def test_a_zarr_store_that_declares_more_than_it_holds_is_refused(tmp_path):
+    made = s3.as_cube(np.ones((4, 5, 6), np.float32), interval=4.0)
+    write_zarr(tmp_path / "a.zarr", made)
+    found = next(path for path in (tmp_path / "a.zarr").rglob("zarr.json") if path.parent.name == "amplitude")
+    found.write_text(re.sub(r'"shape":\s*\[\s*4,\s*5,\s*6', '"shape": [4, 5, 20000000', found.read_text()))
+    with pytest.raises(FormatError, match=r"a\.zarr"):
+        s3.open_cube(tmp_path / "a.zarr")
+
+
+def test_damaged_bricks_are_one_clear_line_also_where_they_are_read_late(tmp_path):
+    write_zarr(tmp_path / "a.zarr", s3.as_cube(np.random.default_rng(0).normal(size=(4, 5, 6)), interval=4.0))
+    brick = next(path for path in (tmp_path / "a.zarr" / "amplitude").rglob("0") if path.is_file())
+    brick.write_bytes(b"no zstandard")
+    lazy = read_zarr(tmp_path / "a.zarr", lazy_above=0)
+    with pytest.raises(FormatError, match="no Zarr group whose bricks can be read"):
+        lazy.compute()

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import struct
+import zlib
+
 import cv2
 import numpy as np
 import pytest
@@ -41,7 +44,7 @@ def test_arrays_and_cubes(tmp_path):
         ("none.png", None, FileAccessError, "does not exist"),
         ("bad.png", b"text", FormatError, "cannot be read as a picture"),
         ("bad.npy", b"text", FormatError, "no NumPy file"),
-        ("cut.npz", b"PK\x03\x04", FormatError, "no NumPy file"),
+        ("cut.npz", b"PK\x03\x04", FormatError, "no NPZ archive"),
     ],
 )
 def test_refuses(tmp_path, name, content, error, words):
@@ -49,3 +52,20 @@ def test_refuses(tmp_path, name, content, error, words):
         (tmp_path / name).write_bytes(content)
     with pytest.raises(error, match=words):
         read_grid(tmp_path / name)
+
+
+def test_a_picture_that_declares_more_than_it_holds_is_refused(tmp_path):
+    def chunk(kind, body):
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    head = chunk(b"IHDR", struct.pack(">IIBBBBB", 30_000, 30_000, 16, 0, 0, 0, 0))
+    body = chunk(b"IDAT", zlib.compress(b"0" * 100)) + chunk(b"IEND", b"")
+    (tmp_path / "bomb.png").write_bytes(b"\x89PNG\r\n\x1a\n" + head + body)
+    with pytest.raises(FormatError, match="of 30000 x 30000 pixels, declares 7200000000 bytes"):
+        read_grid(tmp_path / "bomb.png")
+
+
+def test_an_empty_picture_is_refused(tmp_path):
+    (tmp_path / "none.png").write_bytes(b"")
+    with pytest.raises(FormatError, match="cannot be read as a picture"):
+        read_grid(tmp_path / "none.png")

@@ -108,7 +108,7 @@ def test_las_file(tmp_path):
         ("a.pcd", pcd("binary", b"123"), "cut short"),
         ("a.pcd", pcd("binary_compressed", struct.pack("<II", 1, 4) + b"\x00"), "cut short"),
         ("a.xyz", b"1 2 3\n4 x 6\n", "not numbers"),
-        ("a.npy", b"junk", "not a NumPy file"),
+        ("a.npy", b"junk", "no NumPy file"),
         ("a.obj", b"", "expected one of"),
     ],
 )

@@ -41,7 +41,8 @@ def test_swept_cells_hold_the_whole_way_and_weigh_its_length(motions):
             assert near & cells  # chords of half a cell leave the arcs by less than 0.05
         weight = sum(w for _, _, w in step.swept)
         length = step.points[-1, 3]
-        assert SIDE * length - 0.1 <= weight <= SIDE * length + len(cells)
+        price = 1.0 if step.start == step.end else 1.1
+        assert price * SIDE * length - 0.1 <= weight <= price * SIDE * length + len(cells)
 
 
 @pytest.mark.parametrize("motions", [grid_motions(), lattice_motions(0.3), lattice_motions(8.0)])

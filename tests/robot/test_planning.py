@@ -118,7 +118,7 @@ def test_plans_repaired_after_updates_equal_fresh_plans(rng):
     planner.plan()
     cells, height = np.array(occupancy.cells), np.array(occupancy.height)
     states = set()
-    for number in range(40):
+    for number in range(24):
         n = int(rng.integers(1, 5))
         where = rng.integers(0, 90, (n, 2))
         values = rng.choice(3, n, p=[0.7, 0.2, 0.1])

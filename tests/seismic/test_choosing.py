@@ -8,7 +8,9 @@ import pytest
 from seismo3d.seismic.choosing import (
     ChoiceSettings,
     choose_faults,
+    dip_deg,
     end_where_still,
+    length_down_dip,
     may_be_faults,
     median_throw,
     strength,
@@ -19,12 +21,11 @@ from seismo3d.seismic.throw import SheetThrow
 SETTINGS = ChoiceSettings()
 
 
-def candidate(rows=60, columns=40, *, origin=(0.0, 0.0), across=(1.0, 0.0), score=1.0, throw=6.0, fit=0.8):
-    """An upright sheet of rows traces by 2 * columns samples, that begins at `origin`, and its throw."""
+def candidate(rows=60, columns=40, *, origin=(0.0, 0.0), across=(1.0, 0.0), score=1.0, throw=6.0, fit=0.8, dip=90.0):
+    """A sheet of rows traces by 2 * columns samples, upright by default, that begins at `origin`, and its throw."""
     shape = (rows, columns)
-    sheet = Sheet(
-        np.array(origin), np.array(across), 0, 2, 0.0, np.zeros(shape, np.float32), np.full(shape, score, np.float32)
-    )
+    w = np.broadcast_to(2.0 * np.arange(columns) / np.tan(np.radians(dip)), shape).astype(np.float32)
+    sheet = Sheet(np.array(origin), np.array(across), 0, 2, 0.0, w, np.full(shape, score, np.float32))
     return sheet, SheetThrow(np.full(shape, throw, np.float32), np.full(shape, fit, np.float32), 1)
 
 
@@ -111,3 +112,32 @@ def test_a_sheet_without_any_throw_is_gone():
     assert not ended.inside.any()
     assert median_throw(moved) == 0.0
     assert choose_faults([(ended, moved)], SETTINGS) == []
+
+
+@pytest.mark.parametrize("dip", [27.0, 45.0, 63.4, 90.0])
+def test_dip_and_length_down_it_are_those_of_the_plane(dip):
+    sheet, _ = candidate(20, 31, dip=dip)
+    assert dip_deg(sheet) == pytest.approx(dip, abs=0.1)
+    assert length_down_dip(sheet) == pytest.approx(60.0 / np.sin(np.radians(dip)), rel=1e-3)
+
+
+def test_a_low_fragment_beside_a_fault_counts_by_its_length_down_the_dip():
+    host = candidate(dip=45.0)
+    low = candidate(40, 13, origin=(5.0, 0.0), score=0.7, dip=45.0)
+    upright = candidate(40, 13, origin=(5.0, 0.0), score=0.7)
+    assert chosen(host, low) == [0, 1]
+    assert chosen(candidate(), upright) == [0]
+
+
+def test_a_bend_over_a_low_fault_is_no_company():
+    bend = candidate(30, 20, origin=(-5.0, 0.0), score=0.7)
+    across = candidate(30, 20, origin=(8.0, 0.0), across=(0.0, 1.0), score=0.7)
+    assert chosen(candidate(dip=45.0), bend) == [0]
+    assert chosen(candidate(dip=45.0), across) == [0, 1]
+    assert chosen(candidate(dip=75.0), bend) == [0, 1]
+
+
+def test_what_slopes_may_fit_less_well_than_what_may_be_a_channels_edge():
+    assert chosen(HOST, candidate(40, 20, origin=(5.0, 0.0), score=0.7, fit=0.7)) == [0]
+    sloping = candidate(40, 20, origin=(5.0, 0.0), score=0.7, fit=0.7, dip=50.0)
+    assert chosen(HOST, sloping) == [0, 1]

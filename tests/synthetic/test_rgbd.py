@@ -27,13 +27,6 @@ def points_of(frame, camera):
     return transform_points(frame.T_world_camera, grid.reshape(-1, 3)).reshape(grid.shape)
 
 
-def settings_of(noise: DepthNoise):
-    return (
-        noise.throw, noise.sigma, noise.step, noise.least, noise.greatest, noise.blind, noise.clear, noise.jump,
-        noise.lost_edges, noise.lost,
-    )  # fmt: skip
-
-
 def trace(rows, T, *, size=SMALL):
     """Exact depth, incidence and owner of what a camera sees of a few shapes."""
     camera = PinholeCamera(130.0, 130.0, (size[0] - 1) / 2, (size[1] - 1) / 2, (), 1.0, *size)
@@ -145,7 +138,7 @@ def test_noise_grows_with_the_square_of_depth(depth):
     noise = DepthNoise()
     exact = np.full((240, 320), depth)
     measured = np.empty((240, 320), np.float32)
-    measure_depth(exact, np.ones_like(exact), settings_of(noise), 12345, measured)
+    measure_depth(exact, np.ones_like(exact), noise.settings(), 12345, measured)
     held = np.isfinite(measured)
     assert held.mean() == pytest.approx(1.0 - noise.lost, abs=0.002)
     expected = depth**2 / noise.throw * np.sqrt(noise.sigma**2 + noise.step**2 / 12)
@@ -160,7 +153,7 @@ def test_the_sensor_loses_shadows_edges_slants_and_what_is_too_far():
     _, exact, facing, owner = trace([wall, plate], FORWARD_X)
     plain = replace(NOISE_FREE, throw=40.0)
     out = np.empty(exact.shape, np.float32)
-    measure_depth(exact, facing, settings_of(plain), 1, out)
+    measure_depth(exact, facing, plain.settings(), 1, out)
     row = exact.shape[0] // 2
     left = np.flatnonzero(owner[row] == 1)[0]
     shadow = np.flatnonzero(np.isnan(out[row]))
@@ -169,11 +162,11 @@ def test_the_sensor_loses_shadows_edges_slants_and_what_is_too_far():
     assert len(shadow) == pytest.approx(width, abs=2.0)
     np.testing.assert_allclose(out[np.isfinite(out)], exact[np.isfinite(out)], rtol=1e-6)
 
-    measure_depth(exact, facing, settings_of(replace(plain, greatest=2.0)), 1, out)
+    measure_depth(exact, facing, replace(plain, greatest=2.0).settings(), 1, out)
     assert np.isnan(out[owner == 0]).all()
-    measure_depth(exact, np.full_like(facing, 0.1), settings_of(replace(plain, blind=0.12, clear=0.3)), 1, out)
+    measure_depth(exact, np.full_like(facing, 0.1), replace(plain, blind=0.12, clear=0.3).settings(), 1, out)
     assert np.isnan(out).all()
-    measure_depth(exact, facing, settings_of(replace(plain, throw=1e-6, jump=0.03, lost_edges=1.0)), 1, out)
+    measure_depth(exact, facing, replace(plain, throw=1e-6, jump=0.03, lost_edges=1.0).settings(), 1, out)
     lost = np.isnan(out)
     edges = cv2.dilate((owner == 1).astype(np.uint8), np.ones((3, 3))) - cv2.erode(
         (owner == 1).astype(np.uint8), np.ones((3, 3))

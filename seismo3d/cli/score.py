@@ -1,0 +1,156 @@
+"""``seismo3d score``: a run of faults or tracks beside an interpreter's picks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from seismo3d.cli._options import Json, Overwrite
+
+EXAMPLES = (
+    "seismo3d score f3-faults sticks.txt",
+    "seismo3d score f3-tracks top_a.xyz top_b.xyz --columns 1,2,5 --tolerance 6",
+)
+
+
+def run(
+    folder: Path = typer.Argument(metavar="DIR", help="Folder of a faults run or of a tracks run.", show_default=False),
+    picks: list[Path] = typer.Argument(
+        help="Fault sticks (OpendTect, Charisma) for a faults run; horizons (XYZ, IRAP classic, Charisma) for tracks.",
+        show_default=False,
+    ),
+    tolerance: float | None = typer.Option(
+        None,
+        min=0.0,
+        help="Distance that counts as agreement: traces and samples (sticks) [default: 3], "
+        "or ms, m or samples (horizons) [default: 4]",
+    ),
+    columns: str | None = typer.Option(None, help="Which columns of an XYZ file are x, y and z, such as 1,2,5."),
+    out: Path | None = typer.Option(None, "--out", "-o", help="Folder to make for the results. [default: DIR/score]"),
+    json: Json = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Compare a run with existing picks: distances, what was missed, what is new.
+
+    The folder gets score.json, a picture a file of picks, and run.json. It appears when all is done, or not at all.
+    """
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
+    from seismo3d.errors import FileAccessError, ParameterError
+    from seismo3d.io._files import written_aside
+
+    is_faults, is_tracks = (folder / "faultset.npz").is_file(), (folder / "tracks.csv").is_file()
+    if not (is_faults or is_tracks):
+        raise FileAccessError(f"{folder} holds neither faults nor tracks. Give the folder of a faults or tracks run.")
+    if columns is not None and is_faults:
+        raise ParameterError("--columns is given for fault sticks; it is for XYZ horizons. Leave it out.")
+    final = folder / "score" if out is None else out
+    check_run_folder(final, inputs=[folder / "run.json", *picks], overwrite=overwrite)
+    with written_aside(final, folder=True) as aside:
+        aside.mkdir()
+        if is_faults:
+            scores = _score_faults(folder, picks, aside, 3.0 if tolerance is None else tolerance)
+        else:
+            chosen = None if columns is None else _as_columns(columns)
+            scores = _score_tracks(folder, picks, aside, 4.0 if tolerance is None else tolerance, chosen)
+        write_record(aside / "score.json", {"scores": scores})
+        asked = {"picks": picks, "tolerance": tolerance, "columns": columns}
+        source = folder / ("faultset.npz" if is_faults else "tracks.csv")
+        write_record(aside / RECORD, describe_run(source, options=asked))
+    _say(final, scores, as_json=json)
+
+
+def _as_columns(text: str) -> tuple[int, ...]:
+    from seismo3d.errors import ParameterError
+
+    try:
+        return tuple(int(word) for word in text.split(","))
+    except ValueError as error:
+        raise ParameterError(f"--columns is {text!r}; expected three whole numbers, such as 1,2,5.") from error
+
+
+def _score_faults(folder: Path, picks: list[Path], aside: Path, tolerance: float) -> list[dict[str, Any]]:
+    from dataclasses import asdict
+
+    from matplotlib.figure import Figure
+
+    from seismo3d.io.fault_sticks import read_sticks
+    from seismo3d.plot.pick_pictures import picked_faults_map
+    from seismo3d.seismic.faultset import FaultSet
+    from seismo3d.seismic.pick_scores import score_sticks
+
+    faults = FaultSet.load(folder)
+    scores = []
+    for number, file in enumerate(picks, start=1):
+        sticks = read_sticks(file)
+        score = score_sticks(faults, sticks, tolerance=tolerance)
+        scores.append({"picks": file.name, **asdict(score)})
+        figure = Figure(figsize=(7.5, 7.0), layout="constrained")
+        picked_faults_map(faults, sticks, score, ax=figure.add_subplot())
+        figure.savefig(aside / f"score_{number:02d}.png", dpi=130)
+    return scores
+
+
+def _score_tracks(
+    folder: Path, picks: list[Path], aside: Path, tolerance: float, columns: tuple[int, ...] | None
+) -> list[dict[str, Any]]:
+    from dataclasses import asdict, replace
+
+    from matplotlib.figure import Figure
+
+    from seismo3d.io.horizons import read_horizon
+    from seismo3d.plot.pick_pictures import pick_distance_map
+    from seismo3d.seismic.pick_scores import score_horizon
+
+    files = sorted(folder.glob("track_*.charisma.txt"))
+    tracks = [replace(read_horizon(file), name=file.name.split(".")[0]) for file in files]
+    unit = _unit_of(folder)
+    scores = []
+    for number, file in enumerate(picks, start=1):
+        horizon = read_horizon(file, columns=columns)
+        score = score_horizon(tracks, horizon, tolerance=tolerance)
+        scores.append({"picks": file.name, "unit": unit, **asdict(score)})
+        figure = Figure(figsize=(7.5, 6.5), layout="constrained")
+        track = next(track for track in tracks if track.name == score.track)
+        pick_distance_map(track, horizon, unit=unit, ax=figure.add_subplot())
+        figure.savefig(aside / f"score_{number:02d}.png", dpi=130)
+    return scores
+
+
+def _unit_of(folder: Path) -> str:
+    import csv
+
+    with (folder / "tracks.csv").open(encoding="utf-8") as file:
+        return next((row["unit"] for row in csv.DictReader(file)), "samples")
+
+
+def _say(out: Path, scores: list[dict[str, Any]], *, as_json: bool) -> None:
+    if as_json:
+        from json import dumps
+
+        from seismo3d.cli._run_folder import plain
+
+        typer.echo(dumps(plain({"scores": scores}), indent=2, ensure_ascii=False))
+        return
+    for score in scores:
+        if "track" in score:
+            typer.echo(
+                f"{score['picks']}: {score['track']}  median {score['median']:.2f}  90 % {score['p90']:.2f} "
+                f"{score['unit']}  within {score['tolerance']:g}: {100 * score['within']:.0f} %  "
+                f"missed {100 * score['missed']:.0f} % of {score['n_picks']} picks  new at {score['new']} places"
+            )
+            continue
+        typer.echo(
+            f"{score['picks']}: median {score['median']:.2f}  90 % {score['p90']:.2f} traces and samples  "
+            f"within {score['tolerance']:g}: {100 * score['within']:.0f} %"
+        )
+        for row in score["faults"]:
+            found = f"fault {row['traced_as']}" if row["traced_as"] else "missed"
+            typer.echo(
+                f"  {row['name']:<24} {row['n_sticks']:3d} sticks  median {row['median']:6.2f}  "
+                f"90 % {row['p90']:6.2f}  within {100 * row['within']:3.0f} %  {found}"
+            )
+        new = ", ".join(str(label) for label in score["new"]) or "none"
+        typer.echo(f"  missed {len(score['missed'])} of {len(score['faults'])}; new: {new}")
+    typer.echo(str(out))

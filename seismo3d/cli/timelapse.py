@@ -1,0 +1,81 @@
+"""``seismo3d timelapse``: a monitor cube aligned with its base."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from seismo3d.cli._options import Cube, Domain, Overwrite
+
+EXAMPLES = ("seismo3d timelapse base.sgy monitor.sgy -o shifts",)
+
+
+def run(
+    base: Cube,
+    monitor: Path = typer.Argument(help="The later cube, on the same traces and samples.", show_default=False),
+    out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
+    domain: Domain = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Align a monitor cube with its base: local shifts with their uncertainty, and the aligned monitor.
+
+    The folder gets shift.sgy and shift_std.sgy (ms or m), inline_shift, crossline_shift, inline_std and crossline_std
+    (traces), aligned.sgy, two pictures and run.json. It appears when all is done, or not at all.
+    """
+    import numpy as np
+
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
+    from seismo3d.cli._stages import StageClock
+    from seismo3d.cli.app import shown_progress
+    from seismo3d.io._files import written_aside
+    from seismo3d.io.cubes import open_cube
+    from seismo3d.io.segy import write_segy
+    from seismo3d.seismic.time_lapse import align_cubes
+
+    check_run_folder(out, inputs=[base, monitor], overwrite=overwrite)
+    first, second = (open_cube(path, domain=domain).load() for path in (base, monitor))
+    with written_aside(out, folder=True) as aside, shown_progress() as show:
+        aside.mkdir()
+        clock = StageClock(show)
+        found = align_cubes(first, second, progress=clock)
+        clock("export", 0.0)
+        for name in _VOLUMES:
+            write_segy(aside / f"{name}.sgy", getattr(found, name))
+        clock("pictures", 0.0)
+        _draw(first, second, found, aside)
+        values, spread = (np.asarray(volume, dtype=np.float64) for volume in (found.shift, found.shift_std))
+        known = np.isfinite(values)
+        facts = {
+            "start_traces_and_samples": found.start,
+            "shift_median": np.median(values[known]),
+            "shift_5_percent": np.percentile(values[known], 5.0),
+            "shift_95_percent": np.percentile(values[known], 95.0),
+            "shift_std_median": np.median(spread[known]),
+        }
+        record: dict[str, Any] = {**describe_run(base, monitor, options={"domain": domain}), "alignment": facts}
+        write_record(aside / RECORD, {**record, "timings_s": clock.stop()})
+    unit = {"time": "ms", "depth": "m"}.get(str(first.dims[2]), "samples")
+    typer.echo(
+        f"monitor deeper by {facts['shift_median']:.3g} {unit} (median; 90 % between {facts['shift_5_percent']:.3g} "
+        f"and {facts['shift_95_percent']:.3g}), standard deviation {facts['shift_std_median']:.2g} {unit}"
+    )
+    typer.echo(str(out))
+
+
+_VOLUMES = (
+    "shift", "shift_std", "inline_shift", "crossline_shift", "inline_std", "crossline_std", "aligned",
+)  # fmt: skip
+
+
+def _draw(base: Any, monitor: Any, found: Any, folder: Path) -> None:
+    from matplotlib.figure import Figure
+
+    from seismo3d.plot.time_lapse_sections import time_lapse_section
+
+    for axis, name in enumerate(base.dims[:2]):
+        line = float(base[name].values[base.shape[axis] // 2])
+        figure = Figure(figsize=(19.0, 5.0), layout="constrained")
+        time_lapse_section(base, monitor, found, axes=figure.subplots(1, 4), **{str(name): line})
+        figure.savefig(folder / f"timelapse_{name}_{line:g}.png", dpi=110)

@@ -1,0 +1,70 @@
+"""Lines of text files of picks: read, counted and refused by number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NoReturn
+
+from seismo3d.errors import FormatError
+from seismo3d.io._files import as_readable_file, refuse_os_errors
+
+_COMMENTS = ("#", "!")
+
+
+def read_lines(path: str | Path) -> list[tuple[int, str]]:
+    """Return number, from 1, and text of every line that is neither blank nor a comment (# or !).
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be read.
+    FormatError
+        If it is not text, or no line is left.
+    """
+    file = as_readable_file(path)
+    with refuse_os_errors(file, "read"):
+        raw = file.read_bytes()
+    if b"\0" in raw[:4096]:
+        raise FormatError(f"{file} is not text; expected picks as ASCII. Export them as text.")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = raw.decode("latin-1")
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    kept = [(number, line) for number, line in lines if line and not line.startswith(_COMMENTS)]
+    if not kept:
+        raise FormatError(f"{file} holds no picks; expected at least one line. Check the export.")
+    return kept
+
+
+def numbers_of(words: list[str]) -> list[float] | None:
+    """Return the words as finite numbers; None where one of them is none."""
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        return None
+    return values if all(math.isfinite(value) for value in values) else None
+
+
+def leading_numbers(words: list[str]) -> int:
+    """Count the words at the beginning that are finite numbers."""
+    return next((n for n, word in enumerate(words) if numbers_of([word]) is None), len(words))
+
+
+def refuse_line(path: str | Path, number: int, line: str, expected: str) -> NoReturn:
+    """Raise the error about one line."""
+    shown = line if len(line) <= 80 else line[:77] + "..."
+    raise FormatError(f"{path}, line {number}: {shown!r}; expected {expected}. Correct or remove the line.")
+
+
+def rows_of(
+    path: str | Path, lines: list[tuple[int, str]], n_columns: int, expected: str
+) -> Iterator[tuple[int, list[float]]]:
+    """Give number and values of lines that must all hold so many numbers."""
+    for number, line in lines:
+        values = numbers_of(line.replace(",", " ").split())
+        if values is None or len(values) != n_columns:
+            refuse_line(path, number, line, expected)
+        yield number, values

@@ -1,0 +1,244 @@
+"""The fracture network drawn: connected zones and intersections on the map, density, and flow paths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seismo3d.errors import ShapeError
+from seismo3d.plot.drawing import new_axes
+from seismo3d.plot.picture_set import PictureFile
+from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes
+from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, check_faults
+
+_LINES: dict[str, Any] = {"cross": "-", "abut": "--", "corner": ":"}
+
+
+def network_map(network: Any, faults: Any, cube: Any, *, ax: Any = None) -> Any:
+    """Draw the faults from above, one colour a connected zone, and the lines in which they meet.
+
+    Parameters
+    ----------
+    network : FractureNetwork
+        The network of the faults.
+    faults : FaultSet
+        Faults of ``cube``.
+    cube : DataArray or ndarray
+        A cube of 3 axes, for the coordinates.
+    ax : matplotlib Axes, optional
+        Where to draw; a new pyplot figure by default.
+
+    Returns
+    -------
+    matplotlib Axes
+        Crosslines to the right, inlines downwards. Intersections are black: whole lines where faults cross, dashed
+        where one ends at the other, dotted where both end.
+
+    Raises
+    ------
+    ShapeError
+        If the faults are of another cube.
+    """
+    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.lines import Line2D
+
+    _check(faults, cube)
+    ax = new_axes(7.5, 7.0) if ax is None else ax
+    for number, zone in enumerate(network.zones):
+        colour = SURFACE_COLOURS[number % len(SURFACE_COLOURS)]
+        for label in zone.surfaces:
+            surface = faults.surfaces[label - 1]
+            corners = _on_map(surface.vertices, cube)[surface.cells]
+            ax.add_collection(PolyCollection(list(corners), facecolors=colour, edgecolors="none", alpha=0.35))
+            ax.annotate(str(label), _on_map(surface.vertices, cube).mean(axis=0), fontsize="small", ha="center")
+    for line in network.intersections:
+        ends = _on_map(line.points, cube)[line.segments]
+        ax.add_collection(LineCollection(list(ends), colors="black", linewidths=1.6, linestyles=_LINES[line.kind]))
+    _frame(ax, cube)
+    kinds = [kind for kind in _LINES if any(line.kind == kind for line in network.intersections)]
+    words = {"cross": "they cross", "abut": "one ends at the other", "corner": "both end"}
+    handles = [Line2D([], [], color="black", linestyle=_LINES[kind], label=words[kind]) for kind in kinds]
+    if handles:
+        ax.legend(handles=handles, loc="lower right", fontsize="small", framealpha=0.9)
+    n = len(network.zones)
+    title = "all faults connected" if n == 1 else f"{n} connected zones, one colour each"
+    ax.set_title(title, loc="left", fontsize="medium")
+    return ax
+
+
+def density_map(network: Any, cube: Any, *, ax: Any = None) -> Any:
+    """Draw the mean fault density of the columns of cells, from above.
+
+    Parameters
+    ----------
+    network : FractureNetwork
+        The network.
+    cube : DataArray or ndarray
+        The cube of 3 axes that it is of, for the coordinates.
+    ax : matplotlib Axes, optional
+        Where to draw; a new pyplot figure by default.
+
+    Returns
+    -------
+    matplotlib Axes
+        Crosslines to the right, inlines downwards.
+    """
+    ax = new_axes(7.5, 6.5) if ax is None else ax
+    n = np.shape(cube)[2]
+    thick = np.diff(np.minimum(np.arange(network.density.shape[2] + 1) * network.cell[2], n))
+    mean = network.density @ (thick / thick.sum())
+    edges = [_edges(axis_coordinates(cube, axis), network.cell[axis]) for axis in (0, 1)]
+    drawn = ax.pcolormesh(edges[1], edges[0], mean, cmap="magma_r", vmin=0.0)
+    _frame(ax, cube)
+    ax.figure.colorbar(drawn, ax=ax, label=f"Fault area over volume (1/{network.unit})", pad=0.02, shrink=0.8)
+    ax.set_title("Fault density (P32), mean over depth", loc="left", fontsize="medium")
+    return ax
+
+
+def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | None = None) -> Any:
+    """Draw a flow path from above and from two sides, over the largest fault likelihood within 8 voxels of it.
+
+    Parameters
+    ----------
+    path : FlowPath
+        The path.
+    faults : FaultSet
+        The faults of ``cube`` that it was found in.
+    cube : DataArray or ndarray
+        A cube of 3 axes, for the coordinates.
+    axes : three matplotlib Axes, optional
+        Where to draw: map, along the inlines, along the crosslines; a new pyplot figure by default.
+
+    Returns
+    -------
+    list of matplotlib Axes
+
+    Raises
+    ------
+    ShapeError
+        If the faults are of another cube.
+    """
+    _check(faults, cube)
+    if axes is None:
+        import matplotlib.pyplot as plt
+
+        axes = plt.subplots(1, 3, figsize=(14.0, 4.8), layout="constrained")[1]
+    names = name_axes(cube)
+    at, likelihood = _likelihood_near(path, faults)
+    for ax, (across, down) in zip(axes, ((1, 0), (1, 2), (0, 2)), strict=True):
+        x, y = axis_coordinates(cube, across), axis_coordinates(cube, down)
+        behind = np.zeros((len(x), len(y)))
+        np.maximum.at(behind, (at[:, across], at[:, down]), likelihood)
+        ax.pcolormesh(x, y, behind.T, cmap="Greys", vmin=0.0, vmax=1.0, shading="nearest", rasterized=True)
+        ax.plot(x[path.voxels[:, across]], y[path.voxels[:, down]], color="#0072b2", linewidth=2.2)
+        for end, marker in ((0, "o"), (-1, "s")):
+            place = x[path.voxels[end, across]], y[path.voxels[end, down]]
+            ax.plot(*place, marker, color="#e6194b", markeredgecolor="white", markersize=8)
+        ax.set(xlabel=axis_label(names[across]), ylabel=axis_label(names[down]))
+        ax.set_ylim(max(y), min(y)) if down == 2 else ax.invert_yaxis()
+        ax.locator_params(axis="x", nbins=6)
+    axes[0].set_title(
+        f"Length {path.length:.0f}, {100 * path.share_on_faults:.0f} % on faults", loc="left", fontsize="medium"
+    )
+    return list(axes)
+
+
+def save_network_pictures(directory: str | Path, network: Any, faults: Any, *, path: Any = None) -> list[PictureFile]:
+    """Draw the pictures of a network run.
+
+    Parameters
+    ----------
+    directory : str or Path
+        A folder that is there.
+    network : FractureNetwork
+        The network.
+    faults : FaultSet
+        Its faults; their volumes give the coordinates.
+    path : FlowPath, optional
+        A flow path through them.
+
+    Returns
+    -------
+    list of PictureFile
+        ``map.png``, ``density.png``, ``stereonet.png``, ``rose.png``, and ``flow_path.png`` where there is a path.
+    """
+    from matplotlib.figure import Figure
+
+    from seismo3d.geometry.survey import SurveyGeometry
+    from seismo3d.plot.distributions import strike_rose
+    from seismo3d.plot.stereonets import stereonet
+
+    directory, cube = Path(directory), faults.labels
+    north = hasattr(cube, "dims") and SurveyGeometry.from_cube(cube).has_map
+    origin = "from north" if north else "from the inline axis: the cube has no map coordinates"
+    jobs: list[tuple[str, tuple[float, float], Any, dict[str, str], str]] = [
+        ("map", (7.5, 7.0), lambda ax: network_map(network, faults, cube, ax=ax), {},
+         "All faults from above, one colour a connected zone, and the lines in which they meet."),
+        ("density", (7.5, 6.5), lambda ax: density_map(network, cube, ax=ax), {},
+         "Fault area over volume, averaged over depth."),
+        ("stereonet", (5.6, 5.8), lambda ax: stereonet(network, from_north=north, ax=ax), {},
+         f"Poles of the faults, the mean plane of each set, and density after Kamb; azimuths {origin}."),
+        ("rose", (4.8, 4.6), lambda ax: strike_rose(faults, from_north=north, ax=ax), {"projection": "polar"},
+         f"Strike, {origin}. The area of a petal is its share of the fault area."),
+    ]  # fmt: skip
+    files = []
+    for name, size, draw, axes, caption in jobs:
+        figure = Figure(figsize=size, layout="constrained")
+        draw(figure.add_subplot(**axes))
+        figure.savefig(directory / f"{name}.png", dpi=130, bbox_inches="tight", pad_inches=0.08)
+        files.append(PictureFile(directory / f"{name}.png", caption, kind="half"))
+    if path is not None:
+        figure = Figure(figsize=(14.0, 4.8), layout="constrained")
+        flow_path_views(path, faults, cube, axes=figure.subplots(1, 3))
+        figure.savefig(directory / "flow_path.png", dpi=130)
+        caption = (
+            "The flow path from above and from two sides, over the fault likelihood near it; the circle is its start."
+        )
+        files.append(PictureFile(directory / "flow_path.png", caption))
+    return files
+
+
+def _likelihood_near(path: Any, faults: Any, *, reach: float = 8.0) -> tuple[Any, Any]:
+    """Voxels of some likelihood within reach of a path, and that likelihood."""
+    from scipy.spatial import cKDTree
+
+    likelihood = np.nan_to_num(np.asarray(faults.likelihood))
+    voxels = np.argwhere(likelihood > 0)
+    if len(voxels):
+        voxels = voxels[np.isfinite(cKDTree(path.voxels).query(voxels, distance_upper_bound=reach)[0])]
+    return voxels, likelihood[tuple(voxels.T)]
+
+
+def _on_map(points: Any, cube: Any) -> Any:
+    """(crossline, inline) coordinates of index points."""
+    columns = []
+    for axis in (1, 0):
+        numbers = axis_coordinates(cube, axis)
+        step = (numbers[-1] - numbers[0]) / max(len(numbers) - 1, 1)
+        columns.append(numbers[0] + step * np.asarray(points, dtype=np.float64)[:, axis])
+    return np.column_stack(columns)
+
+
+def _edges(numbers: Any, cell: int) -> Any:
+    step = (numbers[-1] - numbers[0]) / max(len(numbers) - 1, 1) or 1.0
+    index = np.minimum(np.arange(-(-len(numbers) // cell) + 1) * cell, len(numbers)) - 0.5
+    return numbers[0] + step * index
+
+
+def _frame(ax: Any, cube: Any) -> None:
+    names = name_axes(cube)
+    rows, columns = axis_coordinates(cube, 0), axis_coordinates(cube, 1)
+    ax.set_facecolor("white")
+    ax.set(xlabel=axis_label(names[1]), ylabel=axis_label(names[0]))
+    ax.set_xlim(columns[0], columns[-1])
+    ax.set_ylim(rows[-1], rows[0])
+    ax.locator_params(axis="x", nbins=6)
+
+
+def _check(faults: Any, cube: Any) -> None:
+    check_faults(faults, cube)
+    if np.ndim(cube) != 3:
+        raise ShapeError(f"cube has shape {np.shape(cube)}: a section has no fracture network. Give a cube.")

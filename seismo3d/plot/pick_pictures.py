@@ -1,0 +1,99 @@
+"""Picks beside what was traced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from seismo3d.plot.drawing import new_axes
+
+
+def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any = None) -> Any:
+    """Draw traced faults and picked sticks from above, in line numbers.
+
+    Parameters
+    ----------
+    faults : FaultSet
+        Traced faults.
+    sticks : sequence of FaultStick
+        Picked sticks.
+    score : StickScore
+        Of these two.
+    ax : matplotlib Axes, optional
+        Where to draw; a new pyplot figure by default.
+
+    Returns
+    -------
+    matplotlib Axes
+        Surfaces that agree with the picks in grey, new ones in blue; sticks of faults that were found in green, of
+        missed ones in red.
+    """
+    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    from seismo3d.geometry.survey import SurveyGeometry
+    from seismo3d.seismic.picks import place_stick
+
+    ax = new_axes(7.5, 7.0) if ax is None else ax
+    geometry = SurveyGeometry.from_cube(faults.labels)
+    for label, surface in enumerate(faults.surfaces, start=1):
+        places = geometry.index_to_lines(surface.vertices)[:, [1, 0]]
+        colour = "#56b4e9" if label in score.new else "0.55"
+        ax.add_collection(PolyCollection(list(places[surface.cells]), facecolors=colour, edgecolors="none", alpha=0.5))
+    for missed, colour in ((False, "#009e73"), (True, "#d62728")):
+        chosen = [stick for stick in sticks if (stick.fault in score.missed) == missed]
+        lines = [geometry.index_to_lines(place_stick(stick, faults.labels))[:, [1, 0]] for stick in chosen]
+        ax.add_collection(LineCollection(lines, colors=colour, linewidths=1.4))
+    inlines, crosslines = geometry.inline.coordinates(), geometry.crossline.coordinates()
+    ax.set(xlabel="Crossline", ylabel="Inline", xlim=(crosslines[0], crosslines[-1]), ylim=(inlines[-1], inlines[0]))
+    ax.legend(
+        handles=[
+            Patch(color="0.55", alpha=0.5, label="traced, near picks"),
+            Patch(color="#56b4e9", alpha=0.5, label=f"traced, new ({len(score.new)})"),
+            Line2D([], [], color="#009e73", label="picked, found"),
+            Line2D([], [], color="#d62728", label=f"picked, missed ({len(score.missed)})"),
+        ],
+        loc="lower right", fontsize="small", framealpha=0.9,
+    )  # fmt: skip
+    ax.set_title(f"{100 * score.within:.0f} % of the sticks within {score.tolerance:g}", loc="left", fontsize="medium")
+    return ax
+
+
+def pick_distance_map(track: Any, picks: Any, *, unit: str, ax: Any = None) -> Any:
+    """Draw how far below the picks a track lies, at the picks.
+
+    Parameters
+    ----------
+    track, picks : HorizonPoints
+        What was traced, and what was picked.
+    unit : str
+        Of their times or depths.
+    ax : matplotlib Axes, optional
+        Where to draw; a new pyplot figure by default.
+
+    Returns
+    -------
+    matplotlib Axes
+        x and y as in the picks' file, or line numbers where both files have them; picks where nothing was traced black.
+    """
+    from scipy.spatial import cKDTree
+
+    ax = new_axes(7.5, 6.5) if ax is None else ax
+    by_lines = bool(np.isfinite(picks.lines).all() and np.isfinite(track.lines).all())
+    here, there = (h.lines if by_lines else h.points[:, :2] for h in (picks, track))
+    distance, near = cKDTree(there).query(here, distance_upper_bound=1.0 + 1e-9)
+    common = np.isfinite(distance)
+    down = track.points[np.asarray(near)[common], 2] - picks.points[common, 2]
+    limit = float(np.percentile(np.abs(down), 95.0)) or 1.0 if len(down) else 1.0
+    across = (1, 0) if by_lines else (0, 1)
+    ax.plot(*here[~common][:, across].T, ",", color="black")
+    drawn = ax.scatter(*here[common][:, across].T, c=down, s=4, cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
+    ax.figure.colorbar(drawn, ax=ax, label=f"Track below picks ({unit})", pad=0.02, shrink=0.8)
+    ax.set(xlabel="Crossline" if by_lines else "x", ylabel="Inline" if by_lines else "y")
+    if by_lines:
+        ax.invert_yaxis()
+    ax.set_title(f"{track.name} against {picks.name}", loc="left", fontsize="medium")
+    return ax

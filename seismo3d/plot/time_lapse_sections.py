@@ -1,0 +1,69 @@
+"""A base and a monitor cube before and after they are aligned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from seismo3d.plot.drawing import amplitude_limit, draw_amplitudes
+from seismo3d.plot.pictures import Picture, axis_label, name_axes, take_picture
+
+
+def time_lapse_section(
+    base: Any, monitor: Any, alignment: Any, *, axes: Sequence[Any] | None = None, **where: float | None
+) -> Any:
+    """Draw a section of the base, what differs in the monitor before and after alignment, and the shift.
+
+    Parameters
+    ----------
+    base, monitor : DataArray or ndarray
+        The cubes.
+    alignment : CubeAlignment
+        From :func:`seismo3d.align_cubes`.
+    axes : four matplotlib Axes, optional
+        Where to draw; a new pyplot figure by default.
+    **where
+        ``inline`` or ``crossline``; the middle inline by default.
+
+    Returns
+    -------
+    list of matplotlib Axes
+        Base and differences on one colour scale. The monitor is brought to the base's strength first.
+    """
+    if axes is None:
+        import matplotlib.pyplot as plt
+
+        axes = plt.subplots(1, 4, figsize=(19.0, 5.0), layout="constrained", sharex=True, sharey=True)[1]
+    first, raw, carried, shift = (take_picture(c, **where) for c in (base, monitor, alignment.aligned, alignment.shift))
+    scale = _strength(first) / max(_strength(raw), 1e-30)
+    limit = amplitude_limit(first.values[first.live], 99.0)
+    before = np.nan_to_num(raw.values) * scale - np.nan_to_num(first.values)
+    after = np.nan_to_num(carried.values) * scale - np.nan_to_num(first.values)
+    for ax, values, title in zip(
+        axes[:3], (np.nan_to_num(first.values), before, after),
+        (f"{first.title}: base", "Monitor less base", "The same, aligned"), strict=True,
+    ):  # fmt: skip
+        ax.imshow(values, cmap="gray", vmin=-limit, vmax=limit, extent=first.extent, aspect="auto")
+        ax.set_title(title, loc="left", fontsize="medium")
+        ax.set_xlabel(first.column_name)
+    axes[0].set_ylabel(first.row_name)
+    unit = {"Time (ms)": "ms", "Depth (m)": "m"}.get(axis_label(name_axes(base)[2]), "samples")
+    _draw_shift(axes[3], shift, unit)
+    return list(axes)
+
+
+def _draw_shift(ax: Any, picture: Picture, unit: str) -> None:
+    drawn = draw_amplitudes(ax, picture, cmap="RdBu_r", clip=99.5)
+    finite = picture.values[np.isfinite(picture.values)]
+    if len(finite):
+        drawn.set_clim(*np.percentile(finite, [0.5, 99.5]))
+    ax.figure.colorbar(drawn, ax=ax, label=f"Monitor deeper by ({unit})", pad=0.02, shrink=0.8)
+    ax.set_title("Shift", loc="left", fontsize="medium")
+    ax.set_ylabel("")
+
+
+def _strength(picture: Picture) -> float:
+    values = picture.values[picture.live].astype(np.float64)
+    return float(np.sqrt(np.mean(values**2))) if values.size else 1.0

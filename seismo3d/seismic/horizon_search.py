@@ -1,0 +1,95 @@
+"""Horizons without seeds: the most continuous and best matched of a cube."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import Progress
+from seismo3d._validate import as_number
+from seismo3d.seismic.section_tracks import cut_middle, thicken
+from seismo3d.seismic.tracks import Track, TrackSettings, axes_of, axis_points, find_seeds, trace_tracks
+
+# so many candidates are traced for each horizon that is asked for
+_CANDIDATES = 3
+_LEAST_GAP = 0.5
+
+
+def find_horizons(
+    cube: Any, count: int = 5, *, faults: Any = None, event: str | None = None,
+    settings: TrackSettings | None = None, progress: Progress | None = None,
+) -> list[Track]:  # fmt: skip
+    """Find the best horizons of a cube or section without seeds.
+
+    Strong continuous events all over the cube are traced, three for each horizon asked for. Those count most that were
+    followed over the largest share of the traces with the highest correlation; one that runs along a better one is left
+    out.
+
+    Parameters
+    ----------
+    cube : DataArray or array_like
+        A cube (inline, crossline, sample) or a section (trace, sample).
+    count : int
+        Most horizons to give.
+    faults : FaultSet, optional
+        Faults of this cube.
+    event : {"peak", "trough", "zero"}, optional
+        Put each horizon on the nearest such event.
+    settings : TrackSettings, optional
+        Windows and thresholds.
+    progress : callable, optional
+        Called with the stage's name and the share of it that is done.
+
+    Returns
+    -------
+    list of Track
+        Best first.
+
+    Raises
+    ------
+    ShapeError
+        If the cube has neither two nor three axes, or the faults are of another cube.
+    ParameterError
+        If `count` is not a positive number.
+    """
+    from seismo3d.seismic.layer_time import model_layers
+
+    wanted = int(as_number(count, "count", low=1))
+    settings = settings or TrackSettings()
+    is_section = np.ndim(cube) == 2
+    thick, surfaces = thicken(cube, faults) if is_section else (cube, faults)
+    layers = model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
+    points = axis_points(axes_of(thick), find_seeds(layers, count=_CANDIDATES * wanted))
+    more: dict[str, Any] = {"event": event, "layers": layers, "settings": settings, "progress": progress}
+    tracks = trace_tracks(thick, list(points), faults=surfaces, **more)
+    best = _choose(tracks, wanted, gap=_gap(thick, len(points)))
+    if not is_section:
+        return best
+    return [cut_middle(track) for track in best]
+
+
+def _gap(cube: Any, n_candidates: int) -> float:
+    """Vertical distance within which two tracks are one: half of what candidates would have if spread evenly."""
+    axis = axes_of(cube)[2]
+    return _LEAST_GAP * abs(axis.step) * axis.n / max(3 * n_candidates, 1)
+
+
+def _worth(track: Track) -> float:
+    known = np.isfinite(track.depth)
+    return float(np.sum(track.confidence[known])) / track.depth.size if known.any() else 0.0
+
+
+def _choose(tracks: list[Track], count: int, *, gap: float) -> list[Track]:
+    chosen: list[Track] = []
+    for track in sorted(tracks, key=_worth, reverse=True):
+        if len(chosen) < count and _worth(track) > 0 and all(_apart(track, other) > gap for other in chosen):
+            chosen.append(track)
+    return chosen
+
+
+def _apart(one: Track, other: Track) -> float:
+    """Median vertical distance of two tracks; infinite where they share no trace."""
+    distance = np.abs(one.depth - other.depth)
+    known = np.isfinite(distance)
+    return float(np.median(distance[known])) if known.any() else float("inf")

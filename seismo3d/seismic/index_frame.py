@@ -1,0 +1,63 @@
+"""What one step along each axis of a cube is worth: metres where the cube is in depth on a map, else one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, Float64Array
+from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.geometry.triangles import measure_cells
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IndexFrame:
+    """Linear map from index steps to lengths.
+
+    Attributes
+    ----------
+    matrix : ndarray of shape (3, 3), float64
+        Carries (inline, crossline, sample) steps to (east, north, down) in metres; the identity where the cube is not
+        in depth or not on a map, because milliseconds and metres make no length together.
+    unit : {"m", "bin"}
+        What lengths are in; a bin is a trace sideways and a sample down.
+    """
+
+    matrix: Float64Array
+    unit: str
+
+    @classmethod
+    def of(cls, cube: Any) -> IndexFrame:
+        """Return the frame of a cube: a DataArray as ``open_cube`` gives it, or a bare array of three axes."""
+        geometry = SurveyGeometry.from_cube(cube)
+        if geometry.map_fit is None or geometry.unit != "m":
+            return cls(np.eye(3), "bin")
+        matrix = np.zeros((3, 3))
+        matrix[:2, :2], matrix[2, 2] = geometry.map_fit.matrix, geometry.sample.step
+        return cls(matrix, "m")
+
+    @property
+    def steps(self) -> tuple[float, float, float]:
+        """Lengths of one step along each axis."""
+        lengths = np.linalg.norm(self.matrix, axis=0)
+        return float(lengths[0]), float(lengths[1]), float(lengths[2])
+
+    @property
+    def voxel(self) -> float:
+        """Volume of a voxel."""
+        return float(abs(np.linalg.det(self.matrix)))
+
+    def carry(self, points: AnyArray) -> Float64Array:
+        """Positions or steps, of shape (n, 3), in lengths."""
+        return np.asarray(points, dtype=np.float64) @ self.matrix.T
+
+    def normals(self, normals: AnyArray) -> Float64Array:
+        """Return unit normals of planes that have these normals in index steps, by the inverse transpose: (n, 3)."""
+        turned = np.linalg.solve(self.matrix.T, np.asarray(normals, dtype=np.float64).T).T
+        return np.asarray(turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-30))
+
+    def areas(self, vertices: AnyArray, cells: AnyArray) -> Float64Array:
+        """Area of each triangle of a mesh in index coordinates."""
+        return measure_cells(self.carry(vertices), cells)

@@ -1,0 +1,338 @@
+"""Traced faults and horizons beside an interpreter's: how far apart, what was missed, what is new."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from seismo3d._typing import BoolArray, Float64Array, IntArray
+from seismo3d._validate import as_number
+from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.geometry.triangles import weigh_vertices
+from seismo3d.io.fault_sticks import FaultStick
+from seismo3d.io.horizons import HorizonPoints
+from seismo3d.seismic.faultset import FaultSet
+from seismo3d.seismic.picks import place_horizon, place_stick
+
+# more than half of a picked fault, or of a traced one, decides
+_HALF = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class PickedFault:
+    """One fault of the interpreter, and what was traced there.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    n_sticks : int
+        Number of its sticks.
+    median, p90 : float
+        Distance from its sticks to the nearest traced surface, in traces and samples; NaN where nothing was traced.
+    within : float
+        Share of its sticks' length within the tolerance of a traced surface.
+    traced_as : int
+        Label of the surface that is nearest to most of that share; 0 where the fault was missed.
+    """
+
+    name: str
+    n_sticks: int
+    median: float
+    p90: float
+    within: float
+    traced_as: int
+
+
+@dataclass(frozen=True, slots=True)
+class StickScore:
+    """Traced faults against picked sticks.
+
+    Attributes
+    ----------
+    tolerance : float
+        Distance in traces and samples up to which both agree.
+    median, p90, within : float
+        Distance from the sticks to the nearest surface, and the share of the sticks' length within the tolerance.
+    faults : tuple of PickedFault
+        One a picked fault.
+    missed : tuple of str
+        Picked faults of which less than half lies within the tolerance of a surface.
+    new : tuple of int
+        Labels of surfaces of which less than half lies within the tolerance of a picked fault.
+    confirmed : float
+        Share of the area of all surfaces that lies within the tolerance of a picked fault.
+    outside : float
+        Share of the sticks' nodes that lie outside the cube, and do not count.
+    """
+
+    tolerance: float
+    median: float
+    p90: float
+    within: float
+    faults: tuple[PickedFault, ...]
+    missed: tuple[str, ...]
+    new: tuple[int, ...]
+    confirmed: float
+    outside: float
+
+
+@dataclass(frozen=True, slots=True)
+class HorizonScore:
+    """A picked horizon against the traced one that is nearest to it.
+
+    Attributes
+    ----------
+    name : str
+        The picked horizon.
+    track : str
+        The traced one; "" where none lies on a picked trace.
+    tolerance : float
+        Vertical distance up to which both agree, in the unit of the picks.
+    n_picks, n_common : int
+        Picks, and those of them at which the track was traced.
+    median, p90, bias : float
+        Median and 90th percentile of the vertical distance where both are known, and its signed median: positive where
+        the track is deeper.
+    within : float
+        Share of the common picks within the tolerance.
+    missed : float
+        Share of the picks where the track was not traced.
+    new : int
+        Number of places where the track was traced and nothing was picked.
+    """
+
+    name: str
+    track: str
+    tolerance: float
+    n_picks: int
+    n_common: int
+    median: float
+    p90: float
+    bias: float
+    within: float
+    missed: float
+    new: int
+
+
+def score_sticks(
+    faults: FaultSet, sticks: Sequence[FaultStick], *, cube: Any = None, tolerance: float = 3.0
+) -> StickScore:
+    """Score traced faults against picked fault sticks.
+
+    Sticks are compared at every voxel of their length. For what is new, the surface between neighbouring sticks of one
+    fault counts as picked, so that sticks may lie far apart.
+
+    Parameters
+    ----------
+    faults : FaultSet
+        Faults of a cube.
+    sticks : sequence of FaultStick
+        From :func:`seismo3d.io.fault_sticks.read_sticks`.
+    cube : DataArray, optional
+        The cube, for its coordinates. [default: those of ``faults.labels``]
+    tolerance : float
+        Distance up to which both agree, in traces and samples.
+
+    Returns
+    -------
+    StickScore
+
+    Raises
+    ------
+    ShapeError
+        If the faults are of a section.
+    GeometryError
+        If no stick lies in the cube.
+    """
+    if np.ndim(faults.labels) != 3:
+        raise ShapeError(f"faults are of a section of shape {np.shape(faults.labels)}; expected those of a cube.")
+    limit = as_number(tolerance, "tolerance", low=0.0)
+    home = faults.labels if cube is None else cube
+    shape = np.array(np.shape(faults.labels))
+    placed = {id(stick): place_stick(stick, home) for stick in sticks}
+    nodes = np.concatenate(list(placed.values())) if placed else np.zeros((0, 3))
+    outside = 1.0 - float(_inside(nodes, shape).mean()) if len(nodes) else 1.0
+    names = list(dict.fromkeys(stick.fault for stick in sticks))
+    lines = {name: [_dense(placed[id(stick)]) for stick in sticks if stick.fault == name] for name in names}
+    lines = {name: [part[_inside(part, shape)] for part in parts] for name, parts in lines.items()}
+    lines = {name: parts for name, parts in lines.items() if sum(map(len, parts))}
+    if not lines:
+        raise GeometryError(
+            "no stick lies in the cube; expected places, and times or depths, in its own coordinates and unit. Check "
+            "the export's coordinate system."
+        )
+    places = _surface_places(faults)
+    rows, distances = [], []
+    for name, parts in lines.items():
+        distance, label = _nearest(np.concatenate(parts), places)
+        rows.append(_picked(name, len(parts), distance, label, limit))
+        distances.append(distance)
+    picked = np.concatenate([_between(parts) for parts in lines.values()])
+    near = _shares_near(faults, picked, limit)
+    area = np.array([surface.area for surface in faults.surfaces])
+    every = np.concatenate(distances)
+    return StickScore(
+        limit, _percentile(every, 50.0), _percentile(every, 90.0), float((every <= limit).mean()), tuple(rows),
+        tuple(row.name for row in rows if row.within < _HALF),
+        tuple(label for label, share in enumerate(near, start=1) if share < _HALF),
+        float(np.average(near, weights=area)) if len(near) else float("nan"), outside,
+    )  # fmt: skip
+
+
+def score_horizon(
+    tracks: Sequence[HorizonPoints], picks: HorizonPoints, *, tolerance: float, cube: Any = None, apart: float = 1.0
+) -> HorizonScore:
+    """Score traced horizons against a picked one; the traced one with the smallest median distance counts.
+
+    Parameters
+    ----------
+    tracks : sequence of HorizonPoints
+        What was traced.
+    picks : HorizonPoints
+        What was picked, in the same unit.
+    tolerance : float
+        Vertical distance up to which both agree, in that unit.
+    cube : DataArray, optional
+        The cube that both are of: then traces are compared. By default line numbers where both files have them, else
+        x and y to within `apart`.
+    apart : float
+        Largest distance in x and y (or of line numbers) at which two points are of one trace, without a cube.
+
+    Returns
+    -------
+    HorizonScore
+
+    Raises
+    ------
+    ParameterError
+        If there is no track.
+    GeometryError
+        If no pick lies on a place of any track.
+    """
+    if not tracks:
+        raise ParameterError("tracks is empty; expected at least one. Trace horizons first.")
+    limit, reach = as_number(tolerance, "tolerance", low=0.0), as_number(apart, "apart", low=0.0)
+    best: tuple[float, HorizonScore] | None = None
+    for track in tracks:
+        here, there = _flat(picks, track, cube)
+        distance, near = cKDTree(there).query(here, distance_upper_bound=(0.5 if cube is not None else reach) + 1e-9)
+        common: BoolArray = np.asarray(np.isfinite(distance))
+        if not common.any():
+            continue
+        down = track.points[np.asarray(near)[common], 2] - picks.points[common, 2]
+        n_new = len(there) - len(np.unique(np.asarray(near)[common]))
+        size = np.abs(down)
+        score = HorizonScore(
+            picks.name, track.name, limit, len(here), int(common.sum()), _percentile(size, 50.0),
+            _percentile(size, 90.0), float(np.median(down)), float((size <= limit).mean()),
+            1.0 - float(common.mean()), n_new,
+        )  # fmt: skip
+        if best is None or score.median < best[0]:
+            best = score.median, score
+    if best is None:
+        raise GeometryError(
+            f"no pick of {picks.name} lies on a trace of a track; expected the same survey in the same coordinates. "
+            "Check the export's coordinate system."
+        )
+    return best[1]
+
+
+def _flat(picks: HorizonPoints, track: HorizonPoints, cube: Any) -> tuple[Float64Array, Float64Array]:
+    """Places of both on one plane: indices, line numbers, or x and y."""
+    if cube is not None:
+        return np.rint(place_horizon(picks, cube)[:, :2]), np.rint(place_horizon(track, cube)[:, :2])
+    if np.isfinite(picks.lines).all() and np.isfinite(track.lines).all():
+        return picks.lines, track.lines
+    return picks.points[:, :2], track.points[:, :2]
+
+
+def _inside(points: Float64Array, shape: Any) -> BoolArray:
+    return np.asarray(((points > -0.5) & (points < shape - 0.5)).all(axis=1))
+
+
+def _dense(nodes: Float64Array, step: float = 1.0) -> Float64Array:
+    """Points along a polyline, no more than a step apart."""
+    if len(nodes) < 2:
+        return nodes
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1)))
+    at = np.linspace(0.0, length[-1], max(2, int(np.ceil(length[-1] / step)) + 1))
+    return np.column_stack([np.interp(at, length, column) for column in nodes.T])
+
+
+def _between(parts: list[Float64Array]) -> Float64Array:
+    """Points of the surface between neighbouring sticks of one fault, in the order of their middles along it."""
+    parts = [part for part in parts if len(part)]
+    middles = np.array([part.mean(axis=0)[:2] for part in parts])
+    spread = middles - middles.mean(axis=0)
+    along = np.linalg.svd(spread, full_matrices=False)[2][0] if len(parts) > 1 else np.zeros(2)
+    order = np.argsort(spread @ along, kind="stable")
+    points = list(parts)
+    share = np.linspace(0.0, 1.0, 64)
+    for a, b in pairwise(order):
+        first, second = (
+            np.column_stack([np.interp(share, np.linspace(0, 1, len(part)), column) for column in part.T])
+            for part in (parts[a], parts[b])
+        )
+        gap = float(np.linalg.norm(second - first, axis=1).max())
+        points += [first + t * (second - first) for t in np.linspace(0, 1, int(np.ceil(gap)) + 1)[1:-1]]
+    return np.concatenate(points)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Places:
+    """Vertices and middles of the triangles of all surfaces, with their normals and labels."""
+
+    points: Float64Array
+    normals: Float64Array
+    labels: IntArray
+
+
+def _surface_places(faults: FaultSet) -> _Places:
+    points, normals, labels = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros(0, np.int64)]
+    for label, surface in enumerate(faults.surfaces, start=1):
+        for values, parts in ((surface.vertices, points), (surface.normals, normals)):
+            nodes = values.astype(np.float64)
+            parts += [nodes, nodes[surface.cells].mean(axis=1)]
+        labels.append(np.full(len(surface.vertices) + len(surface.cells), label))
+    flat = np.concatenate(normals)
+    flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-12)
+    return _Places(np.concatenate(points), flat, np.concatenate(labels))
+
+
+def _nearest(at: Float64Array, places: _Places) -> tuple[Float64Array, IntArray]:
+    """Distance to the nearest surface, and its label; surfaces are level for one voxel around each place of them."""
+    if not len(places.points):
+        return np.full(len(at), np.inf), np.zeros(len(at), np.int64)
+    distance, near = cKDTree(places.points).query(at)
+    off = np.abs(((at - places.points[near]) * places.normals[near]).sum(axis=1))
+    aside = np.sqrt(np.maximum(np.asarray(distance) ** 2 - off**2, 0.0))
+    return np.hypot(off, np.maximum(aside - 1.0, 0.0)), places.labels[near]
+
+
+def _picked(name: str, n_sticks: int, distance: Float64Array, label: IntArray, limit: float) -> PickedFault:
+    near = distance <= limit
+    share = float(near.mean())
+    traced = int(np.bincount(label[near]).argmax()) if share >= _HALF else 0
+    return PickedFault(name, n_sticks, _percentile(distance, 50.0), _percentile(distance, 90.0), share, traced)
+
+
+def _shares_near(faults: FaultSet, picked: Float64Array, limit: float) -> Float64Array:
+    """Share of the area of each surface within the limit of what was picked."""
+    tree = cKDTree(picked)
+    shares = []
+    for surface in faults.surfaces:
+        vertices = surface.vertices.astype(np.float64)
+        near = np.isfinite(tree.query(vertices, distance_upper_bound=limit + 1e-9)[0])
+        shares.append(float(np.average(near, weights=weigh_vertices(vertices, surface.cells))))
+    return np.array(shares)
+
+
+def _percentile(values: Float64Array, percent: float) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.percentile(finite, percent)) if len(finite) else float("nan")

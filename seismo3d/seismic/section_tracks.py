@@ -1,0 +1,112 @@
+"""Tracks on a section: it is thickened to a cube that is the same everywhere across it, and tracked there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import Float64Array
+from seismo3d._validate import freeze
+from seismo3d.errors import ShapeError
+from seismo3d.seismic.faultset import FaultSet, FaultSurface
+
+_THICK = 9
+_MIDDLE = _THICK // 2
+
+
+def thicken(section: Any, faults: FaultSet | None) -> tuple[Any, FaultSet | None]:
+    """Repeat a section, and its faults, along a new inline axis.
+
+    Parameters
+    ----------
+    section : DataArray or array_like of shape (trace, sample)
+        A section.
+    faults : FaultSet, optional
+        Its faults.
+
+    Returns
+    -------
+    cube : DataArray or ndarray of shape (9, trace, sample)
+        A DataArray, with the section's coordinates on the crossline and sample axes, where the section was one.
+    faults : FaultSet or None
+        The same faults as surfaces.
+
+    Raises
+    ------
+    ShapeError
+        If the faults are of another section.
+    """
+    if faults is not None and np.shape(faults.labels) != np.shape(section):
+        raise ShapeError(
+            f"faults are of a section of shape {np.shape(faults.labels)}; section has shape {np.shape(section)}. "
+            "Give the section that they were traced in."
+        )
+    values = np.asarray(getattr(section, "values", section))
+    cube: Any = np.broadcast_to(values, (_THICK, *values.shape))
+    if hasattr(section, "dims"):
+        import xarray as xr
+
+        trace, vertical = (str(name) for name in section.dims)
+        coords: dict[str, Any] = {"inline": np.arange(_THICK)}
+        for name, dim in ((trace, "crossline"), (vertical, vertical)):
+            if name in section.coords:
+                coords[dim] = np.asarray(section[name].values)
+        cube = xr.DataArray(cube, dims=("inline", "crossline", vertical), coords=coords)
+    return cube, None if faults is None else _thicken_faults(faults)
+
+
+def thicken_seeds(seeds: Any) -> Any:
+    """Put seeds (trace, time or depth), or lists of them, on the middle of the thickened section."""
+    if seeds is None:
+        return None
+    return [_as_seeds(entry, number) for number, entry in enumerate(seeds)]
+
+
+def cut_middle(track: Any) -> Any:
+    """Return the track of a section from that of its thickened cube: depth, confidence and seeds without inlines."""
+    return replace(
+        track,
+        depth=freeze(track.depth[_MIDDLE].copy()),
+        confidence=freeze(track.confidence[_MIDDLE].copy()),
+        seeds=freeze(track.seeds[:, 1:].copy()),
+    )
+
+
+def _as_seeds(entry: Any, number: int) -> Float64Array:
+    points = np.atleast_2d(np.asarray(entry, dtype=np.float64))
+    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+        raise ShapeError(
+            f"seeds[{number}] has shape {np.shape(entry)}; expected a point (trace, time or depth), or a list of such "
+            "points, of finite numbers."
+        )
+    return np.column_stack([np.full(len(points), float(_MIDDLE)), points])
+
+
+def _thicken_faults(faults: FaultSet) -> FaultSet:
+    surfaces = tuple(_thicken_surface(surface) for surface in faults.surfaces)
+    volumes = {
+        name: np.broadcast_to(np.asarray(getattr(faults, name)), (_THICK, *np.shape(faults.labels)))
+        for name in ("likelihood", "labels", "throw")
+    }
+    return FaultSet(surfaces, **volumes, settings=faults.settings)
+
+
+def _thicken_surface(line: FaultSurface) -> FaultSurface:
+    """Turn a polyline into a strip of triangles across the thickened section."""
+    n = len(line.vertices)
+    rows = np.repeat(np.arange(_THICK, dtype=np.float32), n)
+    a, b = (line.cells[:, k] + n * np.arange(_THICK - 1)[:, None] for k in (0, 1))
+    cells = np.concatenate([np.stack([a, b, a + n], axis=-1), np.stack([b, b + n, a + n], axis=-1)])
+    repeated: dict[str, Any] = {
+        name: freeze(np.tile(getattr(line, name), _THICK))
+        for name in ("likelihood", "throw", "throw_fit", "strike_deg", "dip_deg")
+    }
+    return replace(
+        line,
+        vertices=freeze(np.column_stack([rows, np.tile(line.vertices, (_THICK, 1))])),
+        normals=freeze(np.column_stack([np.zeros_like(rows), np.tile(line.normals, (_THICK, 1))])),
+        cells=freeze(cells.reshape(-1, 3).astype(np.int32)),
+        **repeated,
+    )

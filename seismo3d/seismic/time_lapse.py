@@ -1,0 +1,332 @@
+"""Time lapse: a monitor cube aligned with its base cube, with the shifts and their uncertainty as cubes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy import fft, ndimage
+
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
+from seismo3d._validate import freeze
+from seismo3d.errors import GeometryError, ShapeError
+from seismo3d.registration.register import register
+from seismo3d.registration.result import Registration
+
+
+@dataclass(frozen=True, slots=True)
+class TimeLapseSettings:
+    """How two cubes are aligned; lengths in traces and samples.
+
+    Attributes
+    ----------
+    levels : tuple of float
+        Widths of the smoothing of the amplitudes down the samples, from coarse to fine.
+    passes : int
+        Least-squares steps a level.
+    lateral, vertical : float
+        Widths of the Gaussian window over which the cubes are compared.
+    prior : (float, float)
+        Standard deviations that are expected: of the lateral shift from that of the whole, in traces, and of the
+        vertical one from its surroundings. Where the data say less than these, they are what is left.
+    largest : float
+        Most cells that the coarse registration works on; larger cubes are thinned first.
+    """
+
+    levels: tuple[float, ...] = (6.0, 2.5, 0.0)
+    passes: int = 3
+    lateral: float = 4.0
+    vertical: float = 10.0
+    prior: tuple[float, float] = (0.5, 4.0)
+    largest: float = 2e6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CubeAlignment:
+    """Shifts from a base cube to a monitor cube.
+
+    Attributes
+    ----------
+    shift : array of the base's shape, float32
+        How far what is at a place of the base lies deeper in the monitor, in ms or m (samples of bare arrays); NaN on
+        traces that both cubes lack. A DataArray where the base was one.
+    shift_std : array of the same shape, float32
+        Its standard deviation: of the amplitudes' misfit, the prior, and the unevenness of the shifts in a window.
+    inline_shift, crossline_shift : arrays of the same shape, float32
+        The same along the inline and the crossline axis, in traces.
+    inline_std, crossline_std : arrays of the same shape, float32
+        Their standard deviations: as large as the prior's where layers are level and nothing is to be told.
+    aligned : array of the same shape, float32
+        The monitor carried to the base; 0 where it has no data for a place.
+    coarse : Registration
+        What :func:`seismo3d.register` found for the whole.
+    start : tuple of float
+        The shift of the whole, in traces and samples, that local windows started from: what it found, or the best
+        vertical shift where that fits about as well.
+    """
+
+    shift: Any
+    shift_std: Any
+    inline_shift: Any
+    crossline_shift: Any
+    inline_std: Any
+    crossline_std: Any
+    aligned: Any
+    coarse: Registration
+    start: tuple[float, float, float]
+
+
+def align_cubes(
+    base: Any, monitor: Any, *, settings: TimeLapseSettings | None = None, progress: Progress | None = None
+) -> CubeAlignment:
+    r"""Align a monitor cube with its base: local shifts in all three directions, with their uncertainty.
+
+    :func:`seismo3d.register` gives the shift of the whole. Local windows then minimise
+    :math:`\sum w\,(b(x) - m(x + s))^2` by least squares, coarse to fine (Lucas and Kanade's fit [1]_ in three
+    dimensions), with a Gaussian prior on the lateral shift about that of the whole, and on the vertical one about its
+    surroundings. Along level layers the lateral shift is not observable: there the prior is what remains, and the
+    standard deviation says so. Dead and missing traces of either cube have no weight; windows reach over them.
+
+    Parameters
+    ----------
+    base, monitor : DataArray or array_like
+        Cubes (inline, crossline, sample) on the same traces and samples. Their overall strengths may differ.
+    settings : TimeLapseSettings, optional
+    progress : callable, optional
+        Called with the stage's name and the share of it that is done.
+
+    Returns
+    -------
+    CubeAlignment
+
+    Raises
+    ------
+    ShapeError
+        If they are not cubes of one shape.
+    GeometryError
+        If their coordinates differ, or no trace is live in both.
+
+    References
+    ----------
+    .. [1] B. D. Lucas, T. Kanade, Proc. 7th IJCAI, 674-679, 1981.
+    """
+    settings = settings or TimeLapseSettings()
+    report = progress or _unheard
+    _check(base, monitor)
+    report("register", 0.0)
+    target, known_target = _prepare(base)
+    source, known_source = _prepare(monitor)
+    if not (known_target.any(axis=2) & known_source.any(axis=2)).any():
+        raise GeometryError("base and monitor have no live trace in common; expected the same survey.")
+    coarse = _register(target, source, settings)
+    start = _choose_start(target, source, known_target, known_source, coarse)
+    shift = np.empty((3, *target.shape), np.float32)
+    shift[:] = start.astype(np.float32)[:, None, None, None]
+    variance = np.zeros_like(shift)
+    steps = len(settings.levels) * settings.passes
+    for number, width in enumerate(settings.levels):
+        first, second = (_smooth_down(volume, width) for volume in (target, source))
+        for k in range(settings.passes):
+            report("local shifts", (number * settings.passes + k) / steps)
+            shift, variance = _refine(first, second, known_target, known_source, shift, start, settings)
+    variance += _unevenness(shift, settings)
+    report("local shifts", 1.0)
+    return _pack(base, monitor, shift, variance, (coarse, start), (known_target, known_source))
+
+
+def _unheard(stage: str, share: float) -> None:
+    """Take reports of progress where nobody asked for them."""
+
+
+def _check(base: Any, monitor: Any) -> None:
+    if np.ndim(base) != 3 or np.shape(base) != np.shape(monitor):
+        raise ShapeError(
+            f"base has shape {np.shape(base)} and monitor {np.shape(monitor)}; expected two cubes of one shape. Cut or "
+            "interpolate the monitor onto the base's traces and samples."
+        )
+    if min(np.shape(base)) < 8:
+        raise ShapeError(f"base has shape {np.shape(base)}; expected at least 8 traces each way and 8 samples.")
+    if hasattr(base, "dims") and hasattr(monitor, "dims"):
+        for name in base.dims:
+            if name in base.coords and not (name in monitor.coords and np.allclose(base[name], monitor[name])):
+                raise GeometryError(
+                    f"base and monitor differ in their {name} coordinates; expected the same lines and samples. Cut or "
+                    "interpolate the monitor onto the base's."
+                )
+
+
+def _prepare(cube: Any) -> tuple[Float32Array, BoolArray]:
+    """Amplitudes of unit strength with 0 where there are none, and where there are some."""
+    values = np.asarray(getattr(cube, "values", cube), dtype=np.float32)
+    known = np.isfinite(values)
+    known &= (np.where(known, values, 0.0) != 0.0).any(axis=2, keepdims=True)
+    values = np.where(known, values, np.float32(0.0))
+    strength = float(np.sqrt(np.mean(np.square(values[known], dtype=np.float64)))) if known.any() else 1.0
+    return values / np.float32(strength or 1.0), known
+
+
+def _register(target: Float32Array, source: Float32Array, settings: TimeLapseSettings) -> Registration:
+    """Shift of the whole; large cubes are thinned along all axes alike, after smoothing."""
+    step = max(1, int(np.ceil((target.size / settings.largest) ** (1.0 / 3.0))))
+    if step == 1:
+        return register(target, source, model="translation")
+    thin = [ndimage.gaussian_filter(v, 0.5 * step)[::step, ::step, ::step].copy() for v in (target, source)]
+    found = register(thin[0], thin[1], model="translation")
+    moved = found.T_target_source.copy()
+    moved[:3, 3] *= step
+    return replace(found, T_target_source=freeze(moved))
+
+
+def _choose_start(
+    target: Float32Array, source: Float32Array, known_target: BoolArray, known_source: BoolArray, coarse: Registration
+) -> Float64Array:
+    """Shift of the whole: that of the registration where it fits clearly better than the best vertical one."""
+    vertical = np.array([0.0, 0.0, _best_lag(target, source)])
+    if not coarse.converged:
+        return vertical
+
+    def misfit(shift: Float64Array) -> float:
+        field = np.broadcast_to(shift.astype(np.float32)[:, None, None, None], (3, *target.shape))
+        carried, weight = _carry(source, known_source, field)
+        weight *= known_target
+        return float((weight * (target - carried) ** 2).sum() / max(float(weight.sum()), 1.0))
+
+    found = -coarse.T_target_source[:3, 3]
+    # along layers of one dip a lateral shift costs next to nothing: it must pay
+    return found if misfit(found) < 0.8 * misfit(vertical) else vertical
+
+
+def _best_lag(target: Float32Array, source: Float32Array) -> float:
+    """Vertical shift, in whole samples, at which the traces of two cubes correlate best, up to a quarter of a trace."""
+    n = target.shape[2]
+    length = fft.next_fast_len(2 * n)
+    product = np.zeros(length)
+    for a, b in zip(target, source, strict=True):
+        product += fft.irfft(np.conj(fft.rfft(a, length, axis=1)) * fft.rfft(b, length, axis=1), length).sum(axis=0)
+    lags = np.arange(-(n // 4), n // 4 + 1)
+    return float(lags[np.argmax(product[lags])])
+
+
+def _smooth_down(volume: Float32Array, width: float) -> Float32Array:
+    return volume if width <= 0.0 else np.asarray(ndimage.gaussian_filter1d(volume, width, axis=2, mode="nearest"))
+
+
+def _refine(
+    target: Float32Array, source: Float32Array, known_target: BoolArray, known_source: BoolArray, shift: Float32Array,
+    start: Float64Array, settings: TimeLapseSettings,
+) -> tuple[Float32Array, Float32Array]:  # fmt: skip
+    """One least-squares step in every window: the shifts after it, and their variances."""
+    carried, weight = _carry(source, known_source, shift)
+    weight *= known_target
+    gradients = [0.5 * (np.gradient(target, axis=k) + np.gradient(carried, axis=k)) for k in range(3)]
+    weight *= _robust(target - carried, weight)
+    residual = (target - carried) * weight
+    window = (settings.lateral, settings.lateral, settings.vertical)
+    total = ndimage.gaussian_filter(weight, window)
+    matrix = np.empty((*target.shape, 3, 3), np.float32)
+    right = np.empty((*target.shape, 3), np.float32)
+    for a in range(3):
+        right[..., a] = ndimage.gaussian_filter(gradients[a] * residual, window)
+        for b in range(a, 3):
+            matrix[..., a, b] = ndimage.gaussian_filter(weight * gradients[a] * gradients[b], window)
+            matrix[..., b, a] = matrix[..., a, b]
+    left = ndimage.gaussian_filter(residual * residual, window)
+    return _solve(matrix, right, left, total, shift, start, settings)
+
+
+def _robust(residual: Float32Array, weight: Float32Array) -> Float32Array:
+    """Weights of Geman and McClure: what changed between the surveys, and ends of traces, must not pull."""
+    size = np.abs(residual[weight > 0][::7])
+    cutoff = max(4.0 * float(np.median(size)) if len(size) else 1.0, 1e-3)
+    return np.asarray(1.0 / (1.0 + (residual / np.float32(cutoff)) ** 2) ** 2, dtype=np.float32)
+
+
+def _solve(
+    matrix: Float32Array, right: Float32Array, left: Float32Array, total: Float32Array, shift: Float32Array,
+    start: Float64Array, settings: TimeLapseSettings,
+) -> tuple[Float32Array, Float32Array]:  # fmt: skip
+    """Shifts of largest posterior probability, and their variances."""
+    # a window holds about as many independent amplitudes as quarter wavelengths of six samples, times pairs of traces
+    n_free = max(1.0, 3.5 * settings.vertical / 6.0 * (3.5 * settings.lateral / 2.0) ** 2)
+    share = np.maximum(total, np.float32(1e-6))
+    noise = np.maximum(left / share, np.float32(1e-4)) / np.float32(n_free)
+    prior = np.array([settings.prior[0], settings.prior[0], settings.prior[1]], np.float32) ** -2
+    # along the layers' dip lateral and vertical shifts can be exchanged: what anchors them is the shift of the whole
+    expected = [np.full_like(shift[0], start[0]), np.full_like(shift[1], start[1]), _level(shift[2], total, settings)]
+    around = np.stack(expected, axis=-1) - np.moveaxis(shift, 0, -1)
+    precision = matrix / (noise * share)[..., None, None] * np.minimum(share, 1.0)[..., None, None]
+    pull = right / (noise * share)[..., None] * np.minimum(share, 1.0)[..., None]
+    precision[..., np.arange(3), np.arange(3)] += prior
+    covariance = np.linalg.inv(precision)
+    step = np.einsum("...ab,...b->...a", covariance, pull + prior * around)
+    limit = np.array([1.0, 1.0, 3.0], np.float32)
+    moved = shift + np.moveaxis(np.clip(step, -limit, limit), -1, 0)
+    variance = np.moveaxis(covariance[..., np.arange(3), np.arange(3)], -1, 0)
+    return moved.astype(np.float32), np.ascontiguousarray(variance, dtype=np.float32)
+
+
+def _level(values: Float32Array, weight: Float32Array, settings: TimeLapseSettings) -> Float32Array:
+    """Weighted mean of shifts over a wide window: what the prior expects."""
+    window = (2.0 * settings.lateral, 2.0 * settings.lateral, 2.0 * settings.vertical)
+    share = np.maximum(ndimage.gaussian_filter(weight, window), np.float32(1e-6))
+    return np.asarray(ndimage.gaussian_filter(values * weight, window) / share)
+
+
+def _unevenness(shift: Float32Array, settings: TimeLapseSettings) -> Float32Array:
+    """Mean square of shifts about their mean in a window: one shift a window cannot be nearer to all of them."""
+    window = (settings.lateral, settings.lateral, settings.vertical)
+    return np.stack([ndimage.gaussian_filter((s - ndimage.gaussian_filter(s, window)) ** 2, window) for s in shift])
+
+
+def _carry(volume: Float32Array, known: BoolArray, shift: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Amplitudes at the shifted places, and where these are known (1) or not (0)."""
+    weights = ndimage.spline_filter(volume, order=3, output=np.float32, mode="mirror")
+    out, weight = np.empty_like(volume), np.empty_like(volume)
+    rest = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in volume.shape[1:]), indexing="ij")
+    far = np.array(volume.shape, dtype=np.float32)[:, None, None] - 1
+    marks = None if known.all() else known.astype(np.float32)
+    for i in range(len(out)):
+        at = shift[:, i] + np.stack([np.full_like(rest[0], i), *rest])
+        out[i] = ndimage.map_coordinates(weights, at, order=3, mode="mirror", prefilter=False)
+        weight[i] = ((at >= 0) & (at <= far)).all(axis=0)
+        if marks is not None:
+            weight[i] *= ndimage.map_coordinates(marks, at, order=1, mode="nearest") > 0.99
+    return out, weight
+
+
+def _pack(
+    base: Any,
+    monitor: Any,
+    shift: Float32Array,
+    variance: Float32Array,
+    whole: tuple[Registration, Float64Array],
+    known: tuple[BoolArray, BoolArray],
+) -> CubeAlignment:
+    """Put shifts into the base's units and coordinates."""
+    interval = 1.0
+    if hasattr(base, "dims") and base.dims[2] in base.coords:
+        times = base[base.dims[2]].values
+        interval = float(times[1] - times[0])
+    values = np.asarray(getattr(monitor, "values", monitor), dtype=np.float32)
+    aligned, weight = _carry(np.where(np.isfinite(values), values, np.float32(0.0)), known[1], shift)
+    aligned[weight == 0.0] = 0.0
+    lost = ~(known[0] | known[1]).any(axis=2)
+
+    def like(array: AnyArray, name: str, scale: float = 1.0) -> Any:
+        made = np.asarray(array * np.float32(scale), dtype=np.float32)
+        made[lost] = np.nan
+        return base.copy(data=freeze(made)).rename(name) if hasattr(base, "dims") else freeze(made)
+
+    spread = np.sqrt(variance)
+    return CubeAlignment(
+        shift=like(shift[2], "shift", interval),
+        shift_std=like(spread[2], "shift_std", interval),
+        inline_shift=like(shift[0], "inline_shift"),
+        crossline_shift=like(shift[1], "crossline_shift"),
+        inline_std=like(spread[0], "inline_std"),
+        crossline_std=like(spread[1], "crossline_std"),
+        aligned=like(aligned, "aligned"),
+        coarse=whole[0],
+        start=(float(whole[1][0]), float(whole[1][1]), float(whole[1][2])),
+    )

@@ -1,0 +1,325 @@
+"""Unfaulting: a cube with the slip of its faults taken out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import fft, ndimage
+
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
+from seismo3d._validate import freeze
+from seismo3d.errors import ShapeError
+from seismo3d.seismic._kernels_unfaulting import cross_edges
+from seismo3d.seismic.fault_links import SurfaceGrid, grid_surface
+from seismo3d.seismic.faultset import FaultSet
+
+
+@dataclass(frozen=True, slots=True)
+class UnfaultSettings:
+    """How the slip is spread over a cube.
+
+    Attributes
+    ----------
+    beyond : int
+        Traces and samples over which the slip of a fault dies out beyond the edge of its surface.
+    smoothing : float
+        Width, in traces and samples, of the smoothing of slip over a surface.
+    following : float
+        Width of the smoothing of the motion by which a fault moves along.
+    rounds : int
+        How often the faults are moved along with the blocks that they lie in, before the last solution.
+    iterations : int
+        Most steps a round towards the full jump across the faults.
+    tolerance : float
+        Root mean square of what is missing of the jump, in samples, at which a round ends.
+    """
+
+    beyond: int = 8
+    smoothing: float = 2.0
+    following: float = 4.0
+    rounds: int = 3
+    iterations: int = 12
+    tolerance: float = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SlipField:
+    """Where each place of the unfaulted cube lies in the cube today.
+
+    Attributes
+    ----------
+    displacement : ndarray of shape (3, inline, crossline, sample), float32
+        In traces and samples: place ``x`` of the unfaulted cube is at ``x + displacement`` today. It is smooth but for
+        its jumps across faults, which are their slip; its mean is zero.
+    surfaces : tuple of ndarray of shape (n, 3), float64
+        Where the nodes of each fault lie in the unfaulted cube.
+    missing : float
+        Root mean square, over all edges of the grid that a fault crosses, of what is missing of the jump.
+    """
+
+    displacement: Float32Array
+    surfaces: tuple[Float64Array, ...]
+    missing: float
+
+
+def unfault(
+    cube: Any, faults: FaultSet, *, settings: UnfaultSettings | None = None, progress: Progress | None = None
+) -> Any:
+    """Take the slip out of a cube: move the two sides of every fault back to where they touched.
+
+    Parameters
+    ----------
+    cube : DataArray or array_like
+        A cube (inline, crossline, sample).
+    faults : FaultSet
+        Faults of this cube, with throws.
+    settings : UnfaultSettings, optional
+    progress : callable, optional
+        Called with the stage's name and the share of it that is done.
+
+    Returns
+    -------
+    DataArray or ndarray of the cube's shape, float32
+        Amplitudes by cubic interpolation; 0 where the cube holds no data for a place. Traces that are missing (NaN) in
+        the cube stay missing.
+
+    Raises
+    ------
+    ShapeError
+        If the cube has not three axes, or the faults are of another cube.
+
+    See Also
+    --------
+    find_slip_field : the displacements.
+    """
+    if np.ndim(cube) != 3 or np.shape(faults.labels) != np.shape(cube):
+        raise ShapeError(
+            f"cube has shape {np.shape(cube)} and its faults {np.shape(faults.labels)}; expected one shape of three "
+            "axes. Give the cube that they were traced in."
+        )
+    field = find_slip_field(faults, settings=settings, progress=progress)
+    out = _carry(np.asarray(getattr(cube, "values", cube)), field.displacement)
+    return cube.copy(data=out).rename("unfaulted") if hasattr(cube, "dims") else out
+
+
+def find_slip_field(
+    faults: FaultSet, *, settings: UnfaultSettings | None = None, progress: Progress | None = None
+) -> SlipField:
+    r"""Find a displacement that jumps by the slip across every fault of a cube and is smooth elsewhere.
+
+    Minimises :math:`\sum_e |d_{b(e)} - d_{a(e)} - J_e|^2` over the edges of the grid, where :math:`J` is the slip on
+    edges that a fault crosses from the footwall into the hanging wall, and zero on all others. This is Poisson's
+    equation, solved by cosine transforms. What is then missing of the jump is added to it and the whole is solved again
+    (Bregman iteration [1]_), until the jumps are the slip. Half of it goes to each side. All faults are solved for at
+    once; each then moves along with the blocks that it lies in, as in [2]_, so that a fault which cuts another brings
+    the parts of that one together before their own slip is taken out.
+
+    Parameters
+    ----------
+    faults : FaultSet
+        Faults of a cube; those whose throw is known nowhere are left as they are.
+    settings : UnfaultSettings, optional
+    progress : callable, optional
+        Called with the stage's name and the share of it that is done.
+
+    Returns
+    -------
+    SlipField
+
+    Raises
+    ------
+    ShapeError
+        If the faults are of a section.
+
+    References
+    ----------
+    .. [1] S. Osher et al., Multiscale Modeling & Simulation 4(2), 460-489, 2005. :doi:`10.1137/040605412`
+    .. [2] X. Wu, S. Luo, D. Hale, Geophysics 81(2), IM25-IM33, 2016. :doi:`10.1190/geo2015-0381.1`
+    """
+    settings = settings or UnfaultSettings()
+    shape = np.shape(faults.labels)
+    if len(shape) != 3:
+        raise ShapeError(f"faults are of a section of shape {shape}; expected those of a cube.")
+    sheets = [sheet for surface in faults.surfaces if (sheet := _lay_out(surface, settings)) is not None]
+    displacement, missing = np.zeros((3, *shape), np.float32), 0.0
+    places = [sheet.nodes - 0.5 * sheet.slip for sheet in sheets]
+    for number in range(settings.rounds + 1 if sheets else 0):
+        if progress is not None:
+            progress("unfault", number / (settings.rounds + 1))
+        if number:
+            pairs = zip(sheets, places, strict=True)
+            places = [_follow(sheet, place, displacement, settings.following) for sheet, place in pairs]
+        jumps = _join([_jumps(sheet, place, shape) for sheet, place in zip(sheets, places, strict=True)])
+        # until the faults lie where they belong, most of the jump is enough
+        n_steps = settings.iterations if number == settings.rounds else max(1, settings.iterations // 4)
+        displacement, missing = _solve(*jumps, shape, n_steps=n_steps, tolerance=settings.tolerance)
+    if progress is not None:
+        progress("unfault", 1.0)
+    return SlipField(freeze(displacement), tuple(freeze(place) for place in places), missing)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _SlipSheet:
+    """A surface on its grid: nodes (n, 3), slip at them (n, 3), unit normals into the hanging wall, triangles.
+
+    The nodes are the places of the grid of this shape that have these numbers.
+    """
+
+    nodes: Float64Array
+    slip: Float64Array
+    normals: Float64Array
+    cells: Int64Array
+    shape: tuple[int, int]
+    numbers: Int64Array
+
+    def smooth(self, values: Float64Array, width: float) -> Float64Array:
+        """Gaussian mean over the surface of values (n, ...) at the nodes; NaN is passed over."""
+        flat = values.reshape(len(values), -1)
+        grid = np.full((int(np.prod(self.shape)), flat.shape[1]), np.nan)
+        grid[self.numbers] = flat
+        columns = grid.T.reshape(-1, *self.shape)
+        means = np.stack([_smooth(column, np.isfinite(column), width) for column in columns])
+        return np.asarray(means.reshape(len(columns), -1).T[self.numbers].reshape(values.shape))
+
+
+def _lay_out(surface: Any, settings: UnfaultSettings) -> _SlipSheet | None:
+    """Nodes, slip and triangles of a surface carried on beyond its edge; None where its throw is known nowhere."""
+    grid = grid_surface(surface, beyond=settings.beyond)
+    if not np.isfinite(grid.throw).any():
+        return None
+    rows, samples = np.meshgrid(*(np.arange(n) for n in grid.w.shape), indexing="ij")
+    nodes = grid.place(rows.ravel(), samples.ravel())
+    slip, normals = _slip_of(grid, settings)
+    numbers = np.arange(grid.w.size).reshape(grid.w.shape)
+    a, b, c, d = (n.ravel() for n in (numbers[:-1, :-1], numbers[1:, :-1], numbers[:-1, 1:], numbers[1:, 1:]))
+    cells = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
+    usable: BoolArray = np.asarray(np.isfinite(nodes).all(axis=1) & np.isfinite(slip).all(axis=1))
+    cells = cells[usable[cells].all(axis=1)]
+    used, numbered = np.unique(cells, return_inverse=True)
+    triangles = numbered.reshape(-1, 3).astype(np.int64)
+    return _SlipSheet(nodes[used], slip[used], normals[used], triangles, grid.w.shape, used)
+
+
+def _slip_of(grid: SurfaceGrid, settings: UnfaultSettings) -> tuple[Float64Array, Float64Array]:
+    """Slip straight down the dip, and the unit normal, at every node of a grid."""
+    known = np.isfinite(grid.w)
+    w = _smooth(np.where(known, grid.w, 0.0), known, settings.smoothing)
+    ds, dz = (np.gradient(w, axis=axis) for axis in (0, 1))
+    outside = ndimage.distance_transform_edt(~grid.inside)
+    taper = np.clip(1.0 - outside / settings.beyond, 0.0, 1.0) if settings.beyond else grid.inside.astype(np.float64)
+    throw = _smooth(grid.throw, known, settings.smoothing) * taper
+    along = np.array([-grid.across[1], grid.across[0]])
+    flat = grid.across - ds[..., None] * along
+    heave = flat * (dz / (1.0 + ds**2))[..., None]
+    slip = np.concatenate([heave, np.ones((*w.shape, 1))], axis=-1) * throw[..., None]
+    normal = np.concatenate([flat, -dz[..., None]], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return slip.reshape(-1, 3), normal.reshape(-1, 3)
+
+
+def _smooth(values: Float64Array, known: AnyArray, sigma: float) -> Float64Array:
+    """Gaussian mean of what is known; NaN elsewhere."""
+    share = ndimage.gaussian_filter(known.astype(np.float64), sigma)
+    mean = ndimage.gaussian_filter(np.where(known, values, 0.0), sigma) / np.maximum(share, 1e-9)
+    return np.where(known, mean, np.nan)
+
+
+def _jumps(sheet: _SlipSheet, places: Float64Array, shape: tuple[int, ...]) -> tuple[Int64Array, Float64Array]:
+    """Edges of the grid that a sheet at these places crosses, each once, and the jump along each."""
+    one, other = (places[sheet.cells[:, k]] - places[sheet.cells[:, 0]] for k in (1, 2))
+    normals = np.cross(one, other)
+    # triangles must turn about the normal into the hanging wall, and not over where a round has crumpled them
+    turned = (normals * sheet.normals[sheet.cells].mean(axis=1)).sum(axis=1) < 0
+    cells = np.where(turned[:, None], sheet.cells[:, ::-1], sheet.cells)
+    room = 8 * len(cells) + 64
+    while True:
+        edges, found = np.empty(room, np.int64), np.empty((room, 3))
+        count = cross_edges(places, sheet.slip, cells, np.array(shape), edges, found)
+        if count <= room:
+            break
+        room = count
+    unique, first = np.unique(edges[:count], return_index=True)
+    return unique, found[first]
+
+
+def _join(parts: list[tuple[Int64Array, Float64Array]]) -> tuple[Int64Array, Float64Array]:
+    """Edges of all faults; where several cross one, their jumps add up."""
+    edges, numbers = np.unique(np.concatenate([part[0] for part in parts]), return_inverse=True)
+    jumps = np.zeros((len(edges), 3))
+    np.add.at(jumps, numbers, np.concatenate([part[1] for part in parts]))
+    return edges, jumps
+
+
+def _solve(
+    edges: Int64Array, jumps: Float64Array, shape: tuple[int, ...], *, n_steps: int, tolerance: float
+) -> tuple[Float32Array, float]:
+    """Displacement whose differences along edges are the jumps, and what is missing of them.
+
+    The grid is made a little larger where its lengths have large prime factors, for the sake of the transforms.
+    """
+    size, wide = int(np.prod(shape)), tuple(fft.next_fast_len(n, real=True) for n in shape)
+    place = np.stack(np.unravel_index(edges % size, shape))
+    tail = np.ravel_multi_index(tuple(place), wide)
+    head = tail + np.array([wide[1] * wide[2], wide[2], 1])[edges // size]
+    field = np.zeros((3, *wide), np.float32)
+    inverse = _inverse_laplacian(wide)
+    asked = np.zeros_like(jumps)
+    left = jumps
+    missing = float(np.sqrt(np.mean(np.square(left)))) if len(edges) else 0.0
+    for _ in range(n_steps):
+        if missing <= tolerance:
+            break
+        asked += left
+        for k in range(3):
+            source = np.bincount(head, weights=asked[:, k], minlength=inverse.size)
+            source -= np.bincount(tail, weights=asked[:, k], minlength=inverse.size)
+            spectrum = fft.dctn(source.reshape(wide).astype(np.float32), type=2, norm="ortho", workers=-1)
+            spectrum *= inverse
+            field[k] = fft.idctn(spectrum, type=2, norm="ortho", workers=-1)
+        flat = field.reshape(3, -1)
+        left = jumps - (flat[:, head] - flat[:, tail]).T
+        missing = float(np.sqrt(np.mean(np.square(left))))
+    field = field[:, : shape[0], : shape[1], : shape[2]]
+    return np.ascontiguousarray(field - field.mean(axis=(1, 2, 3), keepdims=True)), missing
+
+
+def _inverse_laplacian(shape: tuple[int, ...]) -> Float32Array:
+    """One over the eigenvalues of the grid's Laplacian for cosines; 0 for the constant."""
+    waves = np.meshgrid(*(2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n) for n in shape), indexing="ij", sparse=True)
+    total = waves[0] + waves[1] + waves[2]
+    total[0, 0, 0] = np.inf
+    return (1.0 / total).astype(np.float32)
+
+
+def _follow(sheet: _SlipSheet, places: Float64Array, displacement: Float32Array, width: float) -> Float64Array:
+    """Where the nodes of a sheet lie once the rest of the field has moved them: between its two sides."""
+    shape = np.array(displacement.shape[1:]) - 1
+    sides = []
+    for sign in (-1.0, 1.0):
+        at = np.clip(np.rint(places + sign * 1.5 * sheet.normals), 0, shape).astype(np.int64)
+        sides.append(displacement[:, at[:, 0], at[:, 1], at[:, 2]].T.astype(np.float64))
+    # the footwall side lies at node - slip today, the hanging wall's at the node
+    return np.asarray(sheet.nodes - 0.5 * sheet.slip - sheet.smooth(0.5 * (sides[0] + sides[1]), width))
+
+
+def _carry(values: AnyArray, displacement: Float32Array) -> Float32Array:
+    """Amplitudes at the displaced places, inline by inline."""
+    known = np.isfinite(values)
+    missing = ~known.any(axis=2)
+    filled = np.where(known, values, 0.0).astype(np.float32)
+    weights = ndimage.spline_filter(filled, order=3, output=np.float32, mode="mirror")
+    holes = None if known.all() else known.astype(np.float32)
+    out = np.empty(filled.shape, np.float32)
+    far = np.array(filled.shape, dtype=np.float32)[:, None, None] - 1
+    grid = np.stack(np.meshgrid(*(np.arange(n, dtype=np.float32) for n in filled.shape[1:]), indexing="ij"))
+    for i in range(len(out)):
+        at = displacement[:, i] + np.concatenate([np.full((1, *grid.shape[1:]), i, np.float32), grid])
+        inside = ((at >= 0) & (at <= far)).all(axis=0)
+        out[i] = ndimage.map_coordinates(weights, at, order=3, mode="mirror", prefilter=False)
+        if holes is not None:
+            inside &= ndimage.map_coordinates(holes, at, order=1, mode="nearest") > 0.99
+        out[i][~inside] = 0.0
+    out[missing] = np.nan
+    return freeze(out)

@@ -1,0 +1,200 @@
+"""A session's folder: what is opened, what is saved, and how labels follow edited surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray
+from seismo3d._validate import freeze
+from seismo3d.errors import FileAccessError, FormatError, ShapeError
+from seismo3d.io.archive import read_archive, write_archive
+from seismo3d.seismic.exports import write_faults
+from seismo3d.seismic.faultset import FaultSet
+from seismo3d.seismic.track_exports import write_tracks
+from seismo3d.seismic.tracks import Track
+from seismo3d.viewer.interpretation import Interpretation
+from seismo3d.viewer.relabelling import as_faults
+
+FAULTS, TRACKS = "faultset.npz", "tracks.npz"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """What a session starts from.
+
+    Attributes
+    ----------
+    cube : DataArray
+        The cube, lazy when large.
+    faults : FaultSet or None
+        Its faults.
+    tracks : list of Track
+        Its horizons.
+    """
+
+    cube: Any
+    faults: FaultSet | None
+    tracks: list[Track]
+
+
+def open_session(path: str | Path, *, cube: str | Path | None = None, **options: Any) -> Opened:
+    """Open a cube, or the folder of a faults run or of an earlier session.
+
+    Parameters
+    ----------
+    path : str or Path
+        A cube file, or a folder with ``faultset.npz``.
+    cube : str or Path, optional
+        The cube that a folder's faults were traced in; by default the file that the folder names.
+    **options
+        Given to :func:`seismo3d.open_cube`.
+
+    Returns
+    -------
+    Opened
+
+    Raises
+    ------
+    FileAccessError
+        If there is nothing to open, or the cube is no longer where it was.
+    ShapeError
+        If the faults are of another cube.
+    """
+    from seismo3d.io.cubes import open_cube
+
+    folder = Path(path)
+    if not (folder / FAULTS).is_file():
+        if cube is not None:
+            raise FileAccessError(f"{folder} holds no {FAULTS}; expected the folder of a faults run beside --cube.")
+        return Opened(open_cube(folder, **options), None, [])
+    faults = FaultSet.load(folder)
+    opened = open_cube(_find_cube(folder, faults, cube), **options)
+    if np.shape(faults.labels) != opened.shape:
+        raise ShapeError(
+            f"faults in {folder} are of a cube of shape {np.shape(faults.labels)}; the cube has shape {opened.shape}. "
+            "Give the cube that they were traced in."
+        )
+    return Opened(opened, faults, read_tracks(folder) if (folder / TRACKS).is_file() else [])
+
+
+def _find_cube(folder: Path, faults: FaultSet, cube: str | Path | None) -> Path:
+    if cube is not None:
+        return Path(cube)
+    named = getattr(faults.labels, "attrs", {}).get("path")
+    if not named or not Path(named).exists():
+        raise FileAccessError(f"the cube of {folder}, {named or 'not named there'}, is not found. Name it by --cube.")
+    return Path(named)
+
+
+def choose_folder(path: str | Path, out: str | Path | None, *, overwrite: bool = False) -> Path:
+    """Choose the folder that a session is saved to: that of an earlier session itself, else a new one.
+
+    Parameters
+    ----------
+    path : str or Path
+        What is opened.
+    out : str or Path or None
+        The folder asked for.
+    overwrite : bool
+        Whether files of an earlier session in it may be replaced.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    FileAccessError
+        If the folder has something in it that would be replaced.
+    """
+    opened = Path(path)
+    if out is None and (opened / TRACKS).is_file():
+        return opened
+    folder = Path(f"{opened.resolve().stem if opened.is_file() else opened.resolve().name}-edited")
+    folder = folder if out is None else Path(out)
+    if folder.exists() and not folder.is_dir():
+        raise FileAccessError(f"{folder} is a file; expected a folder to save to. Choose another name by --out.")
+    same = folder.exists() and opened.exists() and folder.resolve() == opened.resolve()
+    if folder.is_dir() and any(folder.iterdir()) and not same:
+        if not (folder / TRACKS).is_file():
+            raise FileAccessError(f"{folder} is no folder of the viewer's, and not empty. Choose another by --out.")
+        if not overwrite:
+            raise FileAccessError(
+                f"{folder} holds an earlier session. Open it by 'seismo3d view {folder}', choose another folder by "
+                "--out, or replace it with --overwrite."
+            )
+    return folder
+
+
+def save_session(folder: str | Path, cube: Any, state: Interpretation, *, opened: FaultSet | None) -> Path:
+    """Save faults and horizons, in the package's own files and in the exchange formats.
+
+    ``faultset.npz`` (:meth:`FaultSet.load` reads it) and ``tracks.npz`` are each written aside and renamed.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Where; made where it is absent.
+    cube : DataArray or ndarray
+        The cube.
+    state : Interpretation
+        What to save.
+    opened : FaultSet or None
+        The faults that the session started from, whose volumes are carried on.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    FileAccessError
+        If it cannot be written.
+    ParameterError
+        If no volumes were opened, and the cube is too large to make them.
+    """
+    folder = Path(folder)
+    faults = as_faults(cube, state, opened=opened)
+    faults.save(folder)
+    tracks = [horizon.track for horizon in state.horizons]
+    write_archive_of_tracks(folder / TRACKS, tracks)
+    write_faults(faults, cube, directory=folder)
+    if tracks:
+        write_tracks(tracks, cube, directory=folder)
+    return folder
+
+
+def write_archive_of_tracks(path: Path, tracks: list[Track]) -> None:
+    """Write tracks to one file."""
+    arrays: dict[str, AnyArray] = {}
+    for number, track in enumerate(tracks):
+        for name in ("depth", "confidence", "seeds"):
+            arrays[f"{number}.{name}"] = getattr(track, name)
+    units = [track.sample_unit for track in tracks]
+    write_archive(path, arrays, meta={"format": "seismo3d tracks", "version": 1, "units": units})
+
+
+def read_tracks(folder: str | Path) -> list[Track]:
+    """Read the tracks of a session's folder.
+
+    Raises
+    ------
+    FileAccessError, FormatError
+        If the file cannot be read, or is something else.
+    """
+    path = Path(folder) / TRACKS
+    arrays, meta = read_archive(path)
+    if meta.get("format") != "seismo3d tracks" or meta.get("version") != 1:
+        raise FormatError(f"{path} holds {meta.get('format')!r}; expected 'seismo3d tracks', version 1. Remove it.")
+    try:
+        return [
+            Track(freeze(arrays[f"{n}.depth"]), freeze(arrays[f"{n}.confidence"]), freeze(arrays[f"{n}.seeds"]), unit)
+            for n, unit in enumerate(meta["units"])
+        ]
+    except KeyError as error:
+        raise FormatError(f"{path} lacks {error}: it is damaged. Remove it.") from error

@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from seismo3d.cli import _run
+from seismo3d.io.cubes import open_cube
+from seismo3d.io.segy import write_segy
+from seismo3d.synthetic import make_cube, recipe_of
+
+
+def test_shifts_are_written_on_the_base_s_geometry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recipe = recipe_of("folded", shape=(20, 22, 64), population=None, wavelength=(14.0, 14.0))
+    base = make_cube(recipe, seed=2102).to_dataarray()
+    monitor = base.copy(data=np.roll(base.values, 2, axis=2))
+    write_segy(tmp_path / "base.sgy", base)
+    write_segy(tmp_path / "monitor.sgy", monitor)
+    words = ["timelapse", str(tmp_path / "base.sgy"), str(tmp_path / "monitor.sgy"), "-o", str(tmp_path / "out")]
+    assert _run(words, debug=True) == 0
+    assert "monitor deeper by 8" in capsys.readouterr().out
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"shift.sgy", "shift_std.sgy", "aligned.sgy", "inline_shift.sgy", "run.json"} <= names
+    assert len([name for name in names if name.endswith(".png")]) == 2
+    shift = open_cube(tmp_path / "out" / "shift.sgy")
+    np.testing.assert_array_equal(shift["inline"], base["inline"])
+    assert np.median(shift.values[:, :, 16:-16]) == pytest.approx(8.0, abs=0.4)
+    record = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert record["alignment"]["shift_median"] == pytest.approx(8.0, abs=0.4)
+    assert _run(words, debug=False) == 2
+    assert "--overwrite" in capsys.readouterr().err

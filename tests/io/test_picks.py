@@ -1,0 +1,176 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from seismo3d.errors import FileAccessError, FormatError, ParameterError
+from seismo3d.io.fault_sticks import FaultStick, read_sticks, write_charisma_sticks, write_opendtect_sticks
+from seismo3d.io.horizons import (
+    HorizonGrid,
+    read_horizon,
+    write_charisma_horizon,
+    write_irap_classic,
+    write_xyz_horizon,
+)
+
+
+def text(tmp_path: Path, content: str, name: str = "picks.dat") -> Path:
+    path = tmp_path / name
+    path.write_text(content)
+    return path
+
+
+def some_sticks() -> list[FaultStick]:
+    points = np.array([[1000.25, 2000.5, 812.125], [1010.0, 2003.0, 900.0], [1030.0, 2010.0, 990.5]])
+    lines = np.array([[101.0, 55.0], [102.0, 55.0], [104.0, 55.0]])
+    return [
+        FaultStick("fault_001", 1, points, lines),
+        FaultStick("fault_001", 2, points + 50.0, lines + 4.0),
+        FaultStick("fault_002", 1, points[:2] + 500.0, lines[:2] + 9.0),
+    ]
+
+
+@pytest.mark.parametrize("write", [write_opendtect_sticks, write_charisma_sticks])
+def test_sticks_come_back(tmp_path: Path, write) -> None:  # type: ignore[no-untyped-def]
+    write(tmp_path / "sticks.txt", some_sticks())
+    found = read_sticks(tmp_path / "sticks.txt")
+    assert [(s.fault, s.number) for s in found] == [("fault_001", 1), ("fault_001", 2), ("fault_002", 1)]
+    for stick, expected in zip(found, some_sticks(), strict=True):
+        np.testing.assert_allclose(stick.points, expected.points, atol=0.006)
+        if write is write_charisma_sticks:
+            np.testing.assert_array_equal(stick.lines, expected.lines)
+        else:
+            assert np.isnan(stick.lines).all()
+
+
+def test_opendtect_dialects(tmp_path: Path) -> None:
+    # names with blanks in quotes, before a tab, or plain; without a node index; nodes out of order; comments
+    path = text(
+        tmp_path,
+        '# fault sticks\n! header\n\n"Main fault"\t10 20 800 1 2\n"Main fault"\t11 21 700 1 1\n'
+        "West one\t1 2 3 4\nF1 5 6 7 0\nBig West 3 5 6 7 2 1\n",
+    )
+    found = {(s.fault, s.number): s.points.tolist() for s in read_sticks(path)}
+    assert found[("Main fault", 1)] == [[11, 21, 700], [10, 20, 800]]
+    assert found[("West one", 4)] == [[1, 2, 3]]
+    assert found[("F1", 0)] == [[5, 6, 7]]
+    bare = text(tmp_path, "1 2 3 1 1\n1 2 9 1 2\n4 5 6 2 1\n", "fault_A.txt")
+    assert [(s.fault, s.number, len(s.points)) for s in read_sticks(bare)] == [("fault_A", 1, 2), ("fault_A", 2, 1)]
+
+
+def test_charisma_dialects(tmp_path: Path) -> None:
+    path = text(
+        tmp_path,
+        "INLINE-  120  340  1000.0 2000.0 812.0 Fault 12 east  3\r\n"
+        "INLINE-  1000.5 2001.0 900.0 F2  1\n"
+        "Xline-  121  341  1001.0 2002.0 822.0 7  4\n",
+    )
+    named, bare, number = read_sticks(path)
+    assert (named.fault, named.number, named.lines.tolist()) == ("Fault 12 east", 3, [[120.0, 340.0]])
+    assert (bare.fault, bare.number, bare.points.tolist()) == ("F2", 1, [[1000.5, 2001.0, 900.0]])
+    assert np.isnan(bare.lines).all()
+    assert (number.fault, number.number, number.points.tolist()) == ("7", 4, [[1001.0, 2002.0, 822.0]])
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        ("F1\t1 2 3 1 1\nF1\t1 2 x 1 2\n", 2),
+        ("F1\t1 2 3 1 1\n\nF1\t1 2\n", 3),
+        ("F1\t1 2 3 1.5 1\n", 1),
+        ("F1\t1 2 nan 1 1\n", 1),
+        ("1 2 3 1 1\n1 2 3 1 1 6 7 8\n", 2),
+        ("INLINE- 1 2 3 4 5 F 1\nINLINE- 1 2 3 4 five F 1\nINLINE- 1 2 inf F 1\n", 3),
+        ("INLINE- 1 2 3 4 5 F 1\nF1 1 2 3 1 1\n", 2),
+        ("INLINE- 1 2 3 4 5 F one\n", 1),
+    ],
+)
+def test_malformed_sticks_are_refused_by_line(tmp_path: Path, content: str, line: int) -> None:
+    path = text(tmp_path, content)
+    with pytest.raises(FormatError, match=rf"picks.dat, line {line}: .*; expected '.*finite numbers"):
+        read_sticks(path)
+
+
+def test_what_is_no_picks_is_refused(tmp_path: Path) -> None:
+    for read in (read_sticks, read_horizon):
+        with pytest.raises(FileAccessError, match="does not exist"):
+            read(tmp_path / "none.txt")
+        with pytest.raises(FormatError, match="holds no picks"):
+            read(text(tmp_path, "# nothing\n\n"))
+        (tmp_path / "binary").write_bytes(b"\x00\x01" * 50)
+        with pytest.raises(FormatError, match="is not text"):
+            read(tmp_path / "binary")
+
+
+def some_horizon(turn_deg: float = 30.0) -> HorizonGrid:
+    i, j = np.meshgrid(np.arange(6), np.arange(8), indexing="ij")
+    turn = np.radians(turn_deg)
+    x = 5000.0 + 25.0 * i * np.sin(turn) + 12.5 * j * np.cos(turn)
+    y = 8000.0 + 25.0 * i * np.cos(turn) - 12.5 * j * np.sin(turn)
+    z = 900.0 + i + 0.25 * j
+    z[2, 3] = np.nan
+    return HorizonGrid(x, y, z, 100.0 + 2.0 * np.arange(6), 500.0 + np.arange(8))
+
+
+@pytest.mark.parametrize("write", [write_xyz_horizon, write_charisma_horizon, write_irap_classic])
+@pytest.mark.parametrize("turn_deg", [0.0, 30.0, 215.0])
+def test_horizons_come_back(tmp_path: Path, write, turn_deg: float) -> None:  # type: ignore[no-untyped-def]
+    grid = some_horizon(turn_deg)
+    write(tmp_path / "top.txt", grid)
+    found = read_horizon(tmp_path / "top.txt")
+    assert found.name == "top"
+    known = np.isfinite(grid.z)
+    expected = np.column_stack([grid.x[known], grid.y[known], grid.z[known]])
+    order, wanted = np.lexsort(np.rint(found.points.T)), np.lexsort(np.rint(expected.T))
+    np.testing.assert_allclose(found.points[order], expected[wanted], atol=0.011)
+    if write is write_charisma_horizon:
+        i, j = np.nonzero(known)
+        np.testing.assert_array_equal(found.lines, np.column_stack([grid.inlines[i], grid.crosslines[j]]))
+    else:
+        assert np.isnan(found.lines).all()
+
+
+def test_xyz_dialects(tmp_path: Path) -> None:
+    found = read_horizon(text(tmp_path, "# x y z\n1.5, 2.5, 800\n3,4,1e30\n5,6,810\n"))
+    assert found.points.tolist() == [[1.5, 2.5, 800.0], [5.0, 6.0, 810.0]]
+    irap = read_horizon(text(tmp_path, "1 2 800\n3 4 805\n999.0 999.0 999.0\n5 6 810\n999.0 999.0 999.0\n"))
+    assert irap.points.tolist() == [[1, 2, 800], [3, 4, 805], [5, 6, 810]]
+    wide = text(tmp_path, "10 20 100 200 800\n11 21 110 210 801\n")
+    assert read_horizon(wide, columns=(3, 4, 5)).points.tolist() == [[100, 200, 800], [110, 210, 801]]
+    with pytest.raises(FormatError, match=r"line 1: .*columns"):
+        read_horizon(wide)
+    with pytest.raises(FormatError, match=r"line 1: .*at least 6"):
+        read_horizon(wide, columns=(3, 4, 6))
+    with pytest.raises(ParameterError, match="three different numbers"):
+        read_horizon(wide, columns=(3, 3, 5))
+    write_charisma_horizon(tmp_path / "c.txt", some_horizon())
+    with pytest.raises(ParameterError, match="Charisma form"):
+        read_horizon(tmp_path / "c.txt", columns=(1, 2, 3))
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        ("1 2 3\n1 2\n", 2),
+        ("1 2 3\n# note\n1 2 abc\n", 3),
+        ("INLINE : 1 XLINE : 2 3 4 5\nINLINE : 1 XLINE : 2 3 4\n", 2),
+        ("INLINE : 1 XLINE : x 3 4 5\n", 1),
+        ("-996 2 25.0 25.0\n0 25 0 25\n2 0 0 bad\n", 3),
+        ("-996 2 25 25\n0 25 0 25\n2 0 0 0\n0 0 0 0 0 0 0\n1 2 3 x\n", 5),
+    ],
+)
+def test_malformed_horizons_are_refused_by_line(tmp_path: Path, content: str, line: int) -> None:
+    with pytest.raises(FormatError, match=f"picks.dat, line {line}: "):
+        read_horizon(text(tmp_path, content))
+
+
+def test_irap_grid_of_the_wrong_size_is_refused(tmp_path: Path) -> None:
+    head = "-996 2 25 25\n0 25 0 25\n2 0 0 0\n0 0 0 0 0 0 0\n"
+    with pytest.raises(FormatError, match="has 3 values; its header tells 2 x 2"):
+        read_horizon(text(tmp_path, head + "1 2 3\n"))
+    with pytest.raises(FormatError, match="header, or that has 4 numbers"):
+        read_horizon(text(tmp_path, "-996 2 25 25\n"))
+    with pytest.raises(FormatError, match="no point with a value"):
+        read_horizon(text(tmp_path, head + "9999900 9999900 9999900 9999900\n"))

@@ -1,0 +1,72 @@
+"""What is drawn of a network, and where."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_faults import make_cube, make_faults, make_section
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from seismo3d import plot
+from seismo3d.errors import ShapeError
+from seismo3d.seismic.flow_paths import flow_path
+from seismo3d.seismic.network import fracture_network
+
+
+@pytest.fixture
+def ax() -> Any:
+    return Figure(figsize=(6, 5)).subplots()
+
+
+def test_intersection_lies_where_it_is_on_the_map(ax: Any) -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    plot.network_map(fracture_network(faults), faults, cube, ax=ax)
+    (lines,) = (c for c in ax.collections if isinstance(c, LineCollection))
+    ends = np.concatenate(lines.get_segments())
+    # crossline 500 + j, inline 100 + 2 i, of the line through (15, 20) in the middle
+    np.testing.assert_allclose(ends.mean(axis=0), [520.0, 130.0], atol=0.5)
+    assert len([c for c in ax.collections if isinstance(c, PolyCollection)]) >= 2
+    assert ax.get_ylim()[0] > ax.get_ylim()[1]
+
+
+def test_density_map_shows_cells_in_line_numbers(ax: Any) -> None:
+    cube = make_cube()
+    network = fracture_network(make_faults(cube), cell=(10, 16, 25))
+    plot.density_map(network, cube, ax=ax)
+    (mesh,) = (c for c in ax.collections if c.get_array() is not None)
+    np.testing.assert_allclose(mesh.get_array().reshape(3, 3), network.density.mean(axis=2), rtol=1e-6)
+    corners = mesh.get_coordinates()
+    assert corners[0, 0].tolist() == [499.5, 99.0]
+    assert corners[-1, -1].tolist() == [539.5, 159.0]
+
+
+def test_stereonet_has_a_dot_a_fault_and_a_circle_a_set(ax: Any) -> None:
+    network = fracture_network(make_faults(make_cube()))
+    plot.stereonet(network, from_north=True, ax=ax)
+    dots = np.concatenate([c.get_offsets() for c in ax.collections if isinstance(c, PathCollection)])
+    # the first dips 63 to the east: its pole lies in the west; the second to the north
+    west, south = sorted(dots.tolist())
+    np.testing.assert_allclose(west, [-np.sqrt(2) * np.sin(np.radians(63.43 / 2)), 0.0], atol=1e-3)
+    np.testing.assert_allclose(south, [0.0, -np.sqrt(2) * np.sin(np.radians(37.5))], atol=1e-3)
+    assert len(ax.get_legend().get_texts()) == 2
+
+
+def test_path_is_drawn_in_three_views() -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    path = flow_path(faults, (130, 510, 1020), (130, 530, 1180))
+    axes = plot.flow_path_views(path, faults, cube, axes=Figure().subplots(1, 3))
+    lines = [ax.lines[0].get_xydata() for ax in axes]
+    assert lines[0][0].tolist() == [510.0, 130.0]
+    assert lines[1][-1].tolist() == [530.0, 1180.0]
+    assert lines[2][0].tolist() == [130.0, 1020.0]
+
+
+def test_section_is_refused(ax: Any) -> None:
+    section, faults = make_section()
+    with pytest.raises(ShapeError, match="no fracture network"):
+        plot.network_map(None, faults, section, ax=ax)

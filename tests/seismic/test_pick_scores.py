@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fake_faults import make_cube, make_faults, make_section
+
+from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.io.fault_sticks import FaultStick
+from seismo3d.io.horizons import HorizonPoints
+from seismo3d.seismic.pick_scores import score_horizon, score_sticks
+from seismo3d.seismic.picks import grid_horizon, horizon_seeds, place_stick
+from seismo3d.seismic.sticks import cut_sticks
+
+
+def moved(stick: FaultStick, by: tuple[float, float, float]) -> FaultStick:
+    return replace(stick, points=stick.points + np.array(by))
+
+
+def test_own_sticks_agree_and_nothing_is_missed_or_new() -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    score = score_sticks(faults, cut_sticks(faults, cube))
+    assert score.within == 1.0
+    assert score.p90 < 0.3
+    assert [row.traced_as for row in score.faults] == [1, 2]
+    assert (score.missed, score.new, score.outside) == ((), (), 0.0)
+    assert score.confirmed > 0.9
+
+
+def test_far_sticks_are_missed_and_faults_without_sticks_are_new() -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    own = [stick for stick in cut_sticks(faults, cube) if stick.fault == "fault_001"]
+    # a picked fault 12 crosslines of 12.5 m beside the first, along the turned crossline axis
+    along = np.array([np.cos(np.radians(30.0)), -np.sin(np.radians(30.0))]) * 12.5
+    ghost = [replace(moved(stick, (*(12.0 * along), 0.0)), fault="ghost") for stick in own]
+    score = score_sticks(faults, own + ghost)
+    assert score.missed == ("ghost",)
+    assert score.new == (2,)
+    by_name = {row.name: row for row in score.faults}
+    assert by_name["fault_001"].traced_as == 1
+    # across the plane: 12 crosslines times its normal's share
+    alone = score_sticks(replace(faults, surfaces=faults.surfaces[:1]), ghost)
+    assert alone.median == pytest.approx(12.0 * np.sin(np.radians(63.43)), abs=0.3)
+    near = [moved(stick, (*(2.0 * along), 0.0)) for stick in own]
+    shifted = score_sticks(faults, near)
+    assert shifted.median == pytest.approx(2.0 * np.sin(np.radians(63.43)), abs=0.15)
+    assert score_sticks(faults, near, tolerance=1.0).missed == ("fault_001",)
+
+
+def test_two_sticks_far_apart_still_confirm_the_surface_between() -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    own = [stick for stick in cut_sticks(faults, cube) if stick.fault == "fault_001"]
+    ends = sorted(own, key=lambda stick: float(place_stick(stick, cube)[0, 0]))
+    assert 1 not in score_sticks(faults, [ends[-1], ends[0]]).new
+    assert 1 in score_sticks(faults, [ends[0]]).new
+
+
+def test_no_traced_fault_at_all() -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    score = score_sticks(replace(faults, surfaces=()), cut_sticks(faults, cube))
+    assert score.within == 0.0
+    assert np.isnan(score.median)
+    assert score.missed == ("fault_001", "fault_002")
+
+
+def test_sticks_elsewhere_are_refused() -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    far = [moved(stick, (1e6, 0.0, 0.0)) for stick in cut_sticks(faults, cube)]
+    with pytest.raises(GeometryError, match="no stick lies in the cube"):
+        score_sticks(faults, far)
+    with pytest.raises(ShapeError, match="section"):
+        score_sticks(make_section()[1], far)
+
+
+def flat(z: float, *, name: str = "top", n: int = 10) -> HorizonPoints:
+    i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    points = np.column_stack([25.0 * i.ravel(), 25.0 * j.ravel(), np.full(n * n, z)])
+    return HorizonPoints(name, points, np.full((n * n, 2), np.nan))
+
+
+def test_horizon_is_scored_against_the_nearest_track() -> None:
+    picks = flat(800.0)
+    near = flat(803.0, name="track_02")
+    part = HorizonPoints("track_02", near.points[:60], near.lines[:60])
+    score = score_horizon([flat(900.0, name="track_01"), part], picks, tolerance=2.0)
+    assert (score.track, score.n_picks, score.n_common, score.new) == ("track_02", 100, 60, 0)
+    assert (score.median, score.p90, score.bias, score.within) == (3.0, 3.0, 3.0, 0.0)
+    assert score.missed == pytest.approx(0.4)
+    assert score_horizon([part], picks, tolerance=3.0).within == 1.0
+    fewer = HorizonPoints("top", picks.points[:20], picks.lines[:20])
+    assert score_horizon([near], fewer, tolerance=3.0).new == 80
+
+
+def test_horizons_of_two_files_meet_by_line_numbers() -> None:
+    lines = np.argwhere(np.ones((10, 10))).astype(float)
+    picks = replace(flat(800.0), lines=lines, points=flat(800.0).points + np.array([0.4e6, 0, 0]))
+    track = replace(flat(798.0), lines=lines)
+    assert score_horizon([track], picks, tolerance=4.0).bias == -2.0
+    with pytest.raises(GeometryError, match="no pick of top"):
+        score_horizon([flat(798.0)], picks, tolerance=4.0)
+    with pytest.raises(ParameterError, match="tracks is empty"):
+        score_horizon([], picks, tolerance=4.0)
+
+
+def test_horizon_on_the_traces_of_a_cube_and_as_seeds() -> None:
+    cube = make_cube()
+    i, j = np.nonzero(np.ones(cube.shape[:2], bool))
+    x, y = (cube[name].values[i, j] for name in ("cdp_x", "cdp_y"))
+    z = 1040.0 + 0.5 * i
+    picks = HorizonPoints("top", np.column_stack([x, y, z]), np.full((len(i), 2), np.nan))
+    grid = grid_horizon(picks, cube)
+    np.testing.assert_allclose(grid, 1040.0 + 0.5 * np.arange(30)[:, None] + np.zeros(40))
+    by_lines = replace(picks, lines=np.column_stack([100.0 + 2.0 * i, 500.0 + j]), points=picks.points * [0, 0, 1.0])
+    np.testing.assert_allclose(grid_horizon(by_lines, cube), grid)
+    seeds = horizon_seeds(picks, cube, count=9)
+    assert seeds.shape == (9, 3)
+    np.testing.assert_allclose(seeds[:, 2], 1040.0 + 0.25 * (seeds[:, 0] - 100.0))
+    assert np.abs(seeds[0, :2] - [129.0, 519.5]).max() <= 1.0
+    # spread: the four corners are among them, dead traces are not
+    corners = {(100.0, 500.0), (158.0, 500.0), (100.0, 539.0), (158.0, 539.0)}
+    assert corners <= {tuple(seed[:2]) for seed in seeds}
+    everywhere = horizon_seeds(picks, cube, count=5000)
+    assert len(everywhere) == 30 * 40 - 4
+    with pytest.raises(GeometryError, match="no point of top"):
+        grid_horizon(replace(picks, points=picks.points + np.array([0, 0, 1e5])), cube)

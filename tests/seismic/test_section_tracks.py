@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_faults import make_section
+
+from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.seismic.horizon_search import find_horizons
+from seismo3d.seismic.section_tracks import thicken
+from seismo3d.seismic.tracks import trace_tracks
+from seismo3d.synthetic import fault_section, make_cube, recipe_of
+
+PLAIN: dict[str, Any] = {"population": None, "wavelength": (12.0, 12.0)}
+
+
+def test_horizon_of_a_folded_line_is_followed_to_its_ends() -> None:
+    line = fault_section("folded", seed=2007, shape=(16, 80, 72), **PLAIN)
+    truth = line.horizons[2]
+    (track,) = trace_tracks(line.seismic, [(40, truth[40])])
+    assert track.depth.shape == track.confidence.shape == (80,)
+    assert track.seeds.tolist() == [[40.0, float(truth[40])]]
+    known = np.isfinite(truth)
+    assert (np.abs(track.depth - truth)[known] <= 1.0).mean() > 0.95
+
+
+def stepped() -> tuple[Any, Any]:
+    """The line with one fault, its layers slowly changing so that a cycle is not mistaken for its neighbour."""
+    section, faults = make_section()
+    i, k = np.meshgrid(np.arange(60), np.arange(50), indexing="ij")
+    time = k - 0.11 * i - np.where(i > 30 + (k - 25) * 0.5, 3.0, 0.0)
+    values = np.sin(2 * np.pi * time / 9.0) + 0.8 * np.sin(2 * np.pi * time / 23.0)
+    return section.copy(data=values.astype(np.float32)), faults
+
+
+def test_track_crosses_a_fault_by_its_throw() -> None:
+    section, faults = stepped()
+    (track,) = trace_tracks(section, [(11, 40.0)], faults=faults)
+    # layers fall by 0.11 samples of 2 ms a trace, and by three samples across the fault
+    layer = 40.0 + 0.22 * (np.arange(60) - 10.0)
+    assert np.nanmax(np.abs(track.depth - layer)[:20]) < 0.6
+    assert np.isfinite(track.depth[42:]).mean() > 0.9
+    assert np.nanmax(np.abs(track.depth - layer - 6.0)[42:]) < 1.5
+    assert track.sample_unit == "ms"
+
+
+def test_thickened_faults_are_sheets_across_the_line() -> None:
+    section, faults = stepped()
+    cube, sheets = thicken(section, faults)
+    assert cube.dims == ("inline", "crossline", "time")
+    assert sheets is not None
+    (surface,) = sheets.surfaces
+    corners = surface.vertices[surface.cells]
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    assert area == pytest.approx(8 * faults.surfaces[0].area, rel=1e-5)
+    assert (surface.normals[:, 0] == 0).all()
+    np.testing.assert_array_equal(np.asarray(sheets.labels)[3], np.asarray(faults.labels))
+
+
+def test_refusals() -> None:
+    section, faults = stepped()
+    with pytest.raises(ShapeError, match=r"seeds\[0\] has shape \(3,\); expected a point \(trace"):
+        trace_tracks(section, [(1, 11, 40.0)])
+    with pytest.raises(ShapeError, match="faults are of a section"):
+        trace_tracks(section[:30], [(11, 40.0)], faults=faults)
+    with pytest.raises(ParameterError, match="lies outside the cube"):
+        trace_tracks(section, [(11, 4000.0)])
+    with pytest.raises(ParameterError, match="layers is given for a section"):
+        trace_tracks(section, [(11, 40.0)], layers=object())  # type: ignore[arg-type]
+
+
+def test_best_horizons_are_found_apart_and_right() -> None:
+    cube = make_cube(recipe_of("folded", shape=(24, 24, 80), **PLAIN), seed=2008)
+    found = find_horizons(cube.seismic, 3)
+    assert 1 <= len(found) <= 3
+    worth = [float(np.nansum(track.confidence)) for track in found]
+    assert worth == sorted(worth, reverse=True)
+    for n, track in enumerate(found):
+        known = np.isfinite(track.depth)
+        assert known.mean() > 0.6
+        i, j = np.nonzero(known)
+        # one layer all over: its layer time does not change
+        k = track.depth[known].astype(float)
+        low = np.clip(np.floor(k).astype(int), 0, 78)
+        times = cube.layer_time[i, j, low] * (1 - (k - low)) + cube.layer_time[i, j, low + 1] * (k - low)
+        assert (np.abs(times - np.median(times)) < 1.0).mean() > 0.9
+        assert all(np.nanmedian(np.abs(track.depth - other.depth)) > 1.0 for other in found[:n])
+
+
+def test_horizons_of_a_line_need_no_seeds() -> None:
+    line = fault_section("folded", seed=2007, shape=(16, 60, 64), **PLAIN)
+    found = find_horizons(line.to_dataarray(), 2)
+    assert 1 <= len(found) <= 2
+    assert found[0].depth.shape == (60,)
+    assert found[0].seeds.shape[1] == 2
+    with pytest.raises(ParameterError, match="count is 0"):
+        find_horizons(line.seismic, 0)

@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_faults import make_cube as make_plain_cube
+from fake_faults import make_faults
+
+from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.seismic.stick_tracking import follow_stick
+from seismo3d.synthetic import CubeRecipe, SyntheticCube, SyntheticFault, make_cube
+
+SHAPE = (40, 48, 64)
+
+
+@pytest.fixture(scope="module")
+def faulted() -> SyntheticCube:
+    fault = SyntheticFault((20, 24, 32), 15.0, 68.0, 9.0)
+    recipe = CubeRecipe(shape=SHAPE, wavelength=(10.0, 10.0), population=None, faults=(fault,))
+    return make_cube(recipe, seed=2030)
+
+
+def crossing(cube: SyntheticCube, inline: int) -> np.ndarray:
+    """Where the true fault crosses an inline: crossline at every sample, by a straight fit to its voxels."""
+    j, k = np.nonzero(cube.faults[inline])
+    return np.polyval(np.polyfit(k, j, 1), np.arange(SHAPE[2]))
+
+
+def picked(cube: SyntheticCube, inline: int, *, low: int = 16, high: int = 48) -> np.ndarray:
+    line = crossing(cube, inline)
+    return np.array([[inline, line[k], k] for k in (low, (low + high) // 2, high)], dtype=float)
+
+
+def test_stick_follows_the_fault_to_both_ends_of_the_cube(faulted: SyntheticCube) -> None:
+    found = follow_stick(faulted.seismic, picked(faulted, 20))
+    slices = [int(stick.lines[0, 0]) for stick in found]
+    assert slices == list(range(slices[0], slices[-1] + 1))
+    assert slices[0] <= 3
+    assert slices[-1] >= 36
+    errors = []
+    for stick in found:
+        truth = crossing(faulted, int(stick.lines[0, 0]))
+        errors.append(np.abs(stick.points[:, 1] - np.interp(stick.points[:, 2], np.arange(SHAPE[2]), truth)).max())
+    assert np.percentile(errors[3:-3], 90) < 2.0
+    assert [stick.number for stick in found] == list(range(1, len(found) + 1))
+
+
+def test_stick_on_a_crossline_is_followed_along_the_crosslines(faulted: SyntheticCube) -> None:
+    turned = np.ascontiguousarray(faulted.seismic.transpose(1, 0, 2))
+    nodes = picked(faulted, 20)[:, [1, 0, 2]]
+    found = follow_stick(turned, nodes, farthest=8)
+    assert [int(stick.lines[0, 1]) for stick in found] == list(range(12, 29))
+
+
+def test_stick_ends_where_the_fault_does() -> None:
+    cube = make_plain_cube()
+    faults = make_faults(cube)
+    likelihood = np.asarray(faults.likelihood).copy()
+    likelihood[:] = 0.0
+    for k in range(50):
+        likelihood[:18, int(np.rint(20 + (k - 24.5) * 0.5)), k] = 0.8
+    known = replace(faults, likelihood=cube.copy(data=likelihood))
+    nodes = [[110.0, 500 + 20 + (k - 24.5) * 0.5, 1000.0 + 4.0 * k] for k in (10, 40)]
+    found = follow_stick(cube, nodes, faults=known, name="east")
+    lines = [stick.lines[0, 0] for stick in found]
+    assert lines[0] == 100.0
+    assert lines[-1] == pytest.approx(100.0 + 2 * 17, abs=2.0)
+    assert {stick.fault for stick in found} == {"east"}
+    own = next(stick for stick in found if stick.lines[0, 0] == 110.0)
+    assert own.points[0, 2] == 1040.0
+    assert own.points[-1, 2] == 1160.0
+
+
+def test_refusals(faulted: SyntheticCube) -> None:
+    cube: Any = faulted.seismic
+    nodes = picked(faulted, 20)
+    with pytest.raises(ShapeError, match="expected a cube"):
+        follow_stick(cube[0], nodes)
+    with pytest.raises(GeometryError, match="does not run downwards"):
+        follow_stick(cube, nodes[::-1])
+    with pytest.raises(GeometryError, match="one inline or on one"):
+        follow_stick(cube, nodes + np.array([[0, 0, 0], [3, 5, 0], [6, 9, 0]]))
+    with pytest.raises(GeometryError, match="leaves the cube"):
+        follow_stick(cube, nodes + np.array([0, 40.0, 0]))
+    with pytest.raises(GeometryError, match="four or more"):
+        follow_stick(cube, nodes[:1] + np.array([[0, 0, 0], [0, 0, 2.0]]))
+    with pytest.raises(ParameterError, match="least is 2"):
+        follow_stick(cube, nodes, least=2.0)
+    empty = replace(make_faults(make_plain_cube()), likelihood=np.zeros((30, 40, 50), np.float32))
+    with pytest.raises(ParameterError, match="nothing breaks"):
+        follow_stick(np.zeros((30, 40, 50), np.float32), [[5, 20, 10], [5, 22, 40]], faults=empty)

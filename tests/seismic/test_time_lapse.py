@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from scipy import ndimage
+
+from seismo3d.errors import GeometryError, ShapeError
+from seismo3d.plot import time_lapse_section
+from seismo3d.seismic import time_lapse
+from seismo3d.seismic.time_lapse import CubeAlignment, TimeLapseSettings, align_cubes
+from seismo3d.synthetic import SyntheticCube, make_cube, recipe_of
+
+SHAPE = (36, 36, 72)
+INNER = (slice(5, -5), slice(5, -5), slice(14, -16))
+
+
+@pytest.fixture(scope="module")
+def folded() -> SyntheticCube:
+    recipe = recipe_of("folded", shape=SHAPE, population=None, wavelength=(14.0, 14.0), fold_slope=(0.5, 0.6))
+    return make_cube(recipe, seed=2101)
+
+
+def warp(base: np.ndarray, shifts: list[Any]) -> np.ndarray:
+    """The monitor that holds at x + s(x) what the base holds at x: found by running x back."""
+    at = np.stack(np.meshgrid(*(np.arange(n, dtype=float) for n in base.shape), indexing="ij"))
+    fields = [np.broadcast_to(s, base.shape) for s in shifts]
+    place = at.copy()
+    for _ in range(25):
+        place = at - np.stack([ndimage.map_coordinates(f, place, order=1, mode="nearest") for f in fields])
+    return ndimage.map_coordinates(base, place, order=3, mode="nearest").astype(np.float32)
+
+
+def bump() -> np.ndarray:
+    i, j, k = np.meshgrid(*(np.arange(n, dtype=float) for n in SHAPE), indexing="ij")
+    return 3.0 + 1.5 * np.exp(-((i - 18) ** 2 + (j - 16) ** 2) / 150.0) * np.clip((k - 25) / 25, 0.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def pair(folded: SyntheticCube) -> tuple[np.ndarray, np.ndarray, CubeAlignment]:
+    """A monitor of another strength, with noise, a local pull-down, dead and missing traces, and its alignment."""
+    base = np.array(folded.seismic)
+    noise = np.random.default_rng(3).normal(size=SHAPE)
+    monitor = 1.8 * warp(base, [0.0, 0.0, bump()]) + 0.15 * noise
+    monitor = monitor.astype(np.float32)
+    monitor[12, 12:15] = 0.0
+    monitor[20:22, 25] = np.nan
+    return base, monitor, align_cubes(base, monitor)
+
+
+def test_known_pull_down_is_found_and_its_uncertainty_is_honest(pair: Any) -> None:
+    _, _, found = pair
+    error = (found.shift - bump())[INNER]
+    assert np.sqrt(np.mean(error**2)) < 0.2
+    # within two standard deviations nine times out of ten, and not for their being huge
+    assert (np.abs(error) < 2.0 * found.shift_std[INNER]).mean() > 0.9
+    assert np.median(found.shift_std[INNER]) < 0.25
+    assert found.start[:2] == (0.0, 0.0)
+    assert abs(found.start[2] - 3.3) < 1.0
+
+
+def test_dead_and_missing_traces_are_bridged(pair: Any) -> None:
+    _, _, found = pair
+    for place in ((12, 13), (20, 25)):
+        assert np.abs(found.shift[place][14:-16] - bump()[place][14:-16]).max() < 0.5
+        assert (found.aligned[place] == 0.0).mean() > 0.9
+
+
+def test_aligned_monitor_is_the_base_at_its_own_strength(pair: Any) -> None:
+    base, monitor, found = pair
+    known = found.aligned[INNER] != 0.0
+    left = (found.aligned - 1.8 * base)[INNER][known]
+    before = np.nan_to_num(monitor - 1.8 * base)[INNER][known]
+    assert left.std() < 0.3 * before.std()
+
+
+def test_lateral_shift_is_found_where_layers_dip(folded: SyntheticCube) -> None:
+    base = np.array(folded.seismic)
+    found = align_cubes(base, warp(base, [0.8, -1.1, 2.0]))
+    for values, truth, limit in ((found.inline_shift, 0.8, 0.25), (found.crossline_shift, -1.1, 0.25)):
+        assert abs(np.median(values[INNER]) - truth) < limit
+    assert np.abs(np.median(found.shift[INNER]) - 2.0) < 0.1
+
+
+def test_level_layers_tell_nothing_about_lateral_shifts_and_it_says_so() -> None:
+    rng = np.random.default_rng(4)
+    trace = ndimage.gaussian_filter1d(rng.normal(size=SHAPE[2] + 20), 2.0)
+    base = np.tile(trace[10:-10] / trace.std(), (*SHAPE[:2], 1)).astype(np.float32)
+    monitor = np.tile(np.interp(np.arange(SHAPE[2]) - 2.0 + 10.0, np.arange(len(trace)), trace) / trace.std(),
+                      (*SHAPE[:2], 1)).astype(np.float32)  # fmt: skip
+    found = align_cubes(base, monitor)
+    assert abs(np.median(found.shift[INNER]) - 2.0) < 0.1
+    assert np.median(found.inline_std[INNER]) > 0.9 * TimeLapseSettings().prior[0]
+    assert np.median(found.shift_std[INNER]) < 0.2
+
+
+def test_same_cube_has_no_shift(folded: SyntheticCube) -> None:
+    found = align_cubes(folded.seismic, folded.seismic)
+    for values in (found.shift, found.inline_shift, found.crossline_shift):
+        assert np.abs(values[INNER]).max() < 0.05
+
+
+def test_coordinates_and_units_are_those_of_the_base(folded: SyntheticCube) -> None:
+    base = folded.to_dataarray()
+    monitor = base.copy(data=warp(np.array(folded.seismic), [0.0, 0.0, 2.0]))
+    base[3, 4] = np.nan
+    monitor[3, 4] = np.nan
+    found = align_cubes(base, monitor)
+    assert found.shift.dims == base.dims
+    assert np.median(found.shift.values[INNER]) == pytest.approx(8.0, abs=0.4)  # two samples of 4 ms
+    assert np.isnan(found.shift.values[3, 4]).all()
+    assert np.isfinite(np.delete(found.shift.values.reshape(-1, SHAPE[2]), 3 * SHAPE[1] + 4, axis=0)).all()
+    axes = time_lapse_section(base, monitor, found, axes=Figure().subplots(1, 4), inline=1020)
+    before, after = (np.abs(axes[k].images[0].get_array())[14:-16].mean() for k in (1, 2))
+    assert after < 0.4 * before
+
+
+def test_large_cubes_are_thinned_for_the_coarse_step(folded: SyntheticCube, monkeypatch: pytest.MonkeyPatch) -> None:
+    base = np.array(folded.seismic)
+    monitor = warp(base, [0.0, 0.0, 4.0])
+    seen = []
+    register = time_lapse.register
+    monkeypatch.setattr(time_lapse, "register", lambda a, b, **k: (seen.append(a.shape), register(a, b, **k))[1])
+    found = align_cubes(base, monitor, settings=TimeLapseSettings(largest=40_000))
+    assert seen == [(18, 18, 36)]
+    assert found.start == pytest.approx((0.0, 0.0, 4.0), abs=0.6)
+    assert np.median(found.shift[INNER]) == pytest.approx(4.0, abs=0.1)
+
+
+def test_without_a_coarse_answer_windows_start_from_the_best_vertical_shift(
+    folded: SyntheticCube, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    register = time_lapse.register
+
+    def lost(a: Any, b: Any, **more: Any) -> Any:
+        found = register(a, b, **more)
+        assert found.converged
+        return replace(found, state="no_overlap", T_target_source=np.eye(4) * 99.0)
+
+    monkeypatch.setattr(time_lapse, "register", lost)
+    base = np.array(folded.seismic)
+    found = align_cubes(base, warp(base, [0.0, 0.0, 6.0]))
+    assert not found.coarse.converged
+    assert found.start == (0.0, 0.0, 6.0)
+    assert np.median(found.shift[INNER]) == pytest.approx(6.0, abs=0.1)
+
+
+def test_refusals(folded: SyntheticCube) -> None:
+    base = folded.to_dataarray()
+    with pytest.raises(ShapeError, match="two cubes of one shape"):
+        align_cubes(base, base[:, :, :-1])
+    with pytest.raises(ShapeError, match="at least 8 traces"):
+        align_cubes(base[:4], base[:4])
+    moved = base.assign_coords(inline=base["inline"] + 1)
+    with pytest.raises(GeometryError, match="differ in their inline"):
+        align_cubes(base, moved)
+    with pytest.raises(GeometryError, match="no live trace in common"):
+        align_cubes(base, base * 0.0)
