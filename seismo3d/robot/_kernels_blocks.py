@@ -232,8 +232,10 @@ def fuse_blocks(
                     ahead = pixels[pixel, 0] - vz
                     if ahead < -band4 - band4:
                         continue
-                    if ahead > band4 + band4 and not distance[number, index] < band4:
-                        continue  # free already
+                    if ahead > band4 + band4:
+                        if not distance[number, index] < band4:
+                            continue  # free already
+                        w = max(w, one)  # free is free, however vague the depth behind
                     ahead *= f4(math.sqrt(one + (vx * vx + vy * vy) * inverse * inverse)) * pixels[pixel, 1]
                     if ahead < -band4:
                         continue

@@ -131,5 +131,5 @@ def _rehearse(frames: Sequence[RgbdFrame], camera: Camera) -> float:
         found = mapper.add(replace(frame, camera=0))
         if found.located is not None:
             planes, marks = found.located.plane_spread, found.located.landmark_spread
-            logs.append([np.log(np.clip(planes, 0.1, 20.0)), np.log(np.clip(marks, 0.1, 20.0))])
+            logs.append([np.log(np.clip(planes, 0.3, 20.0)), np.log(np.clip(marks, 0.3, 20.0))])
     return float(np.mean(logs, axis=0).sum()) if logs else np.inf

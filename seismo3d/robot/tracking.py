@@ -28,7 +28,7 @@ TERMS = ("fused", "planes", "features", "two_stage")
 _FREE = Limits(np.full(6, -np.inf), np.full(6, np.inf))
 _STILL = 2e-4
 """Steps below are the last, rad and m."""
-_PER_PLANE = 50.0
+_PER_PLANE = 8.0
 """Pixels of the half image (every second one of it) that carry as much as one independent measurement: neighbours
 share the sensor's and the map's errors."""
 
@@ -171,8 +171,9 @@ def _pair_planes(
     if count < 30:
         return None
     residual, sigma = residual[:count], sigma[:count]
-    spread = max(robust_scale(residual / sigma), 0.3)
-    weights = tukey_weights(residual / sigma, TUKEY * spread) / (sigma * spread) ** 2
+    spread = robust_scale(residual / sigma)
+    floored = max(spread, 0.3)
+    weights = tukey_weights(residual / sigma, TUKEY * floored) / (sigma * floored) ** 2
     weights *= step * step / (4.0 * _PER_PLANE)
     return PlanePairs(source[:count], target[:count], normal[:count], weights, residual, tried, spread)
 
@@ -183,8 +184,9 @@ def _weigh_landmarks(sightings: Sightings, T: Float64Array, lens: PinholeCamera)
     local = np.einsum("nji,nj->ni", poses[:, :3, :3], sightings.points - poses[:, :3, 3])
     depth = np.maximum(local[:, 2], 0.1)
     miss = np.linalg.norm((local[:, :2] / depth[:, None] - sightings.rays[:, :2]) * [lens.fx, lens.fy], axis=1)
-    spread = max(1.2 * float(np.median(miss)), 0.3)
-    weights = tukey_weights(miss, TUKEY * spread) / spread**2
+    spread = 1.2 * float(np.median(miss))
+    floored = max(spread, 0.3)
+    weights = tukey_weights(miss, TUKEY * floored) / floored**2
     on_ray = sightings.rays * depth[:, None]
     M = sightings.T_depth_pixel
     source = np.einsum("nij,nj->ni", M[:, :3, :3], on_ray) + M[:, :3, 3]

@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from seismo3d.errors import ParameterError
+from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.robot import RgbdFrame
+from seismo3d.robot._kernels_frame import depth_sigma
+from seismo3d.robot.ekf import exp_motion
+from seismo3d.robot.frames import Measurer, MeasureSettings, Timing, smooth_depth
+from seismo3d.robot.landmarks import time_sightings
+from seismo3d.robot.moving import MotionMemory
+
+LENS = PinholeCamera(130.0, 131.0, 79.5, 59.5, (0.05,), 1000.0)
+POOL = ThreadPoolExecutor(2)
+
+
+def ray_grid() -> np.ndarray:
+    grid = np.stack(np.meshgrid(np.arange(160), np.arange(120)), axis=-1).reshape(-1, 2).astype(float)
+    return np.c_[LENS.rays(grid), np.ones(len(grid))].reshape(120, 160, 3)
+
+
+def wall(T_world_camera: np.ndarray) -> np.ndarray:
+    """Depth of the wall z = 2 + 0.2 x - 0.1 y seen from poses of shape (120, 4, 4), one a row."""
+    normal = np.array([-0.2, 0.1, 1.0])
+    direction = np.einsum("rij,rcj->rci", T_world_camera[:, :3, :3], ray_grid())
+    return (2.0 - T_world_camera[:, :3, 3] @ normal)[:, None] / (direction @ normal)
+
+
+def test_vertices_and_normals_of_a_wall() -> None:
+    still = np.repeat(np.eye(4)[None], 120, axis=0)
+    frame = RgbdFrame.of(None, wall(still) * 1000.0, 0.0)
+    measured = Measurer(LENS, MeasureSettings(), POOL).measure(frame, np.zeros(6), Timing())
+    inner = measured.vertices[4:-4, 4:-4].astype(float)
+    np.testing.assert_allclose(inner @ np.array([-0.2, 0.1, 1.0]), 2.0, atol=2e-3)
+    normal = np.array([0.2, -0.1, -1.0]) / np.sqrt(1.05)
+    assert (measured.normals[4:-4, 4:-4] @ normal).min() > 0.999
+    trust = measured.pixels[:, 2].reshape(120, 160)[10:-10, 10:-10]
+    assert trust.max() < (depth_sigma(1.0) / depth_sigma(1.5)) ** 2
+    assert trust.min() > 0.0
+
+
+def test_shutter_is_frozen() -> None:
+    """Rows seen from a turning, moving camera become what it sees at the middle row's time."""
+    twist, readout = np.array([0.5, -0.3, 0.2, 0.2, 0.1, 0.3]), 0.03
+    times = (np.arange(120) / 120 - 0.5) * readout
+    rolling = wall(np.array([exp_motion(twist * t) for t in times]))
+    exact = wall(np.repeat(np.eye(4)[None], 120, axis=0))
+    frame = RgbdFrame.of(None, rolling * 1000.0, 0.0)
+    measurer = Measurer(LENS, MeasureSettings(), POOL)
+    off = {}
+    for name, timing in (("frozen", Timing(readout)), ("rolling", Timing())):
+        depth = measurer.measure(frame, twist, timing).depth[12:-12, 12:-12]
+        off[name] = np.abs(depth - exact[12:-12, 12:-12])[depth > 0]
+    assert np.median(off["frozen"]) < 0.25 * np.median(off["rolling"])
+    assert np.median(off["frozen"]) < 0.001
+
+
+def test_colour_of_another_time_lands_on_its_depth() -> None:
+    twist, lead = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]), 0.02
+    still = np.repeat(np.eye(4)[None], 120, axis=0)
+    rgb = np.zeros((120, 160, 3), np.uint8)
+    rgb[:, 80:] = 200  # an edge at column 80 of the colour image
+    frame = RgbdFrame(0.02, 0.0, rgb, wall(still) * 1000.0)
+    measured = Measurer(LENS, MeasureSettings(), POOL).measure(frame, twist, Timing(0.0, lead))
+    edge = np.argmax(measured.colour[60, :, 0] > 100)
+    # turned by 0.02 rad to the right since, the colour's camera shows things 2.6 pixels farther left
+    assert edge == pytest.approx(80 + 130 * np.tan(0.02), abs=1.0)
+
+
+def test_pixels_know_their_time() -> None:
+    pixels = np.array([[10.0, 0.0], [10.0, 60.0], [10.0, 119.0]])
+    seen = time_sightings(
+        np.zeros((3, 3)), pixels, LENS, np.array([0, 0.4, 0, 0.1, 0, 0.2]), Timing(0.03, 0.01), (120, 160)
+    )
+    np.testing.assert_allclose(seen.delay, 0.01 + 0.03 * (pixels[:, 1] / 120 - 0.5))
+    exact = [exp_motion(np.array([0, 0.4, 0, 0.1, 0, 0.2]) * t) for t in seen.delay]
+    np.testing.assert_allclose(seen.T_depth_pixel, exact, atol=1e-6)  # third order in the time
+
+
+def test_total_variation_smooths_but_keeps_edges_and_holes(rng: np.random.Generator) -> None:
+    depth = np.where(np.arange(80) < 40, 1.0, 2.0) * np.ones((60, 1))
+    noisy = (depth + 0.01 * rng.normal(size=depth.shape)).astype(np.float32)
+    noisy[20:25, 10:15] = 0.0
+    smooth = smooth_depth(noisy, 0.02)
+    assert not smooth[20:25, 10:15].any()
+    seen = smooth > 0
+    assert np.std((smooth - depth)[seen]) < 0.6 * np.std((noisy - depth)[seen])
+    assert (smooth[:, 41:] - smooth[:, 38:39]).min() > 0.9
+
+
+def test_what_moves_loses_its_weight_and_what_stays_keeps_it() -> None:
+    still = np.repeat(np.eye(4)[None], 120, axis=0)
+    background = wall(still)
+    measurer, memory = Measurer(LENS, MeasureSettings(), POOL), MotionMemory()
+
+    def watch(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        frame = RgbdFrame.of(None, depth * 1000.0, 0.0)
+        measured = measurer.measure(frame, np.zeros(6), Timing())
+        marked = memory.watch(measured, LENS, np.eye(4))
+        return marked, measured.pixels[:, 2].reshape(120, 160)
+
+    for _ in range(3):
+        marked, _ = watch(background)
+        assert not marked.any()
+    intruder = background.copy()
+    intruder[40:80, 50:90] = 1.0
+    marked, trust = watch(intruder)
+    assert marked[22:38, 27:43].all()
+    assert not marked[:15].any()
+    assert not trust[45:75, 55:85].any()
+    assert trust[100:110, 20:140].min() > 0.0
+    for _ in range(40):  # once it has stood still for as long as the memory reaches, it is mapped
+        marked, trust = watch(intruder)
+    assert not marked.any()
+    assert trust[50:70, 60:80].min() > 0.0
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(ParameterError, match="far"):
+        MeasureSettings(near=1.0, far=0.5)
