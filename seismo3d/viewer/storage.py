@@ -85,9 +85,12 @@ def _find_cube(folder: Path, faults: FaultSet, cube: str | Path | None) -> Path:
     if cube is not None:
         return Path(cube)
     named = getattr(faults.labels, "attrs", {}).get("path")
-    if not named or not Path(named).exists():
-        raise FileAccessError(f"the cube of {folder}, {named or 'not named there'}, is not found. Name it by --cube.")
-    return Path(named)
+    if named:
+        # a name without its folder was meant from where the run was started: look beside the run's folder too
+        for place in (Path(named), folder.resolve().parent / Path(named).name):
+            if place.exists():
+                return place
+    raise FileAccessError(f"the cube of {folder}, {named or 'not named there'}, is not found. Name it by --cube.")
 
 
 def choose_folder(path: str | Path, out: str | Path | None, *, overwrite: bool = False) -> Path:

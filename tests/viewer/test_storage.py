@@ -153,3 +153,14 @@ def test_the_folder_to_save_to(tmp_path, monkeypatch):
         choose_folder("run", "mine", overwrite=True)
     with pytest.raises(FileAccessError, match="is a file"):
         choose_folder("run", "mine/letter.txt")
+
+
+def test_the_cube_is_also_looked_for_beside_the_folder(tmp_path, cube, faults, monkeypatch):
+    made, elsewhere = tmp_path / "made", tmp_path / "elsewhere"
+    made.mkdir()
+    elsewhere.mkdir()
+    s3.write_segy(made / "cube.sgy", cube)
+    labels = faults.labels.assign_attrs(path="cube.sgy")
+    s3.FaultSet(faults.surfaces, faults.likelihood, labels, faults.throw).save(made / "run")
+    monkeypatch.chdir(elsewhere)
+    assert open_session("../made/run").cube.shape == cube.shape
