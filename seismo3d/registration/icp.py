@@ -9,24 +9,26 @@ import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d.geometry.voxels import VoxelMap
-from seismo3d.registration._kernels_newton import parameter_jacobian, weakest_share
+from seismo3d.registration._kernels_newton import weakest_share
 from seismo3d.registration.acceleration import Accelerator
+from seismo3d.registration.agreement import agreed_form, agreement
 from seismo3d.registration.constraints import model_number
 from seismo3d.registration.matching import NONE_GIVEN, Pass, match_surface
 from seismo3d.registration.quadratic import stack
 from seismo3d.registration.robust import TUKEY
-from seismo3d.registration.solvers import Limits, Prior, moved_from, offsets_from, walk
+from seismo3d.registration.solvers import Limits, Prior, Solution, moved_from, offsets_from, walk
 from seismo3d.registration.terms import FeaturePass, FeatureTerm, weigh_features
 
 NEAR_SHARE = 0.5
 """Share of elements with a partner within half a voxel from which the start counts as near."""
 
 
-NORMAL_NOISE = 3.0
-"""Curvature that noise of the normals feigns, in medians of the squared sine between matched normals."""
-MOST_FEIGNED = 0.004
-"""Most of it: far from the solution normals differ because pairs are wrong."""
-LEAST_RATIO = 1e-7
+DAMPING = (1e-4, 1e-3, 1e-2, 1e-1)
+"""Shares of the pairs' weight with which a step is held back, in turn, until it stays within the pairs' reach."""
+WEAK = 0.05
+"""Share of the largest curvature below which it is asked how much of a direction's curvature is real."""
+FAR_RATIO = 1e-3
+"""Share of the largest curvature up to which directions are held where pairs are still wrong and cannot be asked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +61,7 @@ class LoopSettings:
     max_iterations: int = 30
     tolerance: float = 0.004
     max_elements: int = 5000
-    observability: float = 1e-3
+    observability: float = 1e-6
     symmetric: bool = False
     acceleration: int = 4
     alpha: float | None = None
@@ -183,7 +185,7 @@ def _run_level(
             search = joint = plain = None
         widened = search is not None
         given, radius = search.partners(A, t, iteration) if search else (None, 1.5 * target.size)
-        new = _evaluate(target, drawn, features, A, t, radius, cutoff, given, settings, model)
+        new = _evaluate(target, drawn, features, A, t, radius, cutoff, given, settings, model, finest)
         if plain is not None and joint is not None and new.cost > 1.0005 * joint.cost + 1e-9:
             A, t = plain  # the extrapolation went uphill: take the plain step instead
             plain = None
@@ -197,8 +199,7 @@ def _run_level(
             if not 0.8 < fresh / cutoff < 1.25:
                 cutoff = min(fresh, 2.0 * target.size)
                 memory.forget()
-        step = walk(joint.form, A, t, model=model, prior=prior, limits=limits, ratio=joint.ratio)
-        move = offsets_from(Prior(A, t), step.A, step.t, model)
+        step, move = _trusted_step(joint, A, t, prior, limits, model, radius)
         if np.abs(move).max() < (tolerance if not widened else 4 * tolerance) or stall.reached(joint.cost, cutoff):
             A, t = step.A, step.t
             if search is None:
@@ -280,6 +281,7 @@ def _evaluate(
     given: Int32Array | None,
     settings: LoopSettings,
     model: str,
+    finest: bool,
 ) -> Joint:
     surface = match_surface(
         source,
@@ -294,13 +296,51 @@ def _evaluate(
     )
     seen = None if features is None else weigh_features(features, A, t)
     ratio = settings.observability
-    weak = surface.weight > 0.0 and weakest_share(surface.form, A, model_number(model)) < MOST_FEIGNED
-    if weak and surface.matched > 0.6 and np.nanmedian(surface.distances2) < (0.7 * target.size) ** 2:
-        ratio = max(ratio, feigned(surface, source, A))
-    if weak and seen is not None and settings.alpha is None:
-        surface = replace(surface, form=seen_part(surface.form, A, t, model, ratio))
-        ratio = 0.0
-    return replace(fuse(surface, seen, settings.alpha, target.size), ratio=max(ratio, LEAST_RATIO))
+    if settings.alpha is None and weakest_share(surface.form, A, model_number(model)) < WEAK:
+        if not _lies_near(surface, target.size):
+            ratio = max(ratio, FAR_RATIO)
+        else:
+            agreed = agreement(surface, source, target, A, cutoff, model, final=finest)
+            if agreed is not None and not agreed.real.all():
+                surface = replace(surface, form=agreed_form(surface.form, A, t, model, agreed))
+    return replace(fuse(surface, seen, settings.alpha, target.size), ratio=ratio)
+
+
+def _trusted_step(
+    joint: Joint, A: Float64Array, t: Float64Array, prior: Prior, limits: Limits, model: str, reach: float
+) -> tuple[Solution, Float64Array]:
+    """Walk to the form's minimum, or less far where that is beyond the pairs' reach: there they say nothing."""
+    here = Prior(A, t)
+    form = joint.form
+    n = form.shape[0] - 1
+    weight = float(np.trace(form[n - t.size : n, n - t.size : n]))
+    for damping in (0.0, *DAMPING):
+        if damping:
+            form = joint.form + damping * weight * _closeness(A, t)
+        step = walk(form, A, t, model=model, prior=prior, limits=limits, ratio=joint.ratio)
+        move = offsets_from(here, step.A, step.t, model)
+        if np.abs(move).max() <= reach:
+            break
+    return step, move
+
+
+def _closeness(A: Float64Array, t: Float64Array) -> Float64Array:
+    """Return the form of the mean square motion of the source's points away from (A, t), for points all around."""
+    d = t.size
+    z = stack(A, t)
+    weights = np.append(np.full(d * d, 1.0 / d), np.ones(d))
+    out = np.zeros((z.size, z.size))
+    out[:-1, :-1] = np.diag(weights)
+    out[:-1, -1] = out[-1, :-1] = -weights * z[:-1]
+    out[-1, -1] = weights @ z[:-1] ** 2
+    return out
+
+
+def _lies_near(surface: Pass, voxel_size: float) -> bool:
+    """Return whether most elements lie on a partner: farther off normals differ because pairs are wrong."""
+    if not surface.weight > 0.0 or surface.matched < 0.6:
+        return False
+    return bool(np.nanmedian(surface.distances2) < (0.7 * voxel_size) ** 2)
 
 
 def fuse(surface: Pass | None, features: FeaturePass | None, alpha: float | None, voxel_size: float) -> Joint:
@@ -323,45 +363,6 @@ def fuse(surface: Pass | None, features: FeaturePass | None, alpha: float | None
     outside = 1.0 - features.weight / n_features
     cost = surface.cost + outside
     return Joint(form, shares, cost, surface, features)
-
-
-def normal_noise(surface: Pass, source: Float32Array, A: Float64Array) -> float:
-    """Return the median squared sine of the angle between matched normals: information that noise feigns.
-
-    A plane with noisy normals seems to hold what slides along it, by as much as its normals waver.
-    """
-    d = A.shape[0]
-    turned = source[:, 4 : 4 + d] @ A.T.astype(np.float32)
-    length2 = (turned * turned).sum(axis=1)
-    usable = np.isfinite(surface.residuals) & (length2 > 0.0)
-    if not usable.any():
-        return 0.0
-    cosine = (turned[usable] * surface.normals[usable, :d]).sum(axis=1)
-    return float(np.median(np.maximum(0.0, 1.0 - cosine * cosine / length2[usable])))
-
-
-def feigned(surface: Pass, source: Float32Array, A: Float64Array) -> float:
-    """Return the share of the largest curvature up to which noise may feign curvature."""
-    return min(NORMAL_NOISE * normal_noise(surface, source, A), MOST_FEIGNED)
-
-
-def seen_part(form: Float64Array, A: Float64Array, t: Float64Array, model: str, ratio: float) -> Float64Array:
-    """Return the surfaces' form without what noise feigns: directions of weak curvature at (A, t) are taken out of it.
-
-    Features then lead along those directions alone.
-    """
-    J = parameter_jacobian(A, model_number(model))
-    n = J.shape[0]
-    values, vectors = np.linalg.eigh(J.T @ form[:n, :n] @ J)
-    weak = values <= ratio * values[-1]
-    if not weak.any():
-        return form
-    strong = vectors[:, ~weak]
-    keep = J @ strong @ strong.T @ np.linalg.pinv(J)
-    P = np.eye(n + 1)
-    P[:n, :n] = keep
-    P[:n, n] = (np.eye(n) - keep) @ stack(A, t)[:n]
-    return np.asarray(P.T @ form @ P)
 
 
 def surface_variance(surface: Pass, voxel_size: float) -> float:

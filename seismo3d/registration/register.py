@@ -20,7 +20,7 @@ from seismo3d.registration.certificate import Certificate
 from seismo3d.registration.constraints import Constraints, model_number
 from seismo3d.registration.dense import DensePair, prepare_pair
 from seismo3d.registration.feature_pairs import feature_term
-from seismo3d.registration.icp import LoopResult, LoopSettings, draw, feigned, run_levels
+from seismo3d.registration.icp import LoopResult, LoopSettings, draw, run_levels
 from seismo3d.registration.initial import poses_by_features
 from seismo3d.registration.matching import match_surface, surface_meat
 from seismo3d.registration.observability import assess
@@ -377,12 +377,8 @@ def _inverse(A: Float64Array, t: Float64Array) -> tuple[Float64Array, Float64Arr
 def _assemble(task: _Task, found: LoopResult, stage: str) -> Registration:
     """Turn the loop's last state into a result in the input's units."""
     frame, joint = task.pair.frame, found.joint
-    ratio = joint.ratio
-    if joint.surface is not None and joint.features is None:
-        drawn = draw(task.pair.source[0].surface, task.settings.max_elements)
-        ratio = max(ratio, feigned(joint.surface, drawn, found.A))
     Q, meat, weight = _bread_and_meat(task, found)
-    sure = assess(Q, meat, found.A, found.t, model=task.model, frame=frame, ratio=ratio, limits=task.limits)
+    sure = assess(Q, meat, found.A, found.t, model=task.model, frame=frame, ratio=joint.ratio, limits=task.limits)
     overlap = overlap_of(found)
     surface = joint.surface
     squares = 0.0
