@@ -24,9 +24,11 @@ from seismo3d.registration.quadratic import stack
 
 AGREED = 0.5
 """Share of a direction's curvature from which it counts as real without a further look."""
-SURE, PERHAPS = 2.5, 1.0
+SURE, PERHAPS = 2.5, 0.0
 """Standard deviations by which less than that must exceed zero to be real: in the end, and on the way there, where a
-direction that is held in vain loses the way and one that is let go in vain strays a little."""
+direction that is held in vain loses the way, and one that is let go in vain is led back in the end."""
+HELD = 0.01
+"""Curvature that holds a direction where it is, as a share of the largest."""
 PATCH = 4.0
 """Width of a patch whose noise is taken as independent of its neighbours', in voxels."""
 LEAST = 1e-9
@@ -113,6 +115,20 @@ def agreed_form(form: Float64Array, A: Float64Array, t: Float64Array, model: str
     out[:n, n] = out[n, :n] = gradient - out[:n, :n] @ z
     value = float(z @ form[:n, :n] @ z + 2.0 * form[:n, n] @ z + form[n, n])
     out[n, n] = value - 2.0 * gradient @ z + z @ out[:n, :n] @ z
+    return out
+
+
+def holding_form(form: Float64Array, A: Float64Array, t: Float64Array, model: str, unseen: Float64Array) -> Float64Array:
+    """Return a form that holds unseen directions (columns) at (A, t): without any curvature rounding leads off."""
+    J = parameter_jacobian(A, model_number(model))
+    n = J.shape[0]
+    rows = unseen.T @ np.linalg.pinv(J)
+    z = stack(A, t)[:n]
+    held = HELD * float(np.linalg.eigvalsh(J.T @ form[:n, :n] @ J)[-1]) * rows.T @ rows
+    out = np.empty_like(form)
+    out[:n, :n] = held
+    out[:n, n] = out[n, :n] = -held @ z
+    out[n, n] = z @ held @ z
     return out
 
 

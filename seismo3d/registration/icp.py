@@ -11,7 +11,7 @@ from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d.geometry.voxels import VoxelMap
 from seismo3d.registration._kernels_newton import weakest_share
 from seismo3d.registration.acceleration import Accelerator
-from seismo3d.registration.agreement import agreed_form, agreement
+from seismo3d.registration.agreement import agreed_form, agreement, holding_form
 from seismo3d.registration.constraints import model_number
 from seismo3d.registration.matching import NONE_GIVEN, Pass, match_surface
 from seismo3d.registration.quadratic import stack
@@ -73,7 +73,8 @@ class LoopSettings:
 class Joint:
     """The fused form at one transform, the factors of both terms in it, and the robust cost of the pairs.
 
-    Directions whose curvature is below ``ratio`` times the largest are not seen.
+    Directions whose curvature is below ``ratio`` times the largest are not seen; ``held`` is added for the walk, to hold
+    the ``unseen`` (columns, orthonormal).
     """
 
     form: Float64Array
@@ -82,6 +83,8 @@ class Joint:
     surface: Pass | None
     features: FeaturePass | None
     ratio: float = 0.0
+    held: Float64Array | None = None
+    unseen: Float64Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,6 +146,8 @@ def run_levels(
     result = None
     for level in range(len(target) - 1, -1, -1):
         coarsest = level == len(target) - 1
+        if level == 0 and not coarsest and features is None and settings.alpha is None:
+            A, t = _led_back(target[0], source[0], A, t, start, model, settings)
         result = _run_level(
             target[level], source[level], features, A, t, prior, limits, model, settings, trail,
             wide=coarsest and settings.wide_search, finest=level == 0,
@@ -222,6 +227,24 @@ def _run_level(
     return LoopResult(A, t, joint, cutoff, settled, tuple(e for e, _, _ in trail), tuple((B, u) for _, B, u in trail))
 
 
+def _led_back(
+    target: VoxelMap,
+    source: VoxelMap,
+    A: Float64Array,
+    t: Float64Array,
+    start: Prior,
+    model: str,
+    settings: LoopSettings,
+) -> tuple[Float64Array, Float64Array]:
+    """Return (A, t) with what coarse levels strayed along directions that are not seen taken back to the start."""
+    drawn = draw(source.surface, settings.max_elements)
+    joint = _evaluate(target, drawn, None, A, t, 1.5 * target.size, target.size, None, settings, model, True)
+    if joint.unseen is None:
+        return A, t
+    back = joint.unseen @ (joint.unseen.T @ offsets_from(start, A, t, model))
+    return moved_from(Prior(A, t), -back, model)
+
+
 def draw(surface: Float32Array, most: int) -> Float32Array:
     """Return at most so many elements, every k-th of them."""
     stride = -(-len(surface) // most)
@@ -295,7 +318,7 @@ def _evaluate(
         given=NONE_GIVEN if given is None else given,
     )
     seen = None if features is None else weigh_features(features, A, t)
-    ratio = settings.observability
+    ratio, held, unseen = settings.observability, None, None
     if settings.alpha is None and weakest_share(surface.form, A, model_number(model)) < WEAK:
         if not _lies_near(surface, target.size):
             ratio = max(ratio, FAR_RATIO)
@@ -303,7 +326,10 @@ def _evaluate(
             agreed = agreement(surface, source, target, A, cutoff, model, final=finest)
             if agreed is not None and not agreed.real.all():
                 surface = replace(surface, form=agreed_form(surface.form, A, t, model, agreed))
-    return replace(fuse(surface, seen, settings.alpha, target.size), ratio=ratio)
+                unseen = np.linalg.qr(agreed.directions[:, ~agreed.real])[0]
+                held = holding_form(surface.form, A, t, model, unseen) if seen is None else None
+    joint = fuse(surface, seen, settings.alpha, target.size)
+    return replace(joint, ratio=ratio, held=None if held is None else joint.shares[0] * held, unseen=unseen)
 
 
 def _trusted_step(
@@ -311,12 +337,12 @@ def _trusted_step(
 ) -> tuple[Solution, Float64Array]:
     """Walk to the form's minimum, or less far where that is beyond the pairs' reach: there they say nothing."""
     here = Prior(A, t)
-    form = joint.form
+    base = form = joint.form if joint.held is None else joint.form + joint.held
     n = form.shape[0] - 1
     weight = float(np.trace(form[n - t.size : n, n - t.size : n]))
     for damping in (0.0, *DAMPING):
         if damping:
-            form = joint.form + damping * weight * _closeness(A, t)
+            form = base + damping * weight * _closeness(A, t)
         step = walk(form, A, t, model=model, prior=prior, limits=limits, ratio=joint.ratio)
         move = offsets_from(here, step.A, step.t, model)
         if np.abs(move).max() <= reach:
@@ -338,7 +364,7 @@ def _closeness(A: Float64Array, t: Float64Array) -> Float64Array:
 
 def _lies_near(surface: Pass, voxel_size: float) -> bool:
     """Return whether most elements lie on a partner: farther off normals differ because pairs are wrong."""
-    if not surface.weight > 0.0 or surface.matched < 0.6:
+    if not surface.weight > 0.0 or surface.matched < 0.3:
         return False
     return bool(np.nanmedian(surface.distances2) < (0.7 * voxel_size) ** 2)
 
