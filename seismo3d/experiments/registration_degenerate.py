@@ -79,9 +79,7 @@ def cast(scene: str, T_world_camera: Float64Array, pixels: Float64Array) -> Floa
     return depth
 
 
-def view(
-    scene: str, T_world_camera: Float64Array, rng: np.random.Generator
-) -> tuple[Scan, Float64Array]:
+def view(scene: str, T_world_camera: Float64Array, rng: np.random.Generator) -> tuple[Scan, Float64Array]:
     """Return the scan that a camera makes of a scene, and its exact depth image."""
     rows, columns = SIZE
     grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2).astype(np.float64)

@@ -118,7 +118,9 @@ def agreed_form(form: Float64Array, A: Float64Array, t: Float64Array, model: str
     return out
 
 
-def holding_form(form: Float64Array, A: Float64Array, t: Float64Array, model: str, unseen: Float64Array) -> Float64Array:
+def holding_form(
+    form: Float64Array, A: Float64Array, t: Float64Array, model: str, unseen: Float64Array
+) -> Float64Array:
     """Return a form that holds unseen directions (columns) at (A, t): without any curvature rounding leads off."""
     J = parameter_jacobian(A, model_number(model))
     n = J.shape[0]

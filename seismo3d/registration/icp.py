@@ -328,7 +328,7 @@ def _evaluate(
                 surface = replace(surface, form=agreed_form(surface.form, A, t, model, agreed))
                 unseen = np.linalg.qr(agreed.directions[:, ~agreed.real])[0]
                 held = holding_form(surface.form, A, t, model, unseen) if seen is None else None
-    joint = fuse(surface, seen, settings.alpha, target.size)
+    joint = fuse(surface, seen, settings.alpha, target.size, cutoff)
     return replace(joint, ratio=ratio, held=None if held is None else joint.shares[0] * held, unseen=unseen)
 
 
@@ -369,7 +369,13 @@ def _lies_near(surface: Pass, voxel_size: float) -> bool:
     return bool(np.nanmedian(surface.distances2) < (0.7 * voxel_size) ** 2)
 
 
-def fuse(surface: Pass | None, features: FeaturePass | None, alpha: float | None, voxel_size: float) -> Joint:
+def fuse(
+    surface: Pass | None,
+    features: FeaturePass | None,
+    alpha: float | None,
+    voxel_size: float = 0.0,
+    cutoff: float = 1.0,
+) -> Joint:
     """Join both terms: by their measured variances, or with the fixed share alpha of Eq. (16)."""
     if surface is None:
         if features is None:
@@ -379,7 +385,7 @@ def fuse(surface: Pass | None, features: FeaturePass | None, alpha: float | None
     if features is None:
         factor = 1.0 / max(surface.spread, 1e-4 * voxel_size) ** 2
         return Joint(surface.form * factor, (factor, 0.0), surface.cost, surface, None)
-    dense_variance = surface_variance(surface, voxel_size)
+    dense_variance = surface_variance(surface, voxel_size, cutoff)
     if alpha is None:
         shares = (1.0 / dense_variance, 1.0 / features.variance)
     else:
@@ -391,17 +397,20 @@ def fuse(surface: Pass | None, features: FeaturePass | None, alpha: float | None
     return Joint(form, shares, cost, surface, features)
 
 
-def surface_variance(surface: Pass, voxel_size: float) -> float:
-    """Return the variance of a residual along the normal, as far as the surfaces are from lying on each other.
+def surface_variance(surface: Pass, voxel_size: float, cutoff: float) -> float:
+    """Return the variance along the normal of a residual of weight 1, as far as the surfaces are from lying together.
 
-    Residuals of nearest pairs are small even far from the solution, where pairs are wrong; the distance between
-    partners in excess of what voxels of this size have anyway tells, and counts along with the residuals' own spread.
+    Weights are inverse variances up to a factor: this is the factor. Residuals of nearest pairs are small even far from
+    the solution, where pairs are wrong; the distance between partners in excess of what voxels of this size have anyway
+    tells, and counts along with the residuals' own spread.
     """
-    if surface.matched == 0.0:
+    if surface.weight == 0.0:
         return voxel_size**2
-    usual = 0.3 * voxel_size**2
-    excess = max(0.0, float(np.nanmedian(surface.distances2)) - usual)
-    return max(surface.spread**2 + 0.1 * excess, (1e-4 * voxel_size) ** 2)
+    robust = np.maximum(0.0, 1.0 - (surface.residuals / cutoff) ** 2) ** 2
+    unit = surface.squares / max(float(np.nansum(robust)), 1e-12)
+    excess = max(0.0, float(np.nanmedian(surface.distances2)) - 0.3 * voxel_size**2)
+    least = (1e-4 * voxel_size) ** 2
+    return max(unit * (1.0 + 0.1 * excess / max(surface.spread**2, least)), least * surface.weight / len(robust))
 
 
 def _run_features(
@@ -414,12 +423,12 @@ def _run_features(
     settings: LoopSettings,
 ) -> LoopResult:
     settled = False
-    joint = fuse(None, weigh_features(features, A, t), settings.alpha, 0.0)
+    joint = fuse(None, weigh_features(features, A, t), settings.alpha)
     for _ in range(settings.max_iterations):
         step = walk(joint.form, A, t, model=model, prior=prior, limits=limits, ratio=settings.observability)
         move = offsets_from(Prior(A, t), step.A, step.t, model)
         A, t = step.A, step.t
-        joint = fuse(None, weigh_features(features, A, t), settings.alpha, 0.0)
+        joint = fuse(None, weigh_features(features, A, t), settings.alpha)
         if np.abs(move).max() < settings.tolerance:
             settled = True
             break
