@@ -27,7 +27,7 @@ from seismo3d.registration.observability import assess
 from seismo3d.registration.polish import polish
 from seismo3d.registration.raster_matches import match_rasters
 from seismo3d.registration.result import Registration
-from seismo3d.registration.sensitivity import rematched_share
+from seismo3d.registration.sensitivity import rematched_form
 from seismo3d.registration.shape_matches import poses_by_shape
 from seismo3d.registration.solvers import Limits, Prior, solve_form
 from seismo3d.registration.terms import FeatureTerm
@@ -423,7 +423,8 @@ def _bread_and_meat(task: _Task, found: LoopResult) -> tuple[Float64Array, Float
     weight = 0.0
     if surface is not None and surface.weight > 0.0:
         drawn = draw(task.pair.source[0].surface, task.settings.max_elements)
-        left = rematched_share(
+        left = rematched_form(
+            surface.form,
             task.pair.target[0],
             draw(drawn, N_PROBES),
             found.A,
@@ -432,7 +433,7 @@ def _bread_and_meat(task: _Task, found: LoopResult) -> tuple[Float64Array, Float
             cutoff=found.cutoff,
             spread=surface.spread,
         )
-        Q += surface.form * (joint.shares[0] * left * max(surface.slope / surface.weight, 0.2))
+        Q += left * (joint.shares[0] * max(surface.slope / surface.weight, 0.2))
         meat += joint.shares[0] ** 2 * surface_meat(surface, drawn, task.pair.target, found.cutoff)
         weight += joint.shares[0] * surface.weight
     if features is not None:
