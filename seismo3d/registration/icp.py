@@ -73,8 +73,8 @@ class LoopSettings:
 class Joint:
     """The fused form at one transform, the factors of both terms in it, and the robust cost of the pairs.
 
-    Directions whose curvature is below ``ratio`` times the largest are not seen; ``held`` is added for the walk, to hold
-    the ``unseen`` (columns, orthonormal).
+    Directions whose curvature is below ``ratio`` times the largest are not seen; ``held`` is added for the walk, to
+    hold the ``unseen`` (columns, orthonormal).
     """
 
     form: Float64Array

@@ -236,8 +236,9 @@ def _check_spread(pair: DensePair, d: int) -> None:
         if d == 2:
             continue
         points = levels[-1].surface[:, :3].astype(np.float64)
-        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-        if len(spread) < 3 or spread[1] < 1e-5 * spread[0]:
+        points -= points.mean(axis=0)
+        squares = np.linalg.eigvalsh(points.T @ points)
+        if squares[1] < 1e-10 * squares[2]:
             raise GeometryError(
                 f"{name}'s points lie on one line; expected a surface. Use align_pairs with given pairs."
             )
