@@ -57,16 +57,14 @@ def rematched_form(
         return form
     curvature = J.T @ held.form[:n, :n] @ J * max(held.slope / held.weight, 0.2)
     values, directions = np.linalg.eigh(curvature)
+    slope = J.T @ (held.form @ stack(A, t))[:n]
     roots = np.ones(m)
     for k in np.flatnonzero(values > LEAST * values[-1]):
         step = STEP * spread / float(np.sqrt(values[k] / held.weight))
-        slopes = []
-        for sign in (1.0, -1.0):
-            B, u = moved_from(Prior(A, t), sign * step * directions[:, k], model)
-            seen = match_surface(source, target, B, u, radius=1.5 * target.size, cutoff=cutoff)
-            slopes.append(float(directions[:, k] @ (J.T @ (seen.form @ stack(B, u))[:n])))
-        share = (slopes[0] - slopes[1]) / (2.0 * step) / values[k]
-        roots[k] = np.sqrt(np.clip(share, FEWEST, 1.0))
+        B, u = moved_from(Prior(A, t), step * directions[:, k], model)
+        seen = match_surface(source, target, B, u, radius=1.5 * target.size, cutoff=cutoff)
+        change_of_slope = directions[:, k] @ (J.T @ (seen.form @ stack(B, u))[:n] - slope)
+        roots[k] = np.sqrt(np.clip(change_of_slope / (step * values[k]), FEWEST, 1.0))
     change = np.eye(n + 1)
     change[:n, :n] -= J @ (directions * (1.0 - roots)) @ directions.T @ np.linalg.pinv(J)
     return np.asarray(change.T @ form @ change)
