@@ -14,6 +14,7 @@ from seismo3d.registration.acceleration import Accelerator
 from seismo3d.registration.agreement import agreed_form, agreement, holding_form
 from seismo3d.registration.constraints import model_number
 from seismo3d.registration.matching import NONE_GIVEN, Pass, match_surface
+from seismo3d.registration.projective import PixelTable
 from seismo3d.registration.quadratic import stack
 from seismo3d.registration.robust import TUKEY
 from seismo3d.registration.solvers import Limits, Prior, Solution, moved_from, offsets_from, walk
@@ -125,6 +126,7 @@ def run_levels(
     limits: Limits,
     model: str,
     settings: LoopSettings,
+    tables: list[PixelTable] | None = None,
 ) -> LoopResult:
     """Run the loop from the coarsest level to the finest.
 
@@ -140,6 +142,8 @@ def run_levels(
     limits : Limits
     model : str
     settings : LoopSettings
+    tables : list of PixelTable, optional
+        By level: partners come from the target's pixels; None searches the nearest.
     """
     A, t = start.A, start.t
     trail: list[tuple[float, Float64Array, Float64Array]] = []
@@ -150,7 +154,7 @@ def run_levels(
             A, t = _led_back(target[0], source[0], A, t, start, model, settings)
         result = _run_level(
             target[level], source[level], features, A, t, prior, limits, model, settings, trail,
-            wide=coarsest and settings.wide_search, finest=level == 0,
+            wide=coarsest and settings.wide_search, finest=level == 0, table=None if tables is None else tables[level],
         )  # fmt: skip
         A, t = result.A, result.t
     if result is None:
@@ -174,6 +178,7 @@ def _run_level(
     *,
     wide: bool,
     finest: bool,
+    table: PixelTable | None,
 ) -> LoopResult:
     base = Prior(A, t)
     memory = Accelerator(settings.acceleration)
@@ -190,6 +195,8 @@ def _run_level(
             search = joint = plain = None
         widened = search is not None
         given, radius = search.partners(A, t, iteration) if search else (None, 1.5 * target.size)
+        if table is not None and search is None:
+            given = table.partners(drawn, target.surface, A, t, radius)
         new = _evaluate(target, drawn, features, A, t, radius, cutoff, given, settings, model, finest)
         if plain is not None and joint is not None and new.cost > 1.0005 * joint.cost + 1e-9:
             A, t = plain  # the extrapolation went uphill: take the plain step instead

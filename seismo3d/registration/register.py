@@ -25,6 +25,7 @@ from seismo3d.registration.initial import poses_by_features
 from seismo3d.registration.matching import match_surface, surface_meat
 from seismo3d.registration.observability import assess
 from seismo3d.registration.polish import polish
+from seismo3d.registration.projective import PixelTable, pixel_tables
 from seismo3d.registration.raster_matches import match_rasters
 from seismo3d.registration.result import Registration
 from seismo3d.registration.sensitivity import rematched_form
@@ -33,6 +34,7 @@ from seismo3d.registration.solvers import Limits, Prior, solve_form
 from seismo3d.registration.terms import FeatureTerm
 from seismo3d.scan import Scan, as_scan
 
+CORRESPONDENCES = ("nearest", "projective")
 STAGES = ("local", "global", "polish")
 LEAST_POINTS = 10
 GOOD_OVERLAP = 0.8
@@ -61,6 +63,7 @@ class _Task:
     limits: Limits
     model: str
     settings: LoopSettings
+    tables: list[PixelTable] | None = None
 
 
 def register(
@@ -75,6 +78,7 @@ def register(
     voxel_size: float | None = None,
     constraints: Constraints | None = None,
     settings: LoopSettings | None = None,
+    correspondences: str = "nearest",
     n_threads: int | None = None,
 ) -> Registration:
     r"""Align two scans: find the transform that carries the source onto the target.
@@ -108,6 +112,9 @@ def register(
         Degrees of freedom that are fixed or bounded, relative to the start.
     settings : LoopSettings, optional
         Settings of the loop; ``alpha`` and ``n_threads`` given here win.
+    correspondences : {"nearest", "projective"}
+        Partners of the local loop: the nearest surface elements, or what the target's pixels show where the source
+        projects to. The latter needs a target from :meth:`Scan.from_rgbd` and a start within a few pixels' reach.
     n_threads : int, optional
         Default: all cores, at most 8. The result does not depend on it.
 
@@ -144,6 +151,7 @@ def register(
     task, first = _prepare(
         target, source, model, start, stages, matches, alpha, voxel_size, constraints, settings, n_threads
     )
+    task = replace(task, tables=_tables(task, correspondences))
     found, stage = _run_local(task, first), "local"
     if "global" in stages and (overlap_of(found) < GOOD_OVERLAP or "local" not in stages):
         task, found, stage = _led_by_rasters(task, first, found, stage)
@@ -254,7 +262,24 @@ def _run(task: _Task, start: Prior) -> LoopResult:
         limits=task.limits,
         model=task.model,
         settings=task.settings,
+        tables=task.tables,
     )
+
+
+def _tables(task: _Task, correspondences: str) -> list[PixelTable] | None:
+    """Return what the target's pixels show, by level, where partners are to come from them."""
+    if correspondences not in CORRESPONDENCES:
+        raise ParameterError(f"correspondences is {correspondences!r}; expected one of {', '.join(CORRESPONDENCES)}.")
+    if correspondences == "nearest":
+        return None
+    raster = task.target.raster
+    tables = None if raster is None else pixel_tables(raster, task.pair.frame, task.pair.target)
+    if tables is None:
+        raise ParameterError(
+            "correspondences is 'projective' and target is no depth image of a camera; expected a scan of "
+            "Scan.from_rgbd. Make the target so, or use 'nearest'."
+        )
+    return tables
 
 
 def _run_local(task: _Task, start: Prior) -> LoopResult:
