@@ -25,7 +25,7 @@ from seismo3d.registration.register import register
 from seismo3d.scan import Scan
 
 SCENES = ("plane", "corridor", "layers")
-METHODS = ("surfaces", "features", "in turn", "fused")
+METHODS = ("planes", "features", "in turn", "fused")
 DEPTH_NOISE = 0.0025
 """Standard deviation of depth in metres at one metre; it grows with the square of depth."""
 PIXEL_NOISE = 0.7

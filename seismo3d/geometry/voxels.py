@@ -139,7 +139,7 @@ def _shares_of_full(count: Float64Array, parents: list[Int32Array | None], usual
     Beside the fullest in its ancestor, two levels up, a voxel counts by its share of points: a noisy wall along the
     grid fills layers of voxels, and only weights in proportion leave the mean of the layers where the wall is.
     """
-    owner = np.arange(len(count))
+    owner: Int32Array = np.arange(len(count), dtype=np.int32)
     for parent in parents:
         if parent is not None:
             owner = parent[owner]
