@@ -120,14 +120,14 @@ def features_alone(target: Scan, source: Scan, matches: KeypointPairs) -> Float6
 
 
 def answers(target: Scan, source: Scan, matches: KeypointPairs) -> tuple[dict[str, Float64Array], int]:
-    """Return ``T_target_source`` by each method, and how many directions the surfaces alone report as unobservable."""
+    """Return ``T_target_source`` by each method, and how many directions surfaces report as unseen near the truth."""
     surfaces = register(target, source, stages=("local",))
     features = features_alone(target, source, matches)
     quick = LoopSettings(wide_search=False)
     turn = register(target, source, start=features, stages=("local",), settings=quick)
     both = register(target, source, matches=matches, stages=("local",))
     found = (surfaces.T_target_source, features, turn.T_target_source, both.T_target_source)
-    return dict(zip(METHODS, found)), len(surfaces.unobservable)
+    return dict(zip(METHODS, found)), len(turn.unobservable)
 
 
 def run_scene(scene: str, *, n_repeats: int, seed: int = 0) -> SceneFigures:
