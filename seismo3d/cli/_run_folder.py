@@ -56,6 +56,20 @@ def find_versions() -> dict[str, str]:
     return found | {package: version(package) for package in _PACKAGES}
 
 
+def describe_run(path: Path, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what every record begins with: the input's fingerprint, the time, the options given, the versions."""
+    from datetime import UTC, datetime
+
+    from seismo3d.io.fingerprint import fingerprint
+
+    return {
+        "input": fingerprint(path),
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "options": {name: value for name, value in options.items() if value is not None},
+        "versions": find_versions(),
+    }
+
+
 def write_record(path: Path, record: Mapping[str, Any]) -> None:
     """Write a run's record as JSON; NaN and infinities as null."""
     path.write_text(json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")

@@ -96,23 +96,14 @@ def _write_attributes(cube: Any, folder: Path, smooth_tv: float | None, clock: P
 
 def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, asked: dict[str, Any]) -> None:
     """Draw the pictures, and write the report and the record of the run."""
-    from datetime import UTC, datetime
-
-    from seismo3d.cli._run_folder import RECORD, find_versions, write_record
-    from seismo3d.io.fingerprint import fingerprint
+    from seismo3d.cli._run_folder import RECORD, describe_run, write_record
     from seismo3d.io.summary import summarise
     from seismo3d.plot.picture_set import save_pictures
     from seismo3d.plot.reports import write_report
 
     pictures = save_pictures(folder, cube, faults=faults, progress=clock)
     clock("report", 0.0)
-    versions = find_versions()
-    record = {
-        "input": fingerprint(path),
-        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-        "options": {name: value for name, value in asked.items() if value is not None},
-        "versions": versions,
-    }
+    record = describe_run(path, asked)
     settings, timings = faults.settings, clock.stop()
     write_report(
         folder / "report.html",
@@ -120,7 +111,7 @@ def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, ask
         faults=faults,
         title=f"Faults in {path.name}",
         pictures=pictures,
-        run={**record, "versions": ", ".join(f"{k} {v}" for k, v in versions.items()), "timings_s": timings},
+        run={**record, "versions": ", ".join(f"{k} {v}" for k, v in record["versions"].items()), "timings_s": timings},
     )
     notes = [picture.note for picture in pictures if picture.note]
     extra = {"geometry": summarise(cube), "settings": settings, "n_faults": len(faults.surfaces), "notes": notes}

@@ -12,25 +12,39 @@ if TYPE_CHECKING:
 
 
 def run(
-    target: Path = typer.Argument(help="Point file: PLY, PCD, XYZ, CSV, LAS, LAZ, NPY or NPZ.", show_default=False),
-    source: Path = typer.Argument(help="Point file to carry onto the target.", show_default=False),
-    output: Path | None = typer.Option(None, "--output", "-o", help="Write the moved source: .ply, .xyz or .npy."),
-    model: str = typer.Option("rigid", help="translation, rigid, similarity, scaled or affine."),
+    target: Path = typer.Argument(
+        help="Point file (PLY, PCD, XYZ, CSV, LAS, LAZ, NPY, NPZ), or elevation map (GeoTIFF, ESRI ASCII, NPZ).",
+        show_default=False,
+    ),
+    source: Path = typer.Argument(help="What to carry onto the target, of the same kind.", show_default=False),
+    output: Path | None = typer.Option(
+        None, "--output", "-o", help="Write the moved source: .ply, .xyz or .npy; of a map: .tif, .asc or .npz."
+    ),
+    model: str | None = typer.Option(
+        None,
+        help="translation, rigid, similarity, scaled or affine; maps: the first three. [default: rigid; translation]",
+    ),
+    vertical: str = typer.Option("offset", help="Of maps, what may happen to elevations: offset, tilt or scaled."),
     start: Path | None = typer.Option(None, help="Text file with a matrix to start from. [default: the identity]"),
     stages: str = typer.Option("local,global,polish", help="Stages that may run, with commas."),
     voxel_size: float | None = typer.Option(None, help="Edge of the finest voxels. [default: from the source]"),
     json: bool = typer.Option(False, "--json", help="Print JSON."),
 ) -> None:
     """Align two scans; print the transform that carries SOURCE onto TARGET, how sure it is, and what cannot be seen."""
+    from seismo3d.io.elevation import holds_elevation
     from seismo3d.io.points import write_points
     from seismo3d.registration.register import register
     from seismo3d.scan import Scan
+
+    if holds_elevation(target) and holds_elevation(source):
+        _register_maps(target, source, output, model or "translation", vertical, json)
+        return
 
     fixed, moving = Scan.from_file(target), Scan.from_file(source)
     found = register(
         fixed,
         moving,
-        model=model,
+        model=model or "rigid",
         start=None if start is None else _read_matrix(start),
         stages=tuple(name.strip() for name in stages.split(",") if name.strip()),
         voxel_size=voxel_size,
@@ -46,6 +60,32 @@ def run(
         typer.echo(" ".join(f"{value:.12g}" for value in row))
     for name, value in _lines(found):
         typer.echo(f"# {name:<14}{value}")
+
+
+def _register_maps(target: Path, source: Path, output: Path | None, model: str, vertical: str, json: bool) -> None:
+    from json import dumps
+
+    from seismo3d.io.elevation import read_elevation, write_elevation
+    from seismo3d.terrain.alignment import register
+
+    fixed, moving = read_elevation(target), read_elevation(source)
+    found = register(fixed, moving, model=model, vertical=vertical)
+    if output is not None:
+        write_elevation(output, found.apply(moving, fixed))
+    names = ("model", "vertical", "state", "stage", "overlap", "nmad_before", "nmad_after", "turn", "growth")
+    facts = {name: getattr(found, name) for name in names}
+    arrays = {"shift": found.shift, "tilt": found.tilt, "sigma": found.sigma}
+    if json:
+        plain = {"T_target_source": found.T_target_source.tolist(), **facts}
+        plain |= {name: values.tolist() for name, values in arrays.items()}
+        typer.echo(dumps({**plain, "vertical_scale": found.vertical_scale}, indent=2))
+        return
+    for row in found.T_target_source:
+        typer.echo(" ".join(f"{value:.12g}" for value in row))
+    for name, value in facts.items():
+        typer.echo(f"# {name:<14}{value if isinstance(value, str) else f'{value:.6g}'}")
+    for name, values in arrays.items():
+        typer.echo(f"# {name:<14}{' '.join(f'{v:.6g}' for v in values)}")
 
 
 def _read_matrix(path: Path) -> Any:

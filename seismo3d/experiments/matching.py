@@ -25,7 +25,7 @@ def main(args: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="parts to measure")
     parser.add_argument("--oxford", type=Path, help="folder of image sequences with homographies")
     parser.add_argument("--cubes", type=Path, nargs="*", default=[], help="real cubes: SEG-Y, Zarr, .npy, .npz")
-    parser.add_argument("--trials", type=int, default=200, help="displacements of synthetic sub-volumes")
+    parser.add_argument("--trials", type=int, default=200, help="displacements of sub-volumes, of each cube")
     parser.add_argument("--images", type=int, default=None, help="use only so many images")
     given = parser.parse_args(args)
     cubes = {path.stem: _read_cube(path) for path in given.cubes}
@@ -83,7 +83,7 @@ def report_volumes(cubes: dict[str, AnyArray], n_trials: int) -> str:
     """Sub-volumes displaced by rigid motions of any size, noise at half the signal."""
     groups = {"synthetic": list(matching_volumes.synthetic_trials(n_trials))}
     for name, cube in cubes.items():
-        groups[name] = list(matching_volumes.real_trials(name, cube, max(1, n_trials // 10)))
+        groups[name] = list(matching_volumes.real_trials(name, cube, n_trials))
     lines = [
         "displaced sub-volumes: % of matches within 3 voxels; % of poses within 0.25 deg and 0.15 voxel, 1 deg and 0.5"
     ]

@@ -73,6 +73,9 @@ class Cell:
         """Share of correct ones among those kept, percent; NaN where none were."""
         return 100.0 * self.correct / self.kept if self.kept else float("nan")
 
+    def __add__(self, other: Cell) -> Cell:
+        return Cell(self.n_images + other.n_images, self.kept + other.kept, self.correct + other.correct)
+
     @property
     def correct_per_image(self) -> float:
         """Mean number of correct matches."""
@@ -151,8 +154,10 @@ def _cell(errors: Sequence[Float64Array]) -> Cell:
     return Cell(len(errors), sum(e.size for e in errors), sum(int((e < CORRECT).sum()) for e in errors))
 
 
-def format_table(title: str, table: Table, paper: Mapping[str, Sequence[int]] | None = None) -> str:
-    """Write a table as text: accuracy in percent and correct matches an image."""
+def format_table(
+    title: str, table: Table, paper: Mapping[str, Sequence[int]] | None = None, *, peers: bool = True
+) -> str:
+    """Write a table as text: accuracy in percent and correct matches an image; say which of all peers is missing."""
     labels = list(next(iter(table.values())))
     lines = [title, f"{'':<16}" + "".join(f"{label:>12}" for label in labels)]
     for name, values in (paper or {}).items():
@@ -160,7 +165,7 @@ def format_table(title: str, table: Table, paper: Mapping[str, Sequence[int]] | 
     for name, row in table.items():
         cells = (f"{c.accuracy:.1f}/{c.correct_per_image:.0f}" for c in row.values())
         lines.append(f"{name:<16}" + "".join(f"{cell:>12}" for cell in cells))
-    if "SURF" not in table:
+    if peers and "SURF" not in table:
         lines.append("SURF was not measured: mahotas is not installed (extra: experiments).")
     return "\n".join(lines)
 
@@ -188,10 +193,25 @@ def table3(*, n_images: int | None = None, progress: Progress | None = None) -> 
     """Measure table 3, rotation off the plane: of planes, and of scenes in depth with occlusion."""
     columns = {f"{angle:g}": tilt(angle) for angle in _TILTS}
     parts = _planar_report("table3", "Table 3, tilt of a plane in degrees", columns, n_images, progress)
-    scenes = load_depth_scenes()[:n_images]
-    measured = measure_depth(scenes, _TILTS[:6], all_matchers(), progress=progress)
+    matchers, scenes = all_matchers(), load_depth_scenes()[:n_images]
+    apart = {scene.name: measure_depth([scene], _TILTS[:6], matchers, progress=progress) for scene in scenes}
     title = f"Table 3, {len(scenes)} scenes in depth turned by degrees: accuracy in percent / correct matches a scene"
-    return "\n\n".join([*parts, format_table(title, measured, PAPER["table3"])])
+    parts.append(format_table(title, pool_tables(list(apart.values())), PAPER["table3"]))
+    for name, measured in apart.items():
+        both = {method: measured[method] for method in ("seismo3d", "SIFT")}
+        parts.append(format_table(f"Table 3, the scene {name} alone", both, peers=False))
+    return "\n\n".join(parts)
+
+
+def pool_tables(tables: Sequence[Table]) -> Table:
+    """Add up the cells of tables with the same methods and columns."""
+    pooled: Table = {}
+    for table in tables:
+        for name, row in table.items():
+            for label, cell in row.items():
+                own = pooled.setdefault(name, {})
+                own[label] = own[label] + cell if label in own else cell
+    return pooled
 
 
 def table4(*, n_images: int | None = None, progress: Progress | None = None) -> str:

@@ -45,9 +45,9 @@ def votes_to_planes(bins: AnyArray, low: AnyArray, high: AnyArray, n_bins: int) 
 
 
 @numba.njit(cache=True, nogil=True)
-def _running_sums(padded: Int32Array, sums: Int32Array) -> None:
+def _running_sums(padded: Int32Array, sums: Int32Array, first: int) -> None:
     rows, columns = padded.shape
-    for y in range(2, rows):
+    for y in range(first, rows):  # above there is nothing to sum
         for x in range(2, columns - 2):
             here = padded[y, x]
             pair = here + padded[y - 1, x]
@@ -72,7 +72,7 @@ def slide_window(planes: Int32Array, taps: Int32Array, reach: int) -> Int32Array
     out = np.empty((n_planes, rows, columns), np.int32)
     for p in range(n_planes):
         padded[above : above + rows, beside : beside + columns] = planes[p]
-        _running_sums(padded, sums)
+        _running_sums(padded, sums, above)
         for y in range(rows):
             change[:] = 0
             for t in range(taps.shape[0]):

@@ -84,10 +84,12 @@ def count_apart(points: Float64Array, reach: Float64Array) -> int:
     -------
     int
     """
-    taken: list[int] = []
+    free = np.ones(len(points), dtype=np.bool_)
+    n_taken = 0
     for k in range(len(points)):
-        if all(np.square(points[k] - points[j]).sum() > max(reach[k], reach[j]) ** 2 for j in taken):
-            taken.append(k)
-            if len(taken) >= _MANY:
+        if free[k]:
+            free &= np.square(points - points[k]).sum(axis=1) > np.maximum(reach, reach[k]) ** 2
+            n_taken += 1
+            if n_taken >= _MANY:
                 break
-    return len(taken)
+    return n_taken

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int64Array
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from seismo3d.features import _kernels
 
 _CHUNK = 8
@@ -78,43 +78,73 @@ def _best_shift(first: AnyArray, second: AnyArray, rows: Int64Array, columns: In
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
-def match_descriptors(
-    target: Float32Array,
-    source: Float32Array,
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """All descriptors of a target against all of a source.
+
+    Attributes
+    ----------
+    target, source : ndarray of shape (F, n, d), (F, m, d), complex64
+        Half spectra over the shift.
+    similarity : ndarray of shape (n, m), float32
+        At the best shift of each pair.
+    n_satellites : int
+        Shifts of a full turn.
+    """
+
+    target: AnyArray
+    source: AnyArray
+    similarity: Float32Array
+    n_satellites: int
+
+
+def compare_descriptors(target: Float32Array, source: Float32Array) -> Comparison:
+    """Compare all descriptors (n, T, d) with all (m, T, d), unit vectors each, under all cyclic shifts."""
+    first, second = _spectra(target), _spectra(source)
+    if len(target) == 0 or len(source) == 0:
+        return Comparison(first, second, np.empty((len(target), len(source)), np.float32), target.shape[1])
+    similarity = best_similarity(first, second, n_satellites=target.shape[1])
+    return Comparison(first, second, similarity, target.shape[1])
+
+
+def pick_matches(
+    compared: Comparison,
     points_target: Float64Array,
     points_source: Float64Array,
     *,
     max_ratio: float,
     apart: float,
+    allowed: BoolArray | None = None,
 ) -> Candidates:
     """Mutual nearest neighbours, clearly nearer than the best competitor elsewhere.
 
     Parameters
     ----------
-    target, source : ndarray of shape (n, T, d), (m, T, d), float32
-        Unit vectors, each.
+    compared : Comparison
+        Of n descriptors with m.
     points_target, points_source : ndarray of shape (n, k), (m, k)
         Where they are.
     max_ratio : float
         Largest ratio of the distance to that of the best competitor, in both directions.
     apart : float
         A competitor lies further than this from the match, in pixels.
+    allowed : ndarray of shape (n, m), bool, optional
+        Pairs that may match, and compete; all where not given.
 
     Returns
     -------
     Candidates
         Shifts that carry the source's descriptor onto the target's.
     """
-    empty = np.empty(0, dtype=np.int64)
-    if len(target) == 0 or len(source) == 0:
+    table = compared.similarity if allowed is None else compared.similarity * allowed
+    if table.size == 0:
+        empty = np.empty(0, dtype=np.int64)
         return Candidates(empty, empty, *(np.empty(0) for _ in range(3)))
-    first, second = _spectra(target), _spectra(source)
-    table = best_similarity(first, second, n_satellites=target.shape[1])
     forth, ratio_forth = _kernels.nearest_apart(table, points_source, apart)
     back, ratio_back = _kernels.nearest_apart(np.ascontiguousarray(table.T), points_target, apart)
-    rows = np.arange(len(target))
+    rows = np.arange(len(table))
     ratio = np.maximum(ratio_forth, ratio_back[forth])
     rows = rows[(back[forth] == rows) & (ratio <= max_ratio) & (table[rows, forth] > 0.0)]
     columns = forth[rows]
-    shift = _best_shift(first, second, rows, columns, target.shape[1])
+    shift = _best_shift(compared.target, compared.source, rows, columns, compared.n_satellites)
     return Candidates(rows, columns, table[rows, columns].astype(float), ratio[rows], shift)

@@ -110,6 +110,28 @@ def polish_pairs(
     return Pairs(pairs.row, pairs.target, points, linear, correlation)
 
 
+def sharpen_pairs(
+    target: ImagePyramid, source: ImagePyramid, keypoints: Keypoints, pairs: Pairs, *, min_correlation: float
+) -> Pairs:
+    """Refine all matches on ever finer levels, as far as the patches are alike there.
+
+    Where depth changes from one pixel to the next, a coarse patch says how its larger part moves; a fine one, how its
+    middle does.
+    """
+    level = keypoints.level[pairs.row].astype(np.int64)
+    linear, points, correlation = pairs.linear.copy(), pairs.source.copy(), pairs.correlation.copy()
+    for n_finer in (2, 4, 8):
+        rows = np.flatnonzero((level > 0) | (n_finer == 8))  # what is finest already takes more steps there, once
+        finer = np.maximum(level[rows] - n_finer, 0)
+        again = Pairs(pairs.row[rows], pairs.target[rows], points[rows], linear[rows], correlation[rows])
+        again = refine_pairs(target, source, finer, again)
+        good = again.correlation >= min_correlation
+        rows, again = rows[good], again.take(good)
+        points[rows], linear[rows], correlation[rows] = again.source, again.linear, again.correlation
+        level[rows] = finer[good]
+    return Pairs(pairs.row, pairs.target, points, linear, correlation)
+
+
 def check_pairs(pairs: Pairs, *, min_agreeing: int, max_misfit: float) -> Pairs:
     """Keep matches that their neighbours agree with, more closely so off the plane that most of a scene may be.
 

@@ -15,17 +15,20 @@ References
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, ArrayLike, BoolArray, Float32Array, Float64Array
-from seismo3d._validate import as_number, freeze
+from seismo3d._typing import AnyArray, ArrayLike, Float64Array
+from seismo3d._validate import freeze
 from seismo3d.errors import ParameterError, ShapeError
-from seismo3d.features.inputs import as_grey, as_grid
-from seismo3d.features.planar import PlanarSettings, match_images
-from seismo3d.features.solid import SolidSettings, match_volumes
+from seismo3d.features.describing import Features, as_points, described
+from seismo3d.features.inputs import as_grid
+from seismo3d.features.pairs import Pairs
+from seismo3d.features.planar import ImageFeatures, PlanarSettings, match_images
+from seismo3d.features.solid import SolidFeatures, SolidMatches, SolidSettings, match_volumes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,9 +78,9 @@ def match(
 
     Parameters
     ----------
-    target, source : array_like, DataArray or Scan
+    target, source : array_like, DataArray, Scan or Features
         Both images (rows, columns), grey or colour, or both volumes (inline, crossline, sample), each side 16 or
-        longer. NaN counts as missing.
+        longer. NaN counts as missing. What is matched often is best given as :func:`seismo3d.describe` makes it.
     mask_target, mask_source : array_like of bool, optional
         True where there is data: dead traces and missing depth are left out by False.
     n_points : int, optional
@@ -97,13 +100,14 @@ def match(
     ShapeError
         If the two are not both images or both volumes, are too small, or a mask's shape differs.
     ParameterError
-        If a setting is out of bounds.
+        If a setting is out of bounds, or a mask or ``n_points`` is given for what is described already.
 
     Notes
     -----
-    Images may be of scenes in depth: matches are checked by their neighbours, not by one homography. Volumes are taken
+    Images may be of scenes in depth: matches are checked by their neighbours, and where one plane does not explain
+    them and epipolar lines do, by those. Volumes are taken
     to be carried into each other by one rigid motion of any size; ``align_pairs`` gets the transform from the matches.
-    Beyond its input, a pair of images of 640 x 480 pixels takes 20 MB; a pair of cubes, 8 times one's size in float32.
+    Beyond its input, a pair of images of 640 x 480 pixels takes 22 MB; a pair of cubes, 8 times one's size in float32.
 
     Examples
     --------
@@ -115,38 +119,62 @@ def match(
     >>> bool(np.abs(shift - [40, 0]).max() < 0.01)
     True
     """
-    first, second = as_grid(target, "target"), as_grid(source, "source")
-    if first.ndim != second.ndim:
-        raise ShapeError(f"target has {first.ndim} axes and source {second.ndim}; expected two images or two volumes.")
     if n_points is not None:
-        as_number(n_points, "n_points", low=1, high=100_000)
+        as_points(n_points)
     if tilts not in ("auto", "always", "never"):
         raise ParameterError(f"tilts is {tilts!r}; expected 'auto', 'always' or 'never'.")
-    grey_t, valid_t = as_grey(first, mask_target, "target")
-    grey_s, valid_s = as_grey(second, mask_source, "source")
-    if first.ndim == 3:
-        return _match_solid(grey_t, valid_t, grey_s, valid_s, n_points)
-    settings = PlanarSettings(tilts=tilts) if n_points is None else PlanarSettings(n_points=int(n_points), tilts=tilts)
-    pairs, found = match_images(grey_t, valid_t, grey_s, valid_s, settings)
+    first, second = _both_described(target, source, mask_target, mask_source, n_points)
+    one, other = first.described, second.described
+    if isinstance(one, ImageFeatures) and isinstance(other, ImageFeatures):
+        settings = PlanarSettings(n_points=max(first.n_points, second.n_points), tilts=tilts)
+        return _of_images(match_images(one, other, settings), (len(first), len(second)))
+    if isinstance(one, SolidFeatures) and isinstance(other, SolidFeatures):
+        return _of_volumes(match_volumes(one, other, SolidSettings()), (len(first), len(second)))
+    raise ShapeError(f"target has {first.ndim} axes and source {second.ndim}; expected two images or two volumes.")
+
+
+def _both_described(
+    target: Any,
+    source: Any,
+    mask_target: ArrayLike | None,
+    mask_source: ArrayLike | None,
+    n_points: int | None,
+) -> tuple[Features, Features]:
+    """Describe what is not described yet: at the same time where OpenCV may use more than one thread."""
+    import cv2
+
+    _refuse_settings(target, "target", mask_target, n_points)
+    _refuse_settings(source, "source", mask_source, n_points)
+    if not isinstance(target, Features) and not isinstance(source, Features):
+        dims = as_grid(target, "target").ndim, as_grid(source, "source").ndim
+        if dims[0] != dims[1]:
+            raise ShapeError(f"target has {dims[0]} axes and source {dims[1]}; expected two images or two volumes.")
+        if dims[0] == 2 and cv2.getNumThreads() > 1:
+            with ThreadPoolExecutor(1) as pool:
+                later = pool.submit(described, source, "source", mask_source, n_points)
+                return described(target, "target", mask_target, n_points), later.result()
+    return described(target, "target", mask_target, n_points), described(source, "source", mask_source, n_points)
+
+
+def _refuse_settings(values: Any, name: str, mask: ArrayLike | None, n_points: int | None) -> None:
+    if isinstance(values, Features) and (mask is not None or n_points is not None):
+        raise ParameterError(
+            f"{name} is described already; expected no mask_{name} or n_points. Give them to describe."
+        )
+
+
+def _of_images(pairs: Pairs, n_points: tuple[int, int]) -> Matches:
     A = np.linalg.inv(pairs.linear)
     angle = np.arctan2(A[:, 1, 0] - A[:, 0, 1], A[:, 0, 0] + A[:, 1, 1])
     scale = np.sqrt(np.abs(np.linalg.det(A)))
-    return _frozen(pairs.target, pairs.source, pairs.correlation, angle, scale, A, found)
+    return _frozen(pairs.target, pairs.source, pairs.correlation, angle, scale, A, n_points)
 
 
-def _match_solid(
-    target: Float32Array,
-    valid_t: BoolArray | None,
-    source: Float32Array,
-    valid_s: BoolArray | None,
-    n_points: int | None,
-) -> Matches:
-    settings = SolidSettings() if n_points is None else SolidSettings(n_points=int(n_points))
-    found, counts = match_volumes(target, valid_t, source, valid_s, settings)
+def _of_volumes(found: SolidMatches, n_points: tuple[int, int]) -> Matches:
     n = len(found.target)
     angle = np.full(n, np.arccos(np.clip(0.5 * (np.trace(found.R) - 1.0), -1.0, 1.0)))
     A = np.repeat(found.R[None], n, axis=0)
-    return _frozen(found.target, found.source, found.correlation, angle, np.ones(n), A, counts)
+    return _frozen(found.target, found.source, found.correlation, angle, np.ones(n), A, n_points)
 
 
 def _frozen(

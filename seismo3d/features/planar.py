@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.features.agreement import count_agreeing, count_apart
-from seismo3d.features.cyclic import match_descriptors
-from seismo3d.features.descriptors import WindowLayout, describe_points
+from seismo3d.features.cyclic import Comparison, compare_descriptors
+from seismo3d.features.descriptors import WindowLayout
+from seismo3d.features.epipolar import count_on_plane
 from seismo3d.features.growth import check_pairs, grow_pairs, polish_pairs, refine_pairs
-from seismo3d.features.keypoints import Keypoints, detect_keypoints
 from seismo3d.features.pairs import Pairs, best_per_row, no_pairs
-from seismo3d.features.pyramid import ImagePyramid, build_pyramid
+from seismo3d.features.parallax import match_in_depth
 from seismo3d.features.tilts import tilted_views
+from seismo3d.features.views import GreyImage, View, describe_view, pick_pairs
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +36,8 @@ class PlanarSettings:
         Neighbours that must agree with a first match.
     enough : int
         With fewer matches than this, tilts are tried in "auto".
+    plane_share : float
+        Where one plane explains so many of the first matches, depth is not considered.
     """
 
     n_points: int = 500
@@ -48,6 +50,7 @@ class PlanarSettings:
     min_agreeing: int = 3
     max_misfit: float = 2.0
     enough: int = 20
+    plane_share: float = 0.8
     layout: WindowLayout = field(default_factory=WindowLayout)
 
 
@@ -56,112 +59,95 @@ _COMPRESSIONS = (2.0, 3.4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Image:
-    """Grey levels, and where there is data; None stands for everywhere."""
+class ImageFeatures:
+    """An image, described: it can be matched to many others."""
 
-    grey: Float32Array
-    valid: BoolArray | None
+    image: GreyImage
+    view: View
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _View:
-    """An image, or a simulated view of it, ready to be matched: A (2, 3) carries the image to the view."""
-
-    pyramid: ImagePyramid
-    keypoints: Keypoints
-    descriptors: Float32Array
-    A: Float64Array
+    def __len__(self) -> int:
+        return len(self.view.keypoints.points)
 
 
-def match_images(
-    target: Float32Array,
-    valid_target: BoolArray | None,
-    source: Float32Array,
-    valid_source: BoolArray | None,
-    settings: PlanarSettings,
-) -> tuple[Pairs, tuple[int, int]]:
-    """Match two grey images.
+def describe_image(image: GreyImage, settings: PlanarSettings) -> ImageFeatures:
+    """Detect and describe the points of a grey image with a spread of about 160 grey levels."""
+    return ImageFeatures(image, _view(image, settings))
+
+
+def match_images(target: ImageFeatures, source: ImageFeatures, settings: PlanarSettings) -> Pairs:
+    """Match two described images.
 
     Parameters
     ----------
-    target, source : ndarray of shape (rows, columns), float32
-        A spread of about 160 grey levels.
-    valid_target, valid_source : ndarray of bool, optional
-        Where they have data.
+    target, source : ImageFeatures
+        Of both.
     settings : PlanarSettings
 
     Returns
     -------
-    pairs : Pairs
+    Pairs
         Matches that passed all checks.
-    n_points : tuple of int
-        Keypoints of target and source.
     """
-    one, other = _Image(target, valid_target), _Image(source, valid_source)
-    first, second = _both_views(one, other, settings)
-    seeds = no_pairs()
+    first, second = target.view, source.view
+    compared = compare_descriptors(first.descriptors, second.descriptors)
+    pairs, enough = no_pairs(), False
     if settings.tilts != "always":
-        seeds = _agreeing(_refined(first, second, _first_matches(first, second, settings), settings), settings)
-    if settings.tilts == "always" or (settings.tilts == "auto" and len(seeds) < settings.enough):
-        seeds = _seeds_by_tilts(first, second, one, other, settings)
-    n_points = (len(first.keypoints.points), len(second.keypoints.points))
+        found = _refined(first, second, _picked(first, second, compared, settings), settings)
+        seeds = _agreeing(found, settings)
+        pairs, in_depth = _matches_from(first, second, compared, found, seeds, settings)
+        enough = len(pairs if in_depth else seeds) >= settings.enough
+    if settings.tilts == "always" or (settings.tilts == "auto" and not enough):
+        found, seeds = _seeds_by_tilts(target, source, compared, settings)
+        pairs, _ = _matches_from(first, second, compared, found, seeds, settings)
+    return pairs.take(_on_data(pairs, source.image))
+
+
+def _matches_from(
+    first: View, second: View, compared: Comparison, found: Pairs, seeds: Pairs, settings: PlanarSettings
+) -> tuple[Pairs, bool]:
+    """All matches that first ones lead to, by their neighbours or along lines; and whether it was along lines."""
     if _witnesses(first, seeds) <= settings.min_agreeing:
-        return no_pairs(), n_points
+        return no_pairs(), False
+    others = no_pairs()
+    if count_on_plane(found) < settings.plane_share * len(found):
+        others = match_in_depth(
+            first,
+            second,
+            compared,
+            found.take(found.row >= 0),
+            max_ratio=settings.max_ratio,
+            apart=settings.apart,
+            min_correlation=settings.min_grown,
+        )
+    if len(others) > len(found):
+        return others, True
     # What is found beside first matches has to be about as alike as they are: noise and change of light are theirs too.
     alike = float(np.clip(np.percentile(seeds.correlation, 20.0), settings.min_correlation, 0.95))
     pairs = grow_pairs(first.pyramid, second.pyramid, first.keypoints, seeds, min_correlation=alike)
     pairs = pairs.take(pairs.row >= 0)
     pairs = polish_pairs(first.pyramid, second.pyramid, first.keypoints, pairs, min_correlation=settings.min_grown)
     pairs = check_pairs(pairs, min_agreeing=settings.min_agreeing + 1, max_misfit=settings.max_misfit)
-    return pairs.take(_on_data(pairs, source, valid_source)), n_points
+    return (others, True) if len(others) > len(pairs) else (pairs, False)
 
 
-def _view(image: _Image, settings: PlanarSettings, A: Float64Array | None = None) -> _View:
-    pyramid = build_pyramid(image.grey, image.valid, n_levels=settings.n_levels)
-    keypoints = detect_keypoints(pyramid, n_points=settings.n_points)
-    return _View(
-        pyramid, keypoints, describe_points(pyramid, keypoints, settings.layout), np.eye(2, 3) if A is None else A
-    )
+def _view(image: GreyImage, settings: PlanarSettings, A: Float64Array | None = None) -> View:
+    return describe_view(image, n_points=settings.n_points, n_levels=settings.n_levels, layout=settings.layout, A=A)
 
 
-def _both_views(target: _Image, source: _Image, settings: PlanarSettings) -> tuple[_View, _View]:
-    """Prepare both images: at the same time where OpenCV may use more than one thread."""
-    import cv2
-
-    if cv2.getNumThreads() < 2:
-        return _view(target, settings), _view(source, settings)
-    with ThreadPoolExecutor(1) as pool:
-        later = pool.submit(_view, source, settings)
-        return _view(target, settings), later.result()
+def _picked(first: View, second: View, compared: Comparison, settings: PlanarSettings) -> Pairs:
+    return pick_pairs(first, second, compared, max_ratio=settings.max_ratio, apart=settings.apart)
 
 
-def _first_matches(first: _View, second: _View, settings: PlanarSettings) -> Pairs:
-    """Match by descriptors, with the rotation and scale that they give."""
-    near = match_descriptors(
-        first.descriptors,
-        second.descriptors,
-        first.keypoints.points,
-        second.keypoints.points,
-        max_ratio=settings.max_ratio,
-        apart=settings.apart,
-    )
-    ratio = (
-        second.pyramid.size[second.keypoints.level[near.source], 0]
-        / first.pyramid.size[first.keypoints.level[near.target], 0]
-    )
-    c, s = ratio * np.cos(near.shift), ratio * np.sin(near.shift)
-    linear = np.stack([c, s, -s, c], axis=1).reshape(-1, 2, 2)
-    return Pairs(
-        near.target, first.keypoints.points[near.target], second.keypoints.points[near.source], linear, near.similarity
-    )
+def _compared(first: View, second: View, settings: PlanarSettings) -> Pairs:
+    return _picked(first, second, compare_descriptors(first.descriptors, second.descriptors), settings)
 
 
-def _refined(first: _View, second: _View, pairs: Pairs, settings: PlanarSettings) -> Pairs:
+def _refined(first: View, second: View, pairs: Pairs, settings: PlanarSettings) -> Pairs:
     refined = refine_pairs(first.pyramid, second.pyramid, first.keypoints.level[pairs.row], pairs)
     return refined.take(refined.correlation >= settings.min_correlation)
 
 
-def _witnesses(first: _View, pairs: Pairs) -> int:
+def _witnesses(first: View, pairs: Pairs) -> int:
     """Count matches whose patches, at the coarser of the levels that fit, do not overlap much."""
     order = np.argsort(-pairs.correlation, kind="stable")
     pairs = pairs.take(order)
@@ -175,25 +161,31 @@ def _agreeing(pairs: Pairs, settings: PlanarSettings) -> Pairs:
     return pairs.take(count_agreeing(pairs, slack=4.0, growth=0.25) >= settings.min_agreeing)
 
 
-def _seeds_by_tilts(first: _View, second: _View, target: _Image, source: _Image, settings: PlanarSettings) -> Pairs:
-    """First matches between each image and simulated views of the other; steeper ones only where those give few."""
-    found = _refined(first, second, _first_matches(first, second, settings), settings)
+def _seeds_by_tilts(
+    target: ImageFeatures, source: ImageFeatures, compared: Comparison, settings: PlanarSettings
+) -> tuple[Pairs, Pairs]:
+    """First matches between each image and simulated views of the other, and those of them that agree.
+
+    Steeper views are only tried where flatter ones give few.
+    """
+    first, second = target.view, source.view
+    found = _refined(first, second, _picked(first, second, compared, settings), settings)
     seeds = no_pairs()
     for compression in _COMPRESSIONS:
-        for tilted in tilted_views(target.grey, target.valid, compression=compression):
-            view = _view(_Image(tilted.image, tilted.valid), settings, tilted.A)
-            pairs = _to_full(_first_matches(view, second, settings), view.A, np.eye(2, 3))
+        for tilted in tilted_views(target.image.grey, target.image.valid, compression=compression):
+            view = _view(GreyImage(tilted.image, tilted.valid), settings, tilted.A)
+            pairs = _to_full(_compared(view, second, settings), view.A, np.eye(2, 3))
             hints = refine_pairs(first.pyramid, second.pyramid, view.keypoints.level[pairs.row], pairs)
             hints = hints.take(hints.correlation >= settings.min_correlation)
             found = found.join(hints.with_row(-1))
-        for tilted in tilted_views(source.grey, source.valid, compression=compression):
-            view = _view(_Image(tilted.image, tilted.valid), settings, tilted.A)
-            pairs = _to_full(_first_matches(first, view, settings), np.eye(2, 3), view.A)
+        for tilted in tilted_views(source.image.grey, source.image.valid, compression=compression):
+            view = _view(GreyImage(tilted.image, tilted.valid), settings, tilted.A)
+            pairs = _to_full(_compared(first, view, settings), np.eye(2, 3), view.A)
             found = found.join(_refined(first, second, pairs, settings))
         seeds = _agreeing(best_per_row(_agreeing(found, settings)), settings)
         if len(seeds) >= 2 * settings.enough:
             break
-    return seeds
+    return best_per_row(found), seeds
 
 
 def _to_full(pairs: Pairs, A_target: Float64Array, A_source: Float64Array) -> Pairs:
@@ -205,11 +197,11 @@ def _to_full(pairs: Pairs, A_target: Float64Array, A_source: Float64Array) -> Pa
     return Pairs(pairs.row, target, source, linear, pairs.correlation)
 
 
-def _on_data(pairs: Pairs, image: Float32Array, valid: BoolArray | None) -> BoolArray:
+def _on_data(pairs: Pairs, image: GreyImage) -> BoolArray:
     """Say which matches lie on the source's data."""
-    last = np.array(image.shape[::-1]) - 1
+    last = np.array(image.grey.shape[::-1]) - 1
     inside = ((pairs.source >= 0.0) & (pairs.source <= last)).all(axis=1)
-    if valid is None:
+    if image.valid is None:
         return np.asarray(inside)
     x, y = np.clip(np.rint(pairs.source).astype(np.int64), 0, last).T
-    return np.asarray(inside & valid[y, x])
+    return np.asarray(inside & image.valid[y, x])

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
-from seismo3d.features.cyclic import match_descriptors
+from seismo3d.features.cyclic import compare_descriptors, pick_matches
 from seismo3d.features.poses import Pose, agree_on_pose, refine_pose
 from seismo3d.features.spheres import SphereLayout, VolumePoints, describe_corners, detect_corners, flip_frames
 
@@ -61,65 +61,51 @@ def smooth_volume(volume: Float32Array, smoothing: float) -> Float32Array:
     return np.asarray(ndimage.gaussian_filter(volume, smoothing, mode="nearest", truncate=3.0))
 
 
-def describe_volume(
-    volume: Float32Array, valid: BoolArray | None, settings: SolidSettings
-) -> tuple[VolumePoints, Float32Array, Float32Array]:
-    """Detect the corners of a smoothed volume and describe them for both signs of their axes."""
-    corners = detect_corners(volume, valid, n_points=settings.n_points)
-    return corners, *describe_corners(volume, valid, corners, settings.layout)
+@dataclass(frozen=True, slots=True, eq=False)
+class SolidFeatures:
+    """A volume, described: smoothed amplitudes, where there is data, corners, and descriptors for both axis signs."""
+
+    volume: Float32Array
+    valid: BoolArray | None
+    corners: VolumePoints
+    descriptors: Float32Array
+    flipped: Float32Array
+
+    def __len__(self) -> int:
+        return len(self.corners)
 
 
-def match_volumes(
-    target: Float32Array,
-    valid_target: BoolArray | None,
-    source: Float32Array,
-    valid_source: BoolArray | None,
-    settings: SolidSettings,
-) -> tuple[SolidMatches, tuple[int, int]]:
-    """Match two volumes that a rigid motion carries into each other, as far as they overlap.
+def describe_solid(volume: Float32Array, valid: BoolArray | None, settings: SolidSettings) -> SolidFeatures:
+    """Smooth a volume, detect its corners and describe them for both signs of their axes."""
+    smooth = smooth_volume(volume, settings.smoothing)
+    corners = detect_corners(smooth, valid, n_points=settings.n_points)
+    return SolidFeatures(smooth, valid, corners, *describe_corners(smooth, valid, corners, settings.layout))
 
-    Parameters
-    ----------
-    target, source : ndarray of shape (ni, nj, nk), float32
-        Amplitudes.
-    valid_target, valid_source : ndarray of bool, optional
-        Where there is data.
-    settings : SolidSettings
+
+def match_volumes(target: SolidFeatures, source: SolidFeatures, settings: SolidSettings) -> SolidMatches:
+    """Match two described volumes that a rigid motion carries into each other, as far as they overlap.
 
     Returns
     -------
-    matches : SolidMatches
+    SolidMatches
         Empty where no pose has enough support.
-    n_points : tuple of int
-        Corners of target and source.
     """
-    first, second = smooth_volume(target, settings.smoothing), smooth_volume(source, settings.smoothing)
-    corners_t, described_t, _ = describe_volume(first, valid_target, settings)
-    corners_s, described_s, flipped_s = describe_volume(second, valid_source, settings)
-    n_points = (len(corners_t), len(corners_s))
     nothing = SolidMatches(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), np.eye(3))
-    rotations, points_t, points_s = propose_poses(corners_t, described_t, corners_s, described_s, flipped_s, settings)
+    rotations, points_t, points_s = propose_poses(target, source, settings)
     found = agree_on_pose(rotations, points_t, points_s, distance=settings.distance, min_inliers=settings.min_inliers)
-    if found is None:
-        return nothing, n_points
-    return _matches_at(first, valid_target, second, valid_source, corners_t, found[0], settings, nothing), n_points
+    return nothing if found is None else _matches_at(target, source, found[0], settings, nothing)
 
 
 def propose_poses(
-    corners_t: VolumePoints,
-    described_t: Float32Array,
-    corners_s: VolumePoints,
-    described_s: Float32Array,
-    flipped_s: Float32Array,
-    settings: SolidSettings,
+    target: SolidFeatures, source: SolidFeatures, settings: SolidSettings
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Match under both signs of the source's axes: rotations (n, 3, 3), and matched points (n, 3) of each."""
-    both = np.concatenate([described_s, flipped_s])
+    corners_t, corners_s = target.corners, source.corners
+    both = np.concatenate([source.descriptors, source.flipped])
     points_s = np.concatenate([corners_s.points, corners_s.points])
     frames_s = np.concatenate([corners_s.frames, flip_frames(corners_s.frames)])
-    near = match_descriptors(
-        described_t, both, corners_t.points, points_s, max_ratio=settings.max_ratio, apart=settings.apart
-    )
+    compared = compare_descriptors(target.descriptors, both)
+    near = pick_matches(compared, corners_t.points, points_s, max_ratio=settings.max_ratio, apart=settings.apart)
     c, s = np.cos(near.shift), np.sin(near.shift)
     turn = np.zeros((len(c), 3, 3))
     turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
@@ -128,28 +114,22 @@ def propose_poses(
 
 
 def _matches_at(
-    first: Float32Array,
-    valid_t: BoolArray | None,
-    second: Float32Array,
-    valid_s: BoolArray | None,
-    corners: VolumePoints,
-    pose: Pose,
-    settings: SolidSettings,
-    nothing: SolidMatches,
+    target: SolidFeatures, source: SolidFeatures, pose: Pose, settings: SolidSettings, nothing: SolidMatches
 ) -> SolidMatches:
     """All corners of the target that the refined pose carries onto something alike in the source."""
-    points = np.floor(corners.points)
+    first, second = target.volume, source.volume
+    points = np.floor(target.corners.points)
     pose, correlation, _ = refine_pose(first, second, points, pose)
     points = points[correlation >= settings.min_correlation]
     if len(points) < settings.min_inliers:
         return nothing
     pose, correlation, shift = refine_pose(first, second, points, pose)
-    source = pose.to_source(points - shift)
+    places = pose.to_source(points - shift)
     good = (correlation >= settings.min_correlation) & (np.linalg.norm(shift, axis=1) <= settings.max_shift)
-    good &= _on_data(points, valid_t) & _on_data(source, valid_s)
+    good &= _on_data(points, target.valid) & _on_data(places, source.valid)
     if good.sum() < settings.min_inliers:
         return nothing
-    return SolidMatches(points[good], source[good], correlation[good], pose.R)
+    return SolidMatches(points[good], places[good], correlation[good], pose.R)
 
 
 def _on_data(points: Float64Array, valid: BoolArray | None) -> AnyArray:

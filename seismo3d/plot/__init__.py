@@ -17,30 +17,44 @@ if TYPE_CHECKING:
     from seismo3d.plot.reports import write_report
     from seismo3d.plot.scenes import cube
     from seismo3d.plot.sections import likelihood, section
+    from seismo3d.plot.terrain_maps import change_map, lineament_rose, scarp_profile, terrain
+    from seismo3d.plot.track_pictures import track_map, track_section
 
 _PUBLIC = {
+    "change_map": "terrain_maps",
     "cube": "scenes",
     "likelihood": "sections",
+    "lineament_rose": "terrain_maps",
     "matches": "match_pictures",
     "save_scene": "rendering",
+    "scarp_profile": "terrain_maps",
     "section": "sections",
     "strike_rose": "distributions",
+    "terrain": "terrain_maps",
     "throw_histogram": "distributions",
     "throw_map": "maps",
     "time_slice": "maps",
+    "track_map": "track_pictures",
+    "track_section": "track_pictures",
     "write_report": "reports",
 }
 
 __all__ = [
+    "change_map",
     "cube",
     "likelihood",
+    "lineament_rose",
     "matches",
     "save_scene",
+    "scarp_profile",
     "section",
     "strike_rose",
+    "terrain",
     "throw_histogram",
     "throw_map",
     "time_slice",
+    "track_map",
+    "track_section",
     "write_report",
 ]
 

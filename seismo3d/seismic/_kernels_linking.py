@@ -33,12 +33,21 @@ def _on_each_other(positions, normals, a, b, least_cosine, off_plane):  # type: 
 
 
 @njit(cache=True, nogil=True)
-def grow_surfaces(voxels, positions, normals, score, order, where, reach, least_cosine, off_plane, fold, widest):  # type: ignore[no-untyped-def]
+def _carried(voxels, normals, a, down):  # type: ignore[no-untyped-def]
+    """Inline and crossline at which a point's plane, straight down its dip, is `down` samples deeper."""
+    flat = normals[a, 0] * normals[a, 0] + normals[a, 1] * normals[a, 1]
+    move = -normals[a, 2] * down / max(flat, np.float32(1e-6))
+    return int(np.rint(voxels[a, 0] + move * normals[a, 0])), int(np.rint(voxels[a, 1] + move * normals[a, 1]))
+
+
+@njit(cache=True, nogil=True)
+def grow_surfaces(voxels, positions, normals, score, order, where, step, reach, least_cosine, off_plane, fold, widest):  # type: ignore[no-untyped-def]
     """Return the surface number of every point, growing each surface from the best point that is still free.
 
-    A surface takes the best free point beside it that lies on the plane of the point it is reached from. It is a height
-    field over the vertical plane through its seed's strike: a point that would be its second one at a place (farther
-    than `fold` from the first), or whose plane turns away too far from the seed's (cosine below `widest`), stays free.
+    A surface takes the best free point beside it that lies on the plane of the point it is reached from; beside means
+    near where that plane passes through the levels above and below, which a low dip carries far off. A surface is a
+    height field over its seed's plane: a point that would be its second one at a place (farther than `fold` from the
+    first), or whose plane turns away too far from the seed's (cosine below `widest`), stays free.
     """
     n = len(voxels)
     n0, n1, n2 = where.shape
@@ -52,13 +61,14 @@ def grow_surfaces(voxels, positions, normals, score, order, where, reach, least_
             continue
         length = np.hypot(normals[seed, 0], normals[seed, 1])
         nx, ny = normals[seed, 0] / length, normals[seed, 1] / length
+        cotangent = -normals[seed, 2] / length
         heap = [(-score[seed], np.int64(seed))]
         while len(heap) > 0:
             _, a = heapq.heappop(heap)
             if label[a] >= 0:
                 continue
             x, y = positions[a, 0] - positions[seed, 0], positions[a, 1] - positions[seed, 1]
-            w = nx * x + ny * y
+            w = nx * x + ny * y - cotangent * (positions[a, 2] - positions[seed, 2])
             row = int(np.rint(nx * y - ny * x)) + span
             k = voxels[a, 2]
             fits = True
@@ -77,10 +87,10 @@ def grow_surfaces(voxels, positions, normals, score, order, where, reach, least_
             label[a] = number
             owner[row, k] = number
             height[row, k] = w
-            i, j = voxels[a, 0], voxels[a, 1]
-            for ii in range(max(0, i - reach), min(n0, i + reach + 1)):
-                for jj in range(max(0, j - reach), min(n1, j + reach + 1)):
-                    for kk in range(max(0, k - reach), min(n2, k + reach + 1)):
+            for kk in range(max(0, k - reach), min(n2, k + reach + 1)):
+                i, j = _carried(voxels, normals, a, (kk - k) * step)
+                for ii in range(max(0, i - reach), min(n0, i + reach + 1)):
+                    for jj in range(max(0, j - reach), min(n1, j + reach + 1)):
                         b = where[ii, jj, kk]
                         if b < 0 or label[b] >= 0:
                             continue
@@ -98,7 +108,7 @@ def grow_surfaces(voxels, positions, normals, score, order, where, reach, least_
 
 
 @njit(cache=True, nogil=True)
-def count_contacts(voxels, positions, normals, label, n_surfaces, where, reach, least_cosine, off_plane):  # type: ignore[no-untyped-def]
+def count_contacts(voxels, positions, normals, label, n_surfaces, where, step, reach, least_cosine, off_plane):  # type: ignore[no-untyped-def]
     """Return a row (surface, surface, pairs of near points, those of them that agree) for every two in touch."""
     n0, n1, n2 = where.shape
     near = Dict.empty(types.int64, types.int64)
@@ -107,10 +117,11 @@ def count_contacts(voxels, positions, normals, label, n_surfaces, where, reach, 
         la = np.int64(label[a])
         if la < 0:
             continue
-        i, j, k = voxels[a, 0], voxels[a, 1], voxels[a, 2]
-        for ii in range(i, min(n0, i + reach + 1)):
-            for jj in range(max(0, j - reach), min(n1, j + reach + 1)):
-                for kk in range(max(0, k - reach), min(n2, k + reach + 1)):
+        k = voxels[a, 2]
+        for kk in range(max(0, k - reach), min(n2, k + reach + 1)):
+            i, j = _carried(voxels, normals, a, (kk - k) * step)
+            for ii in range(max(0, i - reach), min(n0, i + reach + 1)):
+                for jj in range(max(0, j - reach), min(n1, j + reach + 1)):
                     b = where[ii, jj, kk]
                     if b < 0 or label[b] < 0 or label[b] == la:
                         continue

@@ -72,37 +72,49 @@ def read_sides(volume, valid, p, q, w, origin, along, across, first_s, first_sam
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def shift_costs(sides, known, n_shifts, cost, weight):  # type: ignore[no-untyped-def]
-    """Write the squared difference of the sides, one moved up and the other down by half of every shift."""
-    _, n_rows, n_samples = sides.shape
-    middle = n_shifts // 2
-    for c in prange(n_shifts):
-        shift = np.int64(c) - middle
-        up = shift // 2
-        down = shift - up
-        for r in range(n_rows):
-            for k in range(n_samples):
-                a, b = k - up, k + down
-                if 0 <= a < n_samples and 0 <= b < n_samples and known[0, r, a] > 0 and known[1, r, b] > 0:
-                    difference = sides[0, r, a] - sides[1, r, b]
-                    cost[c, r, k] = difference * difference
-                    weight[c, r, k] = 1.0
-                else:
-                    cost[c, r, k] = 0.0
-                    weight[c, r, k] = 0.0
+def match_costs(hanging, foot, in_hanging, in_foot, lateral, thin, loud, cost, energy, weight):  # type: ignore[no-untyped-def]
+    """Compare every `thin`-th place of the hanging wall with where each throw says that it came from.
+
+    Throw number c is c - n // 2 samples, and the place has moved along strike by `lateral` times that. Written are the
+    squared difference, at most `loud`, the energy of both sides, and 1 where both are known.
+    """
+    n_rows, n_samples = hanging.shape
+    n_shifts, thin_rows, thin_samples = cost.shape
+    for number in prange(n_shifts):
+        throw = np.int64(number) - n_shifts // 2
+        for a in range(thin_rows):
+            row = a * thin - lateral * throw
+            inside = 0.0 <= row <= n_rows - 1
+            low = int(row) if inside else 0
+            high = min(low + 1, n_rows - 1)
+            share = np.float32(row - low)
+            for b in range(thin_samples):
+                r, k = a * thin, b * thin
+                cost[number, a, b] = 0.0
+                energy[number, a, b] = 0.0
+                weight[number, a, b] = 0.0
+                above = k - throw
+                if not inside or above < 0 or above >= n_samples or in_hanging[r, k] <= 0:
+                    continue
+                if in_foot[low, above] > 0 and in_foot[high, above] > 0:
+                    value = foot[low, above] * (np.float32(1.0) - share) + foot[high, above] * share
+                    difference = hanging[r, k] - value
+                    cost[number, a, b] = min(difference * difference, loud)
+                    energy[number, a, b] = hanging[r, k] * hanging[r, k] + value * value
+                    weight[number, a, b] = 1.0
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def finish_costs(cost, weight, energy, missing, out):  # type: ignore[no-untyped-def]
-    """Turn smoothed sums into ratios, laid out as (row, sample, shift); `missing` where the sides do not overlap."""
+def finish_costs(cost, energy, weight, quiet, unmatched, out):  # type: ignore[no-untyped-def]
+    """Turn smoothed sums into ratios, laid out as (row, sample, shift); `unmatched` where the sides do not overlap."""
     n_shifts, n_rows, n_samples = cost.shape
     for r in prange(n_rows):
         for k in range(n_samples):
             for c in range(n_shifts):
-                if weight[c, r, k] > np.float32(0.15):
-                    out[r, k, c] = min(cost[c, r, k] / weight[c, r, k] / energy[r, k], np.float32(2.0))
+                if weight[c, r, k] > np.float32(0.3):
+                    out[r, k, c] = cost[c, r, k] / (energy[c, r, k] + quiet * weight[c, r, k])
                 else:
-                    out[r, k, c] = missing
+                    out[r, k, c] = unmatched
 
 
 @njit(cache=True, nogil=True)
@@ -170,12 +182,11 @@ def pick_shifts(total, cost, shift, fit):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def bar_far_shifts(cost, usual, band):  # type: ignore[no-untyped-def]
-    """Raise the cost, in place, of shifts farther than `band` from the usual one, the more the farther."""
+def bar_far_shifts(cost, usual, band, out):  # type: ignore[no-untyped-def]
+    """Write the cost, raised where a shift lies farther than `band` from the usual one, the more the farther."""
     n_rows, n_samples, n = cost.shape
     for r in prange(n_rows):
         for k in range(n_samples):
             for c in range(n):
                 far = abs(c - n // 2 - usual[r, k]) - band
-                if far > 0:
-                    cost[r, k, c] += np.float32(0.1) * far
+                out[r, k, c] = cost[r, k, c] + np.float32(0.1) * max(far, np.float32(0.0))

@@ -14,12 +14,12 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array, Progress
 from seismo3d._validate import as_number
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
-from seismo3d.seismic._kernels_attributes import find_slopes, stack_along_dip
+from seismo3d.seismic._kernels_attributes import stack_along_dip
+from seismo3d.seismic.dip import DipSettings, estimate_slopes
 
-_GRADIENT = 1.0  # sigma of the gradient, in samples and bins
-_TENSOR = (2.0, 2.0, 4.0)  # sigmas over which orientation is averaged: bins, bins, samples
+# orientation is averaged over less than for faults, so that small bends stay
+_DIP = DipSettings(lateral=2.0, vertical=4.0, steepest=5.0, rim=1e-4)
 _CURVATURE = (2.0, 2.0, 2.0)  # sigmas of the slopes' smoothing before they are differentiated once more
-_STEEPEST = 5.0  # samples a bin
 _HALF_WINDOW = 4  # samples of semblance above and below
 
 
@@ -71,7 +71,9 @@ def compute_attributes(
     report: Progress = progress or (lambda _stage, _share: None)
     volume, live = _fill(cube)
     report("dips", 0.0)
-    slopes = _estimate_slopes(volume, live, report)
+    valid = np.broadcast_to(live[:, :, None], volume.shape)
+    slopes = np.stack(estimate_slopes(volume, np.ascontiguousarray(valid), settings=_DIP))
+    report("dips", 1.0)
     if weight is not None:
         slopes = np.stack([_denoise(slope, weight) for slope in slopes])
     report("semblance", 0.0)
@@ -100,42 +102,6 @@ def _fill(cube: Any) -> tuple[Float32Array, BoolArray]:
         i, j = distance_transform_edt(~live, return_distances=False, return_indices=True)
         values = values[i, j]
     return values / np.float32(np.abs(values).max() or 1.0), live
-
-
-def _estimate_slopes(volume: Float32Array, live: BoolArray, report: Progress) -> Float32Array:
-    """Slopes along both lateral axes, of shape (2, ...), in samples a bin."""
-    from scipy.ndimage import gaussian_filter
-
-    trust = _trust(live, volume.shape[2])
-    gradients = []
-    for axis in range(3):
-        order = [int(k == axis) for k in range(3)]
-        gradients.append(gaussian_filter(volume, _GRADIENT, order=order, mode="nearest", truncate=4.0))
-        report("dips", 0.1 * (axis + 1))
-    tensors = []
-    for number, (a, b) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
-        tensors.append(
-            gaussian_filter(gradients[a] * gradients[b] * trust, _TENSOR, mode="nearest", truncate=3.0).ravel()
-        )
-        report("dips", 0.3 + 0.1 * (number + 1))
-    slopes = np.empty((2, volume.size), dtype=np.float32)
-    xx, yy, zz, xy, xz, yz = tensors
-    find_slopes(xx, yy, zz, xy, xz, yz, _STEEPEST, slopes)
-    report("dips", 1.0)
-    return slopes.reshape((2, *volume.shape))
-
-
-def _trust(live: BoolArray, n_samples: int) -> Float32Array:
-    """Weights of the gradients, of the cube's shape: little where a filter reaches beyond the data."""
-    from scipy.ndimage import binary_erosion
-
-    reach = 2
-    structure = np.ones([3 if n > 1 else 1 for n in live.shape], dtype=bool)
-    inner = binary_erosion(live, structure, iterations=reach)
-    lateral = np.where(inner, 1.0, 1e-4) * live
-    vertical = np.full(n_samples, 1e-4)
-    vertical[reach : n_samples - reach] = 1.0
-    return (lateral[:, :, None] * vertical).astype(np.float32)
 
 
 def _measure_semblance(volume: Float32Array, live: BoolArray, slopes: Float32Array, report: Progress) -> Float32Array:

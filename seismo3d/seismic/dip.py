@@ -31,6 +31,8 @@ class DipSettings:
         Widths of the Gaussian over which the structure tensor is averaged.
     steepest : float
         Largest slope, in samples a trace.
+    rim : float
+        Weight of gradients whose window reaches beyond the cube, where its outermost values are repeated.
     slab : int
         Inlines that are worked on at a time; bounds the memory.
     """
@@ -39,6 +41,7 @@ class DipSettings:
     lateral: float = 5.0
     vertical: float = 8.0
     steepest: float = 4.0
+    rim: float = 0.05
     slab: int = 48
 
 
@@ -75,15 +78,18 @@ def estimate_slopes(
     for start in range(0, len(volume), settings.slab):
         stop = min(start + settings.slab, len(volume))
         low, high = max(0, start - reach), min(len(volume), stop + reach)
-        slab_p, slab_q = _slab_slopes(volume[low:high], valid[low:high], settings)
+        weight = _trusted(valid[low:high], int(np.ceil(1.5 * settings.derivative)))
+        _weigh_rim(weight, settings, (low == 0, high == len(volume)))
+        slab_p, slab_q = _slab_slopes(volume[low:high], weight, settings)
         p[start:stop] = slab_p[start - low : stop - low]
         q[start:stop] = slab_q[start - low : stop - low]
     return p, q
 
 
-def _slab_slopes(volume: Float32Array, valid: BoolArray, settings: DipSettings) -> tuple[Float32Array, Float32Array]:
+def _slab_slopes(
+    volume: Float32Array, weight: Float32Array, settings: DipSettings
+) -> tuple[Float32Array, Float32Array]:
     gradient = _gradient(volume, settings.derivative)
-    weight = _trusted(valid, int(np.ceil(1.5 * settings.derivative)))
     sigma = (settings.lateral, settings.lateral, settings.vertical)
     product = np.empty_like(volume)
     tensor = []
@@ -124,3 +130,18 @@ def _trusted(valid: BoolArray, reach: int) -> Float32Array:
     filter_inlines(second, box, first)
     weight[first > 0.5] = 0.0
     return weight
+
+
+def _weigh_rim(weight: Float32Array, settings: DipSettings, ends: tuple[bool, bool]) -> None:
+    """Multiply the weights of gradients that reach beyond the cube; `ends` says where a slab's inlines end with it."""
+    reach = int(np.ceil(2.0 * settings.derivative))
+    if settings.rim == 1.0:
+        return
+    for axis, (first, last) in enumerate((ends, (True, True), (True, True))):
+        along = np.moveaxis(weight, axis, 0)
+        if len(along) <= 2 * reach:
+            continue
+        if first:
+            along[:reach] *= np.float32(settings.rim)
+        if last:
+            along[-reach:] *= np.float32(settings.rim)

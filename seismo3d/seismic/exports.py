@@ -86,7 +86,8 @@ def mesh_faults(faults: FaultSet, cube: Any) -> list[SurfaceMesh]:
     -------
     list of SurfaceMesh
         One a surface, named ``fault_001`` and so on by label; properties ``throw`` (samples), ``throw_ms`` or
-        ``throw_m`` where the sample interval is known, ``likelihood``, ``strike`` and ``dip`` (degrees).
+        ``throw_m`` where the sample interval is known, ``throw_fit`` (0 to 1), ``likelihood``, ``strike`` and ``dip``
+        (degrees).
     """
     section = np.ndim(faults.labels) == 2
     geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
@@ -100,6 +101,7 @@ def _properties(surface: FaultSurface) -> dict[str, Any]:
     properties = {"throw": surface.throw}
     if surface.sample_unit != "samples":
         properties[f"throw_{surface.sample_unit}"] = surface.throw * np.float32(surface.sample_interval)
+    properties["throw_fit"] = surface.throw_fit
     return properties | {"likelihood": surface.likelihood, "strike": surface.strike_deg, "dip": surface.dip_deg}
 
 
@@ -109,5 +111,8 @@ def _describe(cube: Any) -> tuple[str, dict[str, str]]:
     unit = geometry.unit if geometry.unit != "samples" else "none"
     place = "metres on the map" if geometry.has_map else "line numbers" if np.ndim(cube) == 3 else "trace index, 0"
     z = {"ms": "two-way time in ms", "m": "depth in m"}.get(unit, "sample number")
-    properties = "throw: samples, positive where the hanging wall is down; strike and dip: degrees"
+    properties = (
+        "throw: samples, positive where the hanging wall is down; throw_fit: 1 where the sides match, 0 where throw is "
+        "carried on; strike and dip: degrees"
+    )
     return unit, {"xy": f"x, y: {place}", "z": f"z: {z}, positive down", "properties": properties}

@@ -32,8 +32,9 @@ def tabulate_faults(faults: FaultSet, cube: Any) -> list[dict[str, Any]]:
         ``likelihood_mean``, ``area_index`` (or ``length_index`` in a section: units of bins and samples), ``area_m2``
         (depth cubes on a map), ``length_m`` (along strike, on a map), ``strike_deg``, ``dip_deg``,
         ``throw_mean_samples``, ``throw_max_samples`` (largest by size, with its sign), the same in ``_ms`` or ``_m``,
-        ``throw_known`` (share of the area), ``kind`` (normal, reverse, mixed or unknown), and the extents in line
-        numbers and time or depth.
+        ``throw_known`` (share of the area), ``throw_fit`` (mean match of the sides, 0 to 1), ``kind`` (normal, reverse,
+        mixed or unknown), ``heave_mean_m`` (of slip down the dip, on a map), and the extents in line numbers and time
+        or depth.
     """
     section = np.ndim(faults.labels) == 2
     geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
@@ -68,7 +69,7 @@ def _row(number: int, surface: FaultSurface, geometry: SurveyGeometry | SectionG
     if isinstance(geometry, SurveyGeometry):
         row["strike_deg"] = mean_strike_deg(surface.strike_deg, weights)
     row["dip_deg"] = _mean(surface.dip_deg, weights)
-    return row | _throws(surface, weights) | _extents(surface, geometry, cube)
+    return row | _throws(surface, weights) | _heave(surface, geometry, weights) | _extents(surface, geometry, cube)
 
 
 def _mean(values: AnyArray, weights: Float64Array) -> float:
@@ -104,7 +105,15 @@ def _throws(surface: FaultSurface, weights: Float64Array) -> dict[str, Any]:
             f"throw_max_{surface.sample_unit}": largest * surface.sample_interval,
         }
     share = float(weights[known].sum() / weights.sum()) if weights.sum() > 0 else 0.0
-    return row | {"throw_known": share, "kind": _kind(throw, weights)}
+    return row | {"throw_known": share, "throw_fit": _mean(surface.throw_fit, weights), "kind": _kind(throw, weights)}
+
+
+def _heave(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry, weights: Float64Array) -> dict[str, Any]:
+    if not geometry.has_map:
+        return {}
+    ends = (geometry.index_to_map(surface.vertices + sign * surface.slip) for sign in (0.0, 1.0))
+    start, end = (np.asarray(points, dtype=np.float64)[:, :2] for points in ends)
+    return {"heave_mean_m": _mean(np.hypot(*(end - start).T), weights)}
 
 
 def _kind(throw: Float64Array, weights: Float64Array) -> str:

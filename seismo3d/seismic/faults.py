@@ -6,7 +6,6 @@ slopes -> misfit -> planar support -> ridges -> sheets -> throws -> surfaces, la
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from seismo3d._validate import freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic._kernels_valid import mark_valid, same_as_next
+from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
@@ -32,8 +32,6 @@ _LONGEST_RUN = 12
 _LEAST_REPEATS = 4
 # median misfit ratios of a cube without noise, of a good survey, and of one with nearly as much noise as signal
 _NOISES = (0.0, 0.08, 0.2)
-# traces that a section's one trace stands for, where a surface's size is asked for
-_SECTION_WIDTH = 16.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,29 +45,37 @@ class FaultSettings:
         noise of a good survey, and in noise.
     end_score : tuple of (float, float, float)
         The same, averaged over the surface nearby, below which a surface ends.
-    least_area : float
-        Smallest surface, in traces times samples.
-    least_strength : float
-        Significance that a surface needs: its mean support times the square root of its area.
-    least_height : float
-        Smallest extent of a surface down the samples.
-    least_throw : float
-        Smallest median throw, in samples: sides that fit best unmoved, as at a channel's edge, are no fault.
-    dip, misfit, scan, link, throw
+    dip, misfit, scan, link, choice, throw
         Settings of the stages.
     """
 
-    least_score: tuple[float, float, float] = (0.5, 0.42, 0.28)
-    end_score: tuple[float, float, float] = (0.45, 0.45, 0.3)
-    least_area: float = 400.0
-    least_strength: float = 38.0
-    least_height: float = 24.0
-    least_throw: float = 1.0
+    least_score: tuple[float, float, float] = (0.45, 0.42, 0.28)
+    end_score: tuple[float, float, float] = (0.42, 0.45, 0.3)
     dip: DipSettings = field(default_factory=DipSettings)
     misfit: MisfitSettings = field(default_factory=MisfitSettings)
     scan: ScanSettings = field(default_factory=ScanSettings)
     link: LinkSettings = field(default_factory=LinkSettings)
+    choice: ChoiceSettings = field(default_factory=ChoiceSettings)
     throw: ThrowSettings = field(default_factory=ThrowSettings)
+
+    @classmethod
+    def for_section(cls) -> FaultSettings:
+        """Return the settings of a section, which is one trace thick along the strike.
+
+        Nothing is gained by sharing a window with neighbours along the strike, so slopes are averaged over more traces
+        of the section; and what a cube's strike averages away, windows across the fault must not smear, so the sides
+        are compared where they touch and the evidence is hardly smoothed. A line's mean scatters more than a plane's,
+        above all in noise, and asks for a higher threshold. Sizes are lengths of lines.
+        """
+        return cls(
+            least_score=(0.6, 0.5, 0.65),
+            end_score=(0.5, 0.5, 0.65),
+            dip=DipSettings(lateral=8.0),
+            misfit=MisfitSettings(reach=(1, 6), lateral=0.5, background=(10.0, 16.0), levelling=1.0),
+            scan=ScanSettings(n_dips=(33, 41)),
+            link=LinkSettings(fragment=6, contacts=5),
+            choice=ChoiceSettings.for_section(),
+        )
 
 
 def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: Progress | None = None) -> FaultSet:
@@ -87,7 +93,8 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
         A cube (inline, crossline, sample) or a section (trace, sample), as ``open_cube`` gives it or a bare array.
         NaN, dead traces and constant zones count as no data.
     settings : FaultSettings, optional
-        Thresholds and windows.
+        Thresholds and windows; by default ``FaultSettings()`` for a cube and ``FaultSettings.for_section()`` for a
+        section.
     progress : callable, optional
         Called with the stage's name and the share of it that is done.
 
@@ -111,9 +118,10 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     ----------
     .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
     """
-    settings = settings or FaultSettings()
     report = progress or _unheard
     amplitudes, geometry, sampling = _prepare(cube)
+    is_section = 1 in amplitudes.shape[:2]
+    settings = settings or (FaultSettings.for_section() if is_section else FaultSettings())
     volume, valid = _clean(amplitudes)
     report("dip", 0.0)
     slopes = estimate_slopes(volume, valid, settings=settings.dip)
@@ -125,19 +133,21 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     strong = ridges.select(ridges.score >= _at_noise(settings.least_score, evidence))
     del support
     report("link", 0.0)
-    width = _SECTION_WIDTH if 1 in volume.shape[:2] else 1.0
-    sheets = _choose(link_sheets(
+    least_area = min(settings.choice.company_area, settings.choice.least_area)
+    sheets = link_sheets(
         strong, evidence.along_inlines.shape, step=evidence.step,
-        least_points=max(4, int(0.5 * settings.least_area / width / evidence.step)),
+        least_points=max(4, int(0.5 * least_area / evidence.step)),
         end_score=_at_noise(settings.end_score, evidence), settings=settings.link,
-    ), settings, width)  # fmt: skip
-    throws = []
+    )  # fmt: skip
+    sheets = may_be_faults(sheets, is_section, settings.choice)
+    moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
-        throws.append(measure_throw(volume, valid, slopes, sheet, settings=settings.throw))
+        measured = measure_throw(volume, valid, slopes, sheet, settings=settings.throw)
+        moving.append(end_where_still(sheet, measured, settings.choice))
     report("surfaces", 0.0)
-    moved = [_median_throw(t) >= settings.least_throw for t in throws]
-    sheets, throws = list(compress(sheets, moved)), list(compress(throws, moved))
+    chosen = choose_faults(moving, settings.choice)
+    sheets, throws = [sheet for sheet, _ in chosen], [throw for _, throw in chosen]
     surfaces = _surfaces(sheets, throws, geometry, sampling)
     labels, throw = _draw(sheets, throws, (volume.shape[0], volume.shape[1], volume.shape[2]))
     likelihood = _draw_likelihood(ridges, evidence, volume.shape)
@@ -153,12 +163,6 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
 
 def _unheard(stage: str, share: float) -> None:
     """Take reports of progress where nobody asked for them."""
-
-
-def _median_throw(throw: SheetThrow) -> float:
-    """Median size of the throw; 0 where no side has data."""
-    known = np.abs(throw.throw[np.isfinite(throw.throw)])
-    return float(np.median(known)) if known.size else 0.0
 
 
 def _at_noise(scores: tuple[float, float, float], evidence: Evidence) -> float:
@@ -213,18 +217,6 @@ def _repeated(amplitudes: Float32Array, valid: BoolArray) -> BoolArray:
     kept = ndimage.binary_opening(np.pad(same, ((0, 0), (pairs, pairs))), np.ones((1, pairs), bool))[:, pairs:-pairs]
     kept[:, 1:] |= kept[:, :-1]
     return kept
-
-
-def _choose(sheets: list[Sheet], settings: FaultSettings, width: float) -> list[Sheet]:
-    """Keep the sheets that are large and strong enough to be faults."""
-    return [
-        sheet
-        for sheet in sheets
-        if (min(sheet.w.shape) > 1 or width > 1.0)
-        and width * sheet.area >= settings.least_area
-        and np.nanmean(sheet.score) * np.sqrt(width * sheet.area) >= settings.least_strength
-        and np.ptp(np.flatnonzero(sheet.inside.any(axis=0))) * sheet.step >= settings.least_height
-    ]
 
 
 def _surfaces(

@@ -24,7 +24,7 @@ from seismo3d._validate import freeze
 from seismo3d.errors import FileAccessError, FormatError, GeometryError
 
 _FILE = "faultset.npz"
-_VERSION = 1
+_VERSION = 2
 _VOLUMES = ("likelihood", "labels", "throw")
 
 
@@ -43,7 +43,11 @@ class FaultSurface:
     likelihood : ndarray of shape (n,), float32
         Fault likelihood at each vertex, 0 to 1.
     throw : ndarray of shape (n,), float32
-        Vertical displacement in samples, positive where the hanging wall is down; NaN where it is not known.
+        How far the hanging wall at each vertex lies below the place of the footwall that it came from, in samples;
+        negative where it lies above; NaN where it is not known.
+    throw_fit : ndarray of shape (n,), float32
+        How well the two match: 1 where they are equal, 0 where they are unrelated and where the throw is carried on
+        from matched places around, because the other side lies outside the surface or the cube.
     strike_deg, dip_deg : ndarray of shape (n,), float32
         Orientation at each vertex in degrees; strike 0 to 360 by the right-hand rule, dip 0 to 90. In a section strike
         is NaN.
@@ -62,6 +66,7 @@ class FaultSurface:
     normals: Float32Array
     likelihood: Float32Array
     throw: Float32Array
+    throw_fit: Float32Array
     strike_deg: Float32Array
     dip_deg: Float32Array
     sample_interval: float = 1.0
@@ -78,6 +83,20 @@ class FaultSurface:
     def throw_m(self) -> Float32Array:
         """Throw in m at each vertex, where the cube is in depth."""
         return self._throw_in("m")
+
+    @property
+    def slip(self) -> Float32Array:
+        """Motion of the hanging wall at each vertex, straight down or up the dip, in index units; shape (n, d).
+
+        The last component is the throw, the others are the heave. Slip along strike leaves too little in layered rock
+        to be told: where there was some, it is not in here.
+        """
+        flat = self.normals[:, :-1].astype(np.float64)
+        rise = -self.normals[:, -1].astype(np.float64)
+        # a surface flatter than about two degrees has no dip to slide down
+        heave = flat * (rise / np.maximum((flat**2).sum(axis=1), 1e-3))[:, None]
+        down = np.column_stack([heave, np.ones(len(flat))])
+        return (down * self.throw[:, None]).astype(np.float32)
 
     def _throw_in(self, unit: str) -> Float32Array:
         if self.sample_unit != unit:

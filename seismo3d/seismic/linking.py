@@ -42,6 +42,9 @@ class LinkSettings:
         Gaps in a sheet up to about twice this many grid steps are bridged.
     smoothing : float
         Width, in grid steps, of the smoothing of a sheet's position.
+    rim : int
+        A sheet that ends within so many traces, or grid steps down, of the cube's end goes on to it: crests need both
+        their flanks, and are not found there.
     swing, swing_width : float
         Farthest a sheet may swing from its own mean, and the width, in grid steps, of the window of that mean.
     """
@@ -53,10 +56,11 @@ class LinkSettings:
     fold: float = 2.5
     fragment: int = 20
     gap: int = 5
-    contacts: int = 12
+    contacts: int = 22
     joint_share: float = 0.93
     closing: int = 5
     smoothing: float = 2.0
+    rim: int = 3
     swing: float = 3.5
     swing_width: float = 8.0
 
@@ -151,14 +155,16 @@ def link_sheets(
     """
     settings = settings or LinkSettings()
     sheets: list[Sheet] = []
-    for parts in _grow(ridges, shape, settings):
+    for parts in _grow(ridges, shape, step, settings):
         whole = np.concatenate(parts)
-        sheet, share = _fit_sheet(ridges, whole, step, end_score, settings)
+        sheet, share = _fit_sheet(ridges, whole, shape, step, end_score, settings)
         if len(parts) == 1 or share > settings.joint_share:
             sheets += [sheet] if len(whole) >= least_points else []
         else:  # no one height field: what seemed to continue is two faults that meet
             sheets += [
-                _fit_sheet(ridges, part, step, end_score, settings)[0] for part in parts if len(part) >= least_points
+                _fit_sheet(ridges, part, shape, step, end_score, settings)[0]
+                for part in parts
+                if len(part) >= least_points
             ]
     return sorted(sheets, key=lambda sheet: -sheet.area)
 
@@ -168,7 +174,7 @@ def _unit_normals(planes: Float32Array) -> Float32Array:
     return (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
 
 
-def _grow(ridges: RidgePoints, shape: tuple[int, int, int], settings: LinkSettings) -> list[list[IntArray]]:
+def _grow(ridges: RidgePoints, shape: tuple[int, int, int], step: int, settings: LinkSettings) -> list[list[IntArray]]:
     """Return the points of every surface: as parts grown apart, one continuing another across a gap."""
     if len(ridges.score) == 0:
         return []
@@ -177,7 +183,7 @@ def _grow(ridges: RidgePoints, shape: tuple[int, int, int], settings: LinkSettin
     order = np.argsort(-ridges.score, kind="stable")
     cosine = np.float32(np.cos(np.radians(settings.angle_deg)))
     label = grow_surfaces(
-        ridges.voxels, ridges.positions, normals, ridges.score, order, where, settings.reach, cosine,
+        ridges.voxels, ridges.positions, normals, ridges.score, order, where, step, settings.reach, cosine,
         np.float32(settings.off_plane), np.float32(settings.fold), np.float32(np.cos(np.radians(settings.turn_deg))),
     )  # fmt: skip
     label[np.bincount(label)[label] < settings.fragment] = -1
@@ -185,7 +191,7 @@ def _grow(ridges: RidgePoints, shape: tuple[int, int, int], settings: LinkSettin
     if n_surfaces == 0:
         return []
     contacts = count_contacts(
-        ridges.voxels, ridges.positions, normals, label, n_surfaces, where, settings.gap,
+        ridges.voxels, ridges.positions, normals, label, n_surfaces, where, step, settings.gap,
         np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(settings.off_plane),
     )  # fmt: skip
     group = _join(n_surfaces, contacts, settings.contacts)
@@ -213,7 +219,12 @@ def _join(n_surfaces: int, contacts: IntArray, least: int) -> IntArray:
 
 
 def _fit_sheet(
-    ridges: RidgePoints, members: IntArray, step: int, end_score: float, settings: LinkSettings
+    ridges: RidgePoints,
+    members: IntArray,
+    grid: tuple[int, int, int],
+    step: int,
+    end_score: float,
+    settings: LinkSettings,
 ) -> tuple[Sheet, float]:
     """Fit a height field to the points of one surface that lie on it; return it and their share."""
     positions = ridges.positions[members].astype(np.float64)
@@ -224,9 +235,9 @@ def _fit_sheet(
     s = (positions[:, :2] - origin) @ along
     w = (positions[:, :2] - origin) @ across
     column = np.rint(positions[:, 2] / step).astype(np.int64)
-    first_s, first_column = float(np.floor(s.min())), int(column.min())
+    first_s, first_column = float(np.floor(s.min())) - settings.rim, int(column.min()) - settings.rim
     cells = (np.rint(s - first_s).astype(np.int64), column - first_column)
-    shape = (int(cells[0].max()) + 1, int(cells[1].max()) + 1)
+    shape = (int(cells[0].max()) + 1 + settings.rim, int(cells[1].max()) + 1 + settings.rim)
     on_sheet = np.ones(len(members), bool)
     for _ in range(3):
         height, count = _smoothed(cells, w, weight * on_sheet, shape, settings.smoothing)
@@ -238,11 +249,29 @@ def _fit_sheet(
     strong = on_sheet & (score[cells] >= end_score)
     inside = _bridge(cells, strong, shape, settings.closing) & (count > 1e-6)
     inside &= _even(height, inside, settings)
+    places = first_s + np.arange(shape[0])[:, None], height, first_column + np.arange(shape[1])[None, :]
+    flat = [origin[d] + places[0] * along[d] + places[1] * across[d] for d in range(2)]
+    inside |= _to_the_end(inside, (flat[0], flat[1], np.broadcast_to(places[2], shape)), grid, settings.rim)
+    rows, columns = (np.flatnonzero(inside.any(axis=1 - d)) for d in range(2))
+    box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] if len(rows) else np.s_[:1, :1]
     sheet = Sheet(
-        origin, across, first_column * step, step, first_s,
-        np.where(inside, height, np.nan).astype(np.float32), np.where(inside, score, np.nan).astype(np.float32),
+        origin, across, (first_column + (box[1].start or 0)) * step, step, first_s + (box[0].start or 0),
+        np.where(inside, height, np.nan)[box].astype(np.float32),
+        np.where(inside, score, np.nan)[box].astype(np.float32),
     )  # fmt: skip
     return sheet, float(on_sheet.mean())
+
+
+def _to_the_end(
+    inside: BoolArray, places: tuple[Float64Array, Float64Array, IntArray], grid: tuple[int, int, int], rim: int
+) -> BoolArray:
+    """Mark the nodes beside a sheet between it and an end of the cube that it nearly reaches; places in grid steps."""
+    within, near = np.ones(inside.shape, bool), np.zeros(inside.shape, bool)
+    for place, n in zip(places, grid, strict=True):
+        within &= (place >= -1e-6) & (place <= n - 1 + 1e-6)
+        if n > 1:
+            near |= (place < rim) | (place > n - 1 - rim)
+    return np.asarray(ndimage.binary_dilation(inside, np.ones((3, 3), bool), iterations=rim) & within & near)
 
 
 def _even(height: Float64Array, inside: BoolArray, settings: LinkSettings) -> BoolArray:

@@ -49,7 +49,7 @@ class MisfitSettings:
     reach: tuple[int, int] = (2, 6)
     vertical: float = 1.5
     lateral: float = 1.25
-    footprint: float = 0.25
+    footprint: float = 0.5
     background: tuple[float, float] = (16.0, 16.0)
     levelling: float = 0.5
     energy: tuple[float, float] = (2.0, 4.0)

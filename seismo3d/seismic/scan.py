@@ -34,9 +34,9 @@ class ScanSettings:
 
     along_strike: tuple[float, float] = (6.0, 8.0)
     along_dip: tuple[float, float] = (10.0, 12.0)
-    lowest_dip_deg: float = 30.0
+    lowest_dip_deg: float = 27.0
     n_strikes: int = 8
-    n_dips: tuple[int, int] = (17, 21)
+    n_dips: tuple[int, int] = (21, 21)
     evenness: float = 0.5
     prior_weight: float = 0.1
 

@@ -64,6 +64,7 @@ def build_surface(
         normals=_frozen32(normals),
         likelihood=_frozen32(at_nodes),
         throw=_frozen32(throw.throw[rows, columns]),
+        throw_fit=_frozen32(throw.fit[rows, columns]),
         strike_deg=_frozen32(strike_deg),
         dip_deg=_frozen32(dip_deg),
         sample_interval=sampling[0],

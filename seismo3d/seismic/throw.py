@@ -1,4 +1,4 @@
-"""Throws: the vertical shift that matches the two sides of a fault, at every place of its surface."""
+"""Throws: how far the hanging wall has come down along a fault, at every place of its surface."""
 
 from __future__ import annotations
 
@@ -12,12 +12,18 @@ from seismo3d.seismic._kernels_filters import filter_crosslines, filter_samples,
 from seismo3d.seismic._kernels_throw import (
     bar_far_shifts,
     finish_costs,
+    match_costs,
     pick_shifts,
     read_sides,
-    shift_costs,
     sum_paths,
 )
 from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.throw_trends import fit_trend, local_trend
+
+# how far a throw may lie from those around it, before and after these are known well
+_BAND, _OUTLIER = 8.0, 6.0
+# misfit ratio beyond which the sides do not match
+_MISMATCH = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +38,12 @@ class ThrowSettings:
         Traces farther off at which their slopes are read.
     longest : int
         Largest throw looked for, either way.
+    thin : int
+        Throws are found at every so many traces and samples, and interpolated.
     along_strike, down : float
         Widths of the Gaussian window over which the sides are compared.
-    neighbourhood, band : int, float
-        Size of the neighbourhood, and how far a throw may lie from its median.
+    unmatched : float
+        Misfit ratio that a throw is given where its other side lies outside the surface.
     step, jump : float
         Cost, as a misfit ratio, of a throw that changes by a sample from a place to the next, and by more.
     """
@@ -44,12 +52,12 @@ class ThrowSettings:
     far: int = 4
     clear: int = 8
     longest: int = 48
-    along_strike: float = 6.0
-    down: float = 12.0
-    neighbourhood: int = 100
-    band: float = 8.0
-    step: float = 0.1
-    jump: float = 1.0
+    thin: int = 2
+    along_strike: float = 3.0
+    down: float = 4.0
+    unmatched: float = 0.4
+    step: float = 0.3
+    jump: float = 16.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +69,8 @@ class SheetThrow:
     throw : ndarray of the sheet's shape, float32
         Samples, positive where the hanging wall is down; NaN outside the sheet and where a side has no data.
     fit : ndarray of the same shape, float32
-        1 where the shifted sides are equal, 0 where they are unrelated.
+        1 where the hanging wall equals the footwall that it came from, 0 where they are unrelated, and where the throw
+        is carried on from matched places around it.
     hanging_side : int
         1 where the hanging wall lies along the sheet's `across`, else -1.
     """
@@ -69,6 +78,16 @@ class SheetThrow:
     throw: Float32Array
     fit: Float32Array
     hanging_side: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sides:
+    """Both sides read along the surface, and where they are known (1) or not (0)."""
+
+    hanging: Float32Array
+    foot: Float32Array
+    in_hanging: Float32Array
+    in_foot: Float32Array
 
 
 def measure_throw(
@@ -79,12 +98,14 @@ def measure_throw(
     *,
     settings: ThrowSettings | None = None,
 ) -> SheetThrow:
-    """Match the two sides of a sheet by a vertical shift that varies smoothly over it.
+    """Find where on the footwall each place of the hanging wall came from.
 
-    Each side is read along the surface, a few traces off and carried to it along its dips. For every shift the squared
-    difference of the sides, one moved up and the other down by half of it, is averaged over a window on the surface and
-    divided by their energy. Of these costs the cheapest paths along rows and columns are added up (semi-global matching
-    [1]_): a throw must fit where it is and change smoothly to where its neighbours are.
+    Each side is read along the surface, a few traces off and carried to it along its dips. The throw at a place is how
+    far the hanging wall there lies below its counterpart in the footwall today. For every throw the squared difference
+    of the two is averaged over a small window and divided by their energy. The quadratic trend over the whole surface
+    that costs least tells repeated reflectors apart; then the cheapest paths along rows and columns are added up
+    (semi-global matching [1]_) near the trend, which is fitted anew to what matched. Where the counterpart lies outside
+    the surface, as it does below the top of the cube, the throw is that of the trend around the nearest matches.
 
     Parameters
     ----------
@@ -107,24 +128,15 @@ def measure_throw(
     """
     settings = settings or ThrowSettings()
     w = _every_sample(sheet)
-    sides, known = np.zeros((2, *w.shape), np.float32), np.zeros((2, *w.shape), np.float32)
-    read_sides(
-        volume, valid, *slopes, w, sheet.origin, sheet.along, sheet.across, sheet.first_s, sheet.first_sample,
-        settings.near, settings.far, settings.clear, sides, known,
-    )  # fmt: skip
-    cost = _smoothed_costs(sides, known, settings)
-    shift, fit = _cheapest(cost, settings)
-    trusted = np.isfinite(w) & (known.min(axis=0) > 0)
-    bar_far_shifts(cost, _usual(shift, trusted, settings), np.float32(settings.band))
-    shift, fit = _cheapest(cost, settings)
     hanging_side = 1 if np.nanmean(np.gradient(sheet.w, axis=1)) >= 0 else -1 if sheet.w.shape[1] > 1 else 1
-    # a shift at the end of its range is no match: its place takes the throw of the nearest one that is
-    within = np.abs(shift) < cost.shape[2] // 2 - 1
-    measured = np.isfinite(w) & (ndimage.uniform_filter(known.min(axis=0), 5) > 0.1) & within
+    sides = _read(volume, valid, slopes, sheet, w, hanging_side, settings)
     columns = np.arange(sheet.w.shape[1]) * sheet.step
-    throw = _spread(hanging_side * shift, measured)[:, columns]
+    if not (sides.in_hanging.any() and sides.in_foot.any()):
+        return SheetThrow(np.full(sheet.w.shape, np.nan, np.float32), np.zeros_like(sheet.w), hanging_side)
+    throw, fit = _match(sides, np.isfinite(w), settings)
+    throw, fit = (_enlarge(part, w.shape, settings.thin)[:, columns] for part in (throw, fit))
     throw[~sheet.inside] = np.nan
-    return SheetThrow(throw.astype(np.float32), fit[:, columns], hanging_side)
+    return SheetThrow(throw, fit, hanging_side)
 
 
 def _every_sample(sheet: Sheet) -> Float32Array:
@@ -139,56 +151,87 @@ def _every_sample(sheet: Sheet) -> Float32Array:
     return np.where(np.isfinite(between), between, sheet.w[:, np.rint(at).astype(np.int64)]).astype(np.float32)
 
 
-def _smoothed_costs(sides: Float32Array, known: Float32Array, settings: ThrowSettings) -> Float32Array:
-    n_rows, n_samples = sides.shape[1:]
-    longest = min(settings.longest, max(1, n_samples // 2))
-    n_shifts = 2 * longest + 1
-    cost, weight = (
-        np.empty((n_shifts, n_rows, n_samples), np.float32),
-        np.empty((n_shifts, n_rows, n_samples), np.float32),
-    )
-    shift_costs(sides, known, n_shifts, cost, weight)
-    rows, samples = gaussian_taps(settings.along_strike), gaussian_taps(settings.down)
+def _read(
+    volume: Float32Array,
+    valid: BoolArray,
+    slopes: tuple[Float32Array, Float32Array],
+    sheet: Sheet,
+    w: Float32Array,
+    hanging_side: int,
+    settings: ThrowSettings,
+) -> _Sides:
+    sides, known = np.zeros((2, *w.shape), np.float32), np.zeros((2, *w.shape), np.float32)
+    read_sides(
+        volume, valid, *slopes, w, sheet.origin, sheet.along, sheet.across, sheet.first_s, sheet.first_sample,
+        settings.near, settings.far, settings.clear, sides, known,
+    )  # fmt: skip
+    up = 1 if hanging_side > 0 else 0
+    return _Sides(sides[up], sides[1 - up], known[up], known[1 - up])
+
+
+def _match(sides: _Sides, inside: BoolArray, settings: ThrowSettings) -> tuple[Float32Array, Float32Array]:
+    """Return throw and fit at every `thin`-th place."""
+    thin = settings.thin
+    cost = _costs(sides, settings)
+    inside = inside[::thin, ::thin]
+    trend = fit_trend(cost, inside, unmatched=settings.unmatched)
+    for _ in range(2):
+        throw, fit = _cheapest(cost, trend, settings)
+        # what matches where the trend has the counterpart out of view does so by chance
+        in_view = _has_counterpart(sides, throw, thin) & _has_counterpart(sides, trend, thin)
+        matched = inside & in_view & (fit > 1.0 - _MISMATCH)
+        trend = local_trend(throw, matched, width=24.0 / thin)
+        near = matched & (np.abs(throw - trend) < _OUTLIER)
+        if near.any():
+            trend = local_trend(throw, near, width=24.0 / thin)
+        kept = matched & (np.abs(throw - trend) < _OUTLIER)
+    return np.where(kept, throw, trend).astype(np.float32), np.where(kept, fit, 0.0).astype(np.float32)
+
+
+def _costs(sides: _Sides, settings: ThrowSettings) -> Float32Array:
+    """Return the misfit ratio of every throw at every `thin`-th place: (row, sample, throw)."""
+    n_rows, n_samples = sides.hanging.shape
+    thin = settings.thin
+    n_shifts = 2 * min(settings.longest, max(1, n_samples - 1)) + 1
+    shape = (n_shifts, (n_rows - 1) // thin + 1, (n_samples - 1) // thin + 1)
+    cost, energy, weight = (np.empty(shape, np.float32) for _ in range(3))
+    known = sides.in_hanging.sum() + sides.in_foot.sum()
+    mean = float(((sides.hanging**2).sum() + (sides.foot**2).sum()) / max(known, 1.0)) + 1e-12
+    match_costs(
+        sides.hanging, sides.foot, sides.in_hanging, sides.in_foot, 0.0, thin, np.float32(4.0 * mean),
+        cost, energy, weight,
+    )  # fmt: skip
+    rows, samples = gaussian_taps(settings.along_strike / thin), gaussian_taps(settings.down / thin)
     buffer = np.empty_like(cost)
-    for part in (cost, weight):
+    for part in (cost, energy, weight):
         filter_samples(part, samples, buffer)
         filter_crosslines(buffer, rows, part)
-    square = (sides**2 * known).sum(axis=0)
-    n_known = np.maximum(known.sum(axis=0), 1e-3)
-    wide = (2 * settings.along_strike, 2 * settings.down)
-    energy = 2 * ndimage.gaussian_filter(square, wide) / np.maximum(ndimage.gaussian_filter(n_known, wide), 1e-3)
-    energy = np.maximum(energy, 0.02 * max(float(energy.mean()), 1e-12)).astype(np.float32)
-    out = np.empty((n_rows, n_samples, n_shifts), np.float32)
-    finish_costs(cost, weight, energy, np.float32(1.0), out)
+    out = np.empty((shape[1], shape[2], n_shifts), np.float32)
+    finish_costs(cost, energy, weight, np.float32(0.6 * mean), np.float32(settings.unmatched), out)
     return out
 
 
-def _cheapest(cost: Float32Array, settings: ThrowSettings) -> tuple[Float32Array, Float32Array]:
-    """Return the shift of the cheapest paths at every place, and its fit."""
-    total = np.zeros_like(cost)
-    sum_paths(cost, np.float32(settings.step), np.float32(settings.jump), total)
-    shift, fit = np.empty(cost.shape[:2], np.float32), np.empty(cost.shape[:2], np.float32)
-    pick_shifts(total, cost, shift, fit)
-    return shift, fit
+def _cheapest(cost: Float32Array, trend: Float32Array, settings: ThrowSettings) -> tuple[Float32Array, Float32Array]:
+    """Return the throw of the cheapest paths near the trend at every place, and its fit."""
+    barred, total = np.empty_like(cost), np.zeros_like(cost)
+    bar_far_shifts(cost, trend, np.float32(_BAND), barred)
+    sum_paths(barred, np.float32(settings.step), np.float32(settings.jump), total)
+    throw, fit = np.empty(cost.shape[:2], np.float32), np.empty(cost.shape[:2], np.float32)
+    pick_shifts(total, cost, throw, fit)
+    return throw, fit
 
 
-def _usual(shift: Float32Array, trusted: BoolArray, settings: ThrowSettings) -> Float32Array:
-    """Return the median shift of a wide neighbourhood: it outvotes places that match the wrong reflector."""
-    step = 4
-    coarse = np.where(trusted, shift, np.nan)[::step, ::step]
-    coarse = _spread(coarse.astype(np.float32), np.isfinite(coarse))
-    if not np.isfinite(coarse).all():
-        return np.zeros_like(shift)
-    size = max(3, settings.neighbourhood // step)
-    median = ndimage.median_filter(coarse, size=size, mode="nearest")
-    rows = np.minimum(np.arange(shift.shape[0]) // step, median.shape[0] - 1)
-    columns = np.minimum(np.arange(shift.shape[1]) // step, median.shape[1] - 1)
-    return median[np.ix_(rows, columns)].astype(np.float32)
+def _has_counterpart(sides: _Sides, throw: Float32Array, thin: int) -> BoolArray:
+    """Tell where the hanging wall is known and so is the footwall at the place that it came from."""
+    rows, columns = np.indices(throw.shape) * thin
+    above = np.rint(columns - throw).astype(np.int64)
+    reach = (above >= 0) & (above < sides.foot.shape[1])
+    above = np.clip(above, 0, sides.foot.shape[1] - 1)
+    return reach & (sides.in_hanging[rows, columns] > 0) & (sides.in_foot[rows, above] > 0)
 
 
-def _spread(values: Float32Array, known: BoolArray) -> Float32Array:
-    """Values where known, that of the nearest known place elsewhere; NaN where nothing is known at all."""
-    if not known.any():
-        return np.full(values.shape, np.nan, np.float32)
-    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return values[tuple(nearest)]
+def _enlarge(values: Float32Array, shape: tuple[int, int], thin: int) -> Float32Array:
+    """Interpolate what is known at every `thin`-th place."""
+    rows, columns = (np.minimum(np.arange(n) / thin, m - 1) for n, m in zip(shape, values.shape, strict=True))
+    at = np.stack(np.meshgrid(rows, columns, indexing="ij"))
+    return np.asarray(ndimage.map_coordinates(values, at, order=1, mode="nearest"), np.float32)

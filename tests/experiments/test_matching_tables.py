@@ -65,6 +65,8 @@ def test_cells_count_and_divide():
     cell = matching_tables.Cell(n_images=2, kept=8, correct=6)
     assert (cell.accuracy, cell.correct_per_image) == (75.0, 3.0)
     assert np.isnan(matching_tables.Cell(1, 0, 0).accuracy)
+    pooled = matching_tables.pool_tables([{"a": {"5": cell}}, {"a": {"5": matching_tables.Cell(1, 2, 0)}}])
+    assert pooled == {"a": {"5": matching_tables.Cell(n_images=3, kept=10, correct=6)}}
 
 
 def test_table_measures_ours_above_sift():

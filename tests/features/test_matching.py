@@ -9,6 +9,7 @@ from skimage import data
 
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.features.matching import Matches, match
+from seismo3d.synthetic import fault_section
 
 # Photographs carry noise of two grey levels on both sides; refined matches are good to a tenth of a pixel on average.
 MEDIAN_ERROR = 0.2
@@ -185,6 +186,18 @@ def test_noise_is_not_matched(rng):
 )
 def test_unrelated_images_are_not_matched(one, other):
     found = match(getattr(data, one)(), getattr(data, other)())
+    assert len(found) <= 0.01 * min(found.n_points)
+
+
+@pytest.mark.parametrize(("one", "other"), [("clean", "crossing"), ("folded", "low_dips")])
+def test_sections_of_different_cubes_are_not_matched(one, other):
+    first, second = (fault_section(kind, seed=s, shape=(64, 240, 200)).seismic.T for kind, s in ((one, 3), (other, 8)))
+    found = match(first, second)
+    assert len(found) <= 0.01 * min(found.n_points)
+
+
+def test_a_photograph_and_a_section_are_not_matched(photo):
+    found = match(photo, fault_section("crossing", seed=3, shape=(64, 240, 200)).seismic.T)
     assert len(found) <= 0.01 * min(found.n_points)
 
 

@@ -124,8 +124,9 @@ def test_section_of_a_line(ax: Any) -> None:
     assert ax.get_xlabel() == "Trace"
 
 
-def test_without_axes_a_pyplot_figure_is_made() -> None:
+def test_without_axes_a_pyplot_figure_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
     plt = pytest.importorskip("matplotlib.pyplot")
+    monkeypatch.setitem(mpl.rcParams, "backend", mpl.rcParams["backend"])
     plt.switch_backend("agg")
     ax = plot.section(make_cube().values, crossline=3)
     assert ax.figure.number in plt.get_fignums()

@@ -132,17 +132,6 @@ def test_refusals() -> None:
         compute_attributes(np.ones((5, 5, 5)), smooth_tv=0.0)
 
 
-def test_slope_kernel_equals_eigenvectors(rng: np.random.Generator) -> None:
-    roots = rng.standard_normal((200, 3, 3))
-    tensors = roots @ roots.transpose(0, 2, 1)
-    out = np.empty((2, 200), np.float32)
-    parts = [np.ascontiguousarray(tensors[:, a, b]) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    kernels.find_slopes(*parts, 50.0, out)
-    normal = np.linalg.eigh(tensors)[1][:, :, -1]
-    expected = np.clip(-normal[:, :2] / normal[:, 2:], -50, 50)
-    np.testing.assert_allclose(out.T, expected, rtol=1e-4, atol=1e-4)
-
-
 def test_stack_kernel_equals_plain_numpy(rng: np.random.Generator) -> None:
     cube = rng.standard_normal((3, 4, 9))
     live = np.ones((3, 4), bool)

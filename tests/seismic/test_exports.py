@@ -46,14 +46,15 @@ def test_gocad_surfaces(tmp_path: Path) -> None:
     for written, surface in zip(objects, faults.surfaces, strict=True):
         assert written["ZPOSITIVE"] == ["Depth"]
         assert written["AXIS_UNIT"] == ['"m"', '"m"', '"ms"']
-        assert written["PROPERTIES"] == ["throw", "throw_ms", "likelihood", "strike", "dip"]
-        assert written["UNITS"] == ["samples", "ms", "none", "deg", "deg"]
+        assert written["PROPERTIES"] == ["throw", "throw_ms", "throw_fit", "likelihood", "strike", "dip"]
+        assert written["UNITS"] == ["samples", "ms", "none", "none", "deg", "deg"]
         np.testing.assert_allclose(written["points"], survey.index_to_map(surface.vertices), atol=1e-3)
         np.testing.assert_array_equal(np.array(written["cells"]) - 1, surface.cells)
         throw = np.array(written["values"])[:, 0]
         assert (throw[:3] == -99999).all()
         np.testing.assert_allclose(throw[3:], surface.throw[3:], rtol=1e-5)
-        np.testing.assert_allclose(np.array(written["values"])[:, 2], surface.likelihood, rtol=1e-5)
+        np.testing.assert_allclose(np.array(written["values"])[:, 2], surface.throw_fit, atol=1e-5)
+        np.testing.assert_allclose(np.array(written["values"])[:, 3], surface.likelihood, rtol=1e-5)
 
 
 def test_vtk_surfaces_are_read_by_vtk(tmp_path: Path) -> None:
@@ -114,6 +115,9 @@ def test_table_has_the_known_numbers(tmp_path: Path) -> None:
     assert (float(first["strike_deg"]), float(second["strike_deg"])) == (0.0, 270.0)
     assert float(first["throw_mean_samples"]) == pytest.approx(4.0, rel=0.01)
     assert float(first["throw_mean_ms"]) == pytest.approx(16.0, rel=0.01)
+    assert float(first["throw_fit"]) == pytest.approx(0.5, abs=0.05)
+    # the first dips two samples a crossline, and these are 12.5 m apart
+    assert float(first["heave_mean_m"]) == pytest.approx(4.0 * 0.5 * 12.5, rel=0.01)
     assert float(second["throw_max_samples"]) == pytest.approx(-3.0)
     assert (first["kind"], second["kind"]) == ("normal", "reverse")
     assert float(first["length_m"]) == pytest.approx(25 * 25.0, rel=1e-3)

@@ -7,6 +7,7 @@ import xarray as xr
 
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.seismic.choosing import ChoiceSettings
 from seismo3d.seismic.faults import FaultSettings, to_likelihood, trace_faults
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.scores import fault_score, throw_score
@@ -285,6 +286,12 @@ def test_spikes_do_not_drown_the_cube(cube, traced, rng):
 # ----- sections
 
 
+def make_section(fault, **overrides):
+    """A section of short record cut by one fault."""
+    recipe = {"shape": (48, 200, 80), "wavelength": (14.0, 14.0), "population": None, "faults": (fault,)} | overrides
+    return fault_section("clean", seed=7, **recipe)
+
+
 def test_section_gives_polylines():
     fault = SyntheticFault((24.0, 48.0, 48.0), 0.0, 65.0, 8.0)
     section = fault_section(
@@ -304,6 +311,43 @@ def test_section_gives_polylines():
     uses = np.bincount(line.cells.ravel(), minlength=len(line.vertices))
     assert sorted(uses)[:3] == [1, 1, 2]
     assert line.area == pytest.approx(np.hypot(np.ptp(line.vertices[:, 0]), np.ptp(line.vertices[:, 1])), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("strike_deg", "dip_deg", "throw"),
+    [(0.0, 89.0, 2.0), (180.0, 85.0, 2.0), (0.0, 85.0, 8.0), (180.0, 60.0, 4.0)],
+    ids=["upright", "leaning back", "large", "dipping back"],
+)
+def test_one_fault_of_a_short_section_is_found_with_its_throw(strike_deg, dip_deg, throw):
+    section = make_section(SyntheticFault((24.0, 100.0, 40.0), strike_deg, dip_deg, throw), noise=0.1)
+    faults = trace_faults(section.seismic)
+    assert len(faults.surfaces) == 1
+    assert fault_score(faults.labels, section.faults).f1 > 0.95
+    assert np.nanmedian(np.abs(faults.throw)) == pytest.approx(throw, abs=0.5)
+
+
+def test_upright_faults_ten_traces_apart_stay_apart():
+    plain = make_section(SyntheticFault((24.0, 20.0, 40.0), 0.0, 89.0, 3.0)).seismic
+    section = plain.copy()
+    for trace in range(60, 120, 10):
+        section[trace:] = np.roll(section[trace:], 3, axis=1)
+    labels = np.asarray(trace_faults(np.ascontiguousarray(section[:, 18:])).labels)
+    found = np.flatnonzero((labels[40:140] > 0).mean(axis=1) > 0.5) + 40
+    gaps = np.abs(found[:, None] - np.arange(59.5, 119.5, 10.0))
+    assert (gaps.min(axis=0) <= 1.5).all()
+    assert (gaps.min(axis=1) <= 1.5).all()
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_section_of_noise_alone_has_next_to_no_faults(seed):
+    noise = np.random.default_rng(seed).normal(size=(300, 200))
+    assert (np.asarray(trace_faults(noise).labels) > 0).mean() < 5e-3
+
+
+@pytest.mark.parametrize("kind", ["fault_free", "channels"])
+def test_section_of_folded_layers_and_channels_has_no_faults(kind):
+    section = fault_section(kind, seed=3, shape=(48, 200, 128))
+    assert (np.asarray(trace_faults(section.seismic).labels) > 0).mean() < 4e-3
 
 
 def test_mirrored_section_gives_the_mirrored_fault():
@@ -355,9 +399,9 @@ def test_progress_is_told_stage_by_stage(cube):
 
 
 def test_stricter_settings_find_nothing(cube):
-    faults = trace_faults(cube.seismic, settings=FaultSettings(least_area=1e9))
+    faults = trace_faults(cube.seismic, settings=FaultSettings(choice=ChoiceSettings(least_area=1e9, company_area=1e9)))
     assert faults.surfaces == ()
-    assert faults.settings["least_area"] == 1e9
+    assert faults.settings["choice"]["least_area"] == 1e9
 
 
 def test_save_and_load_give_the_same_back(traced, cube, tmp_path):

@@ -238,3 +238,38 @@ def test_section_becomes_one_row():
         # not off the section by as much as a rounding error: a place outside has no data
         assert not at[:, 0].any()
         np.testing.assert_allclose(at[:, 1], 10.0 + 0.25 * at[:, 2], atol=0.1)
+
+
+@pytest.mark.parametrize("dip_deg", [32.0, 40.0])
+@pytest.mark.parametrize("normal_deg", [0.0, 35.0, 90.0])
+def test_a_low_dip_is_linked_down_its_dip(dip_deg, normal_deg):
+    ridges = plane_points(normal_deg, 1.0 / np.tan(np.radians(dip_deg)))
+    sheets = link(ridges)
+    assert len(sheets) == 1
+    assert sheets[0].inside.sum() >= 0.8 * len(ridges.score)
+
+
+@pytest.mark.parametrize("cotangent", [0.0, 0.6])
+def test_a_sheet_that_nearly_reaches_the_cubes_end_goes_on_to_it(cotangent):
+    def inner(positions):
+        return (positions[:, 1] >= 2) & (positions[:, 1] <= 36) & (positions[:, 2] >= 4)
+
+    sheet = link(plane_points(0.0, cotangent, keep=inner))[0]
+    points = nodes(sheet)
+    assert points[:, 1].min() <= 0.5
+    assert points[:, 1].max() >= 38.5
+    assert points[:, 2].min() == 0
+    assert (points >= -1e-6).all()
+    assert (points <= np.array([39, 39, STEP * 31]) + 1e-6).all()
+    assert np.abs(off(points, 0.0, cotangent)).max() < 0.3
+
+
+def test_a_sheet_that_ends_inside_stays_where_it_ends():
+    sheet = link(plane_points(0.0, 0.0, keep=lambda p: (p[:, 1] >= 8) & (p[:, 1] <= 30) & (np.abs(p[:, 2] - 30) < 15)))[
+        0
+    ]
+    points = nodes(sheet)
+    assert points[:, 1].min() >= 7
+    assert points[:, 1].max() <= 31
+    assert points[:, 2].min() >= 14
+    assert points[:, 2].max() <= 46

@@ -116,6 +116,7 @@ def test_attributes_of_the_nodes():
     np.testing.assert_allclose(surface.likelihood, 0.8)
     np.testing.assert_allclose(surface.throw, 3.0)
     np.testing.assert_allclose(surface.throw_ms, 12.0)
+    np.testing.assert_allclose(surface.throw_fit, 1.0)
     n = len(surface.vertices)
     for values in (surface.normals, surface.likelihood, surface.throw, surface.strike_deg, surface.dip_deg):
         assert len(values) == n
@@ -123,6 +124,22 @@ def test_attributes_of_the_nodes():
         assert not values.flags.writeable
     for values in (surface.vertices, surface.cells):
         assert not values.flags.writeable
+
+
+@pytest.mark.parametrize("normal_deg", [0.0, 30.0, 250.0])
+@pytest.mark.parametrize("cotangent", [0.5, -0.5])
+def test_slip_runs_down_the_dip_within_the_surface(normal_deg, cotangent):
+    surface = surface_of(flat_sheet(normal_deg, cotangent))
+    np.testing.assert_allclose(surface.slip[:, 2], surface.throw, rtol=1e-5)
+    np.testing.assert_allclose((surface.slip * surface.normals).sum(axis=1), 0.0, atol=1e-4)
+    np.testing.assert_allclose(np.hypot(surface.slip[:, 0], surface.slip[:, 1]), 3.0 * abs(cotangent), rtol=1e-4)
+    # down the dip of a normal fault: towards its hanging wall
+    assert ((surface.slip[:, :2] * surface.normals[:, :2]).sum(axis=1) > 0).all()
+
+
+def test_upright_surface_slips_straight_down():
+    slip = surface_of(flat_sheet(30.0, 0.0)).slip
+    np.testing.assert_allclose(slip, np.tile([0.0, 0.0, 3.0], (len(slip), 1)), atol=1e-5)
 
 
 def test_confidence_grows_with_size_up_to_the_likelihood():
@@ -139,5 +156,6 @@ def test_section_becomes_a_polyline():
     np.testing.assert_array_equal(line.cells, [[0, 1], [1, 2], [2, 3]])
     np.testing.assert_allclose(line.normals, np.tile([2, -1] / np.sqrt(5), (4, 1)), atol=1e-5)
     assert np.isnan(line.strike_deg).all()
+    np.testing.assert_allclose(line.slip, np.tile([1.5, 3.0], (4, 1)), atol=1e-5)
     np.testing.assert_allclose(line.dip_deg, np.degrees(np.arctan(2.0)), atol=1e-3)
     assert line.area == pytest.approx(3 * np.sqrt(5), rel=1e-5)

@@ -1,0 +1,72 @@
+"""``seismo3d compare``: what changed between two elevation maps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+
+def run(
+    before: Path = typer.Argument(help="Elevation map: GeoTIFF, ESRI ASCII, .npz or .npy.", show_default=False),
+    after: Path = typer.Argument(help="The later one, in the same reference system.", show_default=False),
+    out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
+    align: bool = typer.Option(True, help="Register the later map on the earlier one first."),
+    vertical: str = typer.Option("offset", help="What the registration may do to elevations: offset, tilt or scaled."),
+    sigma_before: float | None = typer.Option(
+        None, help="Noise of the earlier map (m). [default: from the difference]"
+    ),
+    sigma_after: float | None = typer.Option(None, help="Noise of the later map (m)."),
+    confidence: float = typer.Option(0.95, help="Of the level of detection."),
+    overwrite: bool = typer.Option(False, "--overwrite", help="Replace the results of an earlier run in the folder."),
+) -> None:
+    """Subtract two elevation maps; tell change from noise.
+
+    The folder gets difference.tif, detection.tif and significant.tif on the earlier map's grid (.npz where rasterio is
+    not installed), change.png and run.json.
+    """
+    from importlib.util import find_spec
+
+    import matplotlib.pyplot as plt
+
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, find_versions, write_record
+    from seismo3d.io._files import written_aside
+    from seismo3d.io.elevation import read_elevation, write_elevation
+    from seismo3d.io.fingerprint import fingerprint
+    from seismo3d.plot.terrain_maps import change_map
+    from seismo3d.terrain.alignment import register
+    from seismo3d.terrain.change import compare
+
+    check_run_folder(out, inputs=[before, after], overwrite=overwrite)
+    first, second = read_elevation(before), read_elevation(after)
+    registration = register(first, second, vertical=vertical) if align else None
+    change = compare(
+        first, second, registration=registration, sigma_before=sigma_before, sigma_after=sigma_after,
+        confidence=confidence,
+    )  # fmt: skip
+    ending = "tif" if find_spec("rasterio") is not None else "npz"
+    with written_aside(out, folder=True) as aside:
+        aside.mkdir()
+        for name in ("difference", "detection", "significant"):
+            write_elevation(aside / f"{name}.{ending}", getattr(change, name))
+        ax = change_map(change)
+        ax.figure.savefig(aside / "change.png", dpi=130)
+        plt.close(ax.figure)
+        record = {
+            "inputs": [fingerprint(before), fingerprint(after)],
+            "gained_m3": change.gained,
+            "gained_sigma_m3": change.gained_sigma,
+            "lost_m3": change.lost,
+            "lost_sigma_m3": change.lost_sigma,
+            "versions": find_versions(),
+        }
+        if registration is not None:
+            record["shift_m"] = registration.shift
+            record["registration_state"] = registration.state
+        write_record(aside / RECORD, record)
+    if registration is not None:
+        x, y, z = registration.shift
+        typer.echo(f"moved    {x:.3f} {y:.3f} {z:.3f} m first ({registration.state})")
+    typer.echo(f"gained   {change.gained:.6g} m3, standard deviation {change.gained_sigma:.2g}")
+    typer.echo(f"lost     {change.lost:.6g} m3, standard deviation {change.lost_sigma:.2g}")
+    typer.echo(str(out / "change.png"))

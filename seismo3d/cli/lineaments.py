@@ -1,0 +1,67 @@
+"""``seismo3d lineaments``: lines and scarps of an elevation map, as georeferenced files and pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import typer
+
+
+def run(
+    dem: Path = typer.Argument(help="Elevation map: GeoTIFF, ESRI ASCII, .npz or .npy.", show_default=False),
+    out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
+    length: float = typer.Option(24.0, help="Cells along which a line must be straight."),
+    levels: int = typer.Option(2, min=1, max=6, help="Levels of halved resolution that are searched."),
+    overwrite: bool = typer.Option(False, "--overwrite", help="Replace the results of an earlier run in the folder."),
+) -> None:
+    """Find lineaments and fault scarps in an elevation map.
+
+    The folder gets lineaments.geojson, lineaments.csv, scarp_profiles.csv, likelihood.tif, map.png, rose.png and
+    run.json. It appears when all is done, or not at all.
+    """
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, find_versions, write_record
+    from seismo3d.cli.app import shown_progress
+    from seismo3d.io._files import written_aside
+    from seismo3d.io.elevation import read_elevation
+    from seismo3d.io.fingerprint import fingerprint
+    from seismo3d.terrain.exports import write_lineaments
+    from seismo3d.terrain.lineament_search import LineamentSettings, lineaments
+    from seismo3d.terrain.scarp_profiles import scarps
+
+    check_run_folder(out, inputs=[dem], overwrite=overwrite)
+    elevation = read_elevation(dem)
+    with written_aside(out, folder=True) as aside, shown_progress() as show:
+        aside.mkdir()
+        settings = LineamentSettings(length=length, n_levels=levels)
+        found = lineaments(elevation, settings=settings, progress=show)
+        steps = scarps(elevation, found, settings=settings)
+        write_lineaments(aside, found, scarps=steps)
+        _draw(aside, elevation, found)
+        record = {"input": fingerprint(dem), "settings": found.settings, "versions": find_versions()}
+        write_record(aside / RECORD, {**record, "n_lineaments": len(found), "n_scarps": len(steps)})
+    _say(out, found, steps)
+
+
+def _draw(folder: Path, elevation: Any, found: Any) -> None:
+    import matplotlib.pyplot as plt
+
+    from seismo3d.plot.terrain_maps import lineament_rose, terrain
+
+    for name, ax in (("map.png", terrain(elevation, lines=found)), ("rose.png", lineament_rose(found))):
+        ax.figure.savefig(folder / name, dpi=130)
+        plt.close(ax.figure)
+
+
+def _say(out: Path, found: Any, steps: Any) -> None:
+    unit = "m" if found.grid.has_place else "cells"
+    heights = {id(scarp.lineament): scarp for scarp in steps}
+    typer.echo(f"{len(found)} {'lineament' if len(found) == 1 else 'lineaments'}")
+    for number, line in enumerate(found.lines[:10], start=1):
+        scarp = heights.get(id(line))
+        step = "" if scarp is None else f"  scarp {scarp.height_m:.2f} m facing {scarp.facing_deg:.0f}"
+        strike = f"{number:4d}  strike {line.strike_deg:4.0f}  length {line.length:9.0f} {unit}"
+        typer.echo(f"{strike}  confidence {line.confidence:.2f}{step}")
+    if len(found) > 10:
+        typer.echo(f"... {len(found) - 10} more in {out / 'lineaments.csv'}")
+    typer.echo(str(out / "map.png"))

@@ -1,0 +1,1 @@
+"""The registration graph: relative measurements as edges, solved robustly and at once."""

@@ -1,0 +1,279 @@
+"""Elevation maps: GeoTIFF and ESRI ASCII by rasterio, NPZ without it; read with their georeference, and written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from seismo3d._typing import AnyArray
+from seismo3d.errors import FormatError, GeometryError, MissingDependencyError, ParameterError
+from seismo3d.geometry.map_grid import MapGrid, as_six, elevation_values, is_geographic
+from seismo3d.io._files import as_readable_file, refuse_os_errors, written_aside
+
+RASTERS = (".tif", ".tiff", ".asc", ".agr", ".img", ".vrt", ".bil", ".hgt")
+"""Endings that rasterio reads."""
+_NAMES = ("elevation", "z", "dem", "height")
+_BOUNDS = ("xmin", "xmax", "ymin", "ymax")
+
+
+def read_elevation(path: str | Path, *, band: int = 1) -> Any:
+    """Read an elevation map with its georeference.
+
+    Parameters
+    ----------
+    path : str or Path
+        GeoTIFF or ESRI ASCII grid (with the extra ``terrain``, which brings rasterio); ``.npz`` with an array
+        ``elevation`` and either ``transform`` (six numbers, see :mod:`seismo3d.geometry.map_grid`) or the outer edges
+        ``xmin, xmax, ymin, ymax``, perhaps ``crs`` and ``nodata`` (without ``crs``, edges that fit the globe and cells
+        below 0.02 are taken as degrees, EPSG:4326); ``.npy``, without georeference.
+    band : int
+        Band of a raster file, from 1.
+
+    Returns
+    -------
+    DataArray
+        Elevation (row, column) as float32, dims ("y", "x"), NaN where the file has nodata. ``attrs``: ``transform`` and
+        ``crs`` (a string, empty where the file names none) and ``crs_unit`` where the file says where it lies,
+        ``nodata`` (the file's own value, or None). Coordinates ``x`` and ``y`` of the cells' centres, except on grids
+        that are turned against them.
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be read.
+    FormatError
+        If it is not what its ending says, or has no such band.
+    MissingDependencyError
+        If rasterio is needed and not installed.
+    GeometryError
+        If every cell is nodata.
+    """
+    path = as_readable_file(path)
+    suffix = path.suffix.lower()
+    if suffix in RASTERS:
+        return _read_raster(path, band)
+    if suffix in (".npz", ".npy"):
+        return _read_numpy(path)
+    raise FormatError(f"{path.name} ends in {suffix!r}; expected {', '.join(RASTERS[:3])}, .npz or .npy.")
+
+
+def write_elevation(path: str | Path, elevation: Any) -> Path:
+    """Write a map, with its georeference, as GeoTIFF (float32, deflated), ESRI ASCII or NPZ, as the name says.
+
+    Parameters
+    ----------
+    path : str or Path
+        Ends in ``.tif``, ``.asc`` or ``.npz``.
+    elevation : DataArray or array_like of shape (rows, columns)
+        NaN is written as nodata: NaN in a GeoTIFF without a nodata value of its own, -9999 in ESRI ASCII.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    FileAccessError
+        If it cannot be written.
+    ParameterError
+        If the name ends in something else.
+    GeometryError
+        If an ESRI ASCII grid is asked for whose cells are turned, not square, or have rows from south to north.
+    """
+    path = Path(path)
+    grid = MapGrid.from_elevation(elevation)
+    values = np.asarray(getattr(elevation, "values", elevation))
+    suffix = path.suffix.lower()
+    if suffix not in (".tif", ".tiff", ".asc", ".npz"):
+        raise ParameterError(f"path ends in {suffix!r}; expected .tif, .asc or .npz.")
+    with written_aside(path) as aside, refuse_os_errors(path, "write"):
+        if suffix == ".npz":
+            _write_numpy(aside, values, grid)
+        elif suffix == ".asc":
+            _write_ascii(aside, values, grid)
+        else:
+            _write_raster(aside, values, grid)
+    return path
+
+
+def make_elevation(
+    values: AnyArray, transform: Any = None, *, crs: str = "", nodata: float | None = None, name: str = "elevation"
+) -> Any:
+    """Return a map as the DataArray that :func:`read_elevation` gives; without ``transform``, one without a place.
+
+    Parameters
+    ----------
+    values : array_like of shape (rows, columns)
+        NaN, and ``nodata``, where there is nothing; kept as float32.
+    transform : sequence of six floats, optional
+        See :mod:`seismo3d.geometry.map_grid`.
+    crs : str
+        Reference system.
+    nodata : float, optional
+        The value that stands for nothing.
+    name : str
+        Name of the DataArray.
+    """
+    import xarray
+
+    z = np.asarray(values)
+    bad = ~np.isfinite(z) if z.dtype.kind == "f" else np.zeros(z.shape, bool)
+    if nodata is not None and np.isfinite(nodata):
+        bad |= z == nodata
+    z = np.where(bad, np.float32(np.nan), z.astype(np.float32))
+    attrs: dict[str, Any] = {"nodata": nodata}
+    coords: dict[str, Any] = {}
+    if transform is not None:
+        six = as_six(transform)
+        attrs |= {"transform": six, "crs": crs, "crs_unit": "degree" if is_geographic(crs) else "metre"}
+        a, b, c, d, e, f = six
+        if b == 0.0 and d == 0.0:
+            coords = {"y": f + e * (np.arange(z.shape[0]) + 0.5), "x": c + a * (np.arange(z.shape[1]) + 0.5)}
+    return xarray.DataArray(z, dims=("y", "x"), coords=coords, attrs=attrs, name=name)
+
+
+def holds_elevation(path: str | Path) -> bool:
+    """Whether a file is an elevation map by its ending, or, of ``.npz``, by an array named for it."""
+    path = Path(path)
+    if path.suffix.lower() in RASTERS:
+        return True
+    if path.suffix.lower() != ".npz" or not path.is_file():
+        return False
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            return any(name in held.files for name in _NAMES[:1] + _NAMES[2:])
+    except (ValueError, EOFError, OSError, BadZipFile):
+        return False
+
+
+def import_rasterio(purpose: str) -> Any:
+    """Return rasterio, or say how to get it."""
+    try:
+        import rasterio
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"{purpose} needs rasterio, which is not installed. pip install 'seismo3d[terrain]', or use .npz."
+        ) from error
+    return rasterio
+
+
+def _read_raster(path: Path, band: int) -> Any:
+    import warnings
+
+    rasterio = import_rasterio(f"{path.name}")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            with rasterio.open(path) as file:
+                if not 1 <= band <= file.count:
+                    raise FormatError(f"{path.name} has {file.count} bands; band {band} was asked for.")
+                if np.dtype(file.dtypes[band - 1]).kind not in "iuf":
+                    raise FormatError(f"{path.name} holds values of type {file.dtypes[band - 1]}; expected elevations.")
+                values = file.read(band)
+                crs = _name_of(file.crs)
+                placed = file.crs is not None or not file.transform.is_identity
+                transform = tuple(file.transform)[:6] if placed else None
+                made = make_elevation(values, transform, crs=crs, nodata=file.nodatavals[band - 1])
+    except rasterio.errors.RasterioError as error:
+        raise FormatError(f"{path.name} cannot be read as a raster: {error}. It may be cut short.") from error
+    return _with_data(made, path)
+
+
+def _name_of(crs: Any) -> str:
+    """Return the code of a reference system where it has one, else its well-known text."""
+    if crs is None:
+        return ""
+    code = crs.to_epsg()
+    return f"EPSG:{code}" if code is not None else str(crs.to_wkt())
+
+
+def _read_numpy(path: Path) -> Any:
+    try:
+        with path.open("rb") as file:
+            read = np.load(file, allow_pickle=False)
+            arrays = {"elevation": read} if isinstance(read, np.ndarray) else {key: read[key] for key in read.files}
+    except (ValueError, EOFError, OSError, BadZipFile) as error:
+        raise FormatError(f"{path.name} is no NumPy file of numbers, or is cut short: {error}.") from error
+    name = next((key for key in _NAMES if key in arrays), None)
+    if name is None and len(arrays) == 1:
+        name = next(iter(arrays))
+    if name is None or arrays[name].ndim != 2 or arrays[name].dtype.kind not in "iuf":
+        held = ", ".join(f"{key} {value.shape}" for key, value in arrays.items()) or "nothing"
+        raise FormatError(f"{path.name} holds {held}; expected a map of numbers (rows, columns) named elevation.")
+    values = arrays[name]
+    transform = None
+    if "transform" in arrays:
+        transform = as_six(arrays["transform"].ravel())
+    elif all(key in arrays for key in _BOUNDS):
+        left, right, low, high = (float(arrays[key]) for key in _BOUNDS)
+        # the first row is the northern one, whichever of ymin and ymax was called so
+        bottom, top = min(low, high), max(low, high)
+        rows, columns = values.shape
+        transform = ((right - left) / columns, 0.0, left, 0.0, (bottom - top) / rows, top)
+    nodata = float(arrays["nodata"]) if "nodata" in arrays and np.isfinite(arrays["nodata"]) else None
+    crs = str(arrays["crs"]) if "crs" in arrays else ""
+    if not crs and transform is not None and _looks_like_degrees(transform, values.shape):
+        crs = "EPSG:4326"
+    return _with_data(make_elevation(values, transform, crs=crs, nodata=nodata), path)
+
+
+def _looks_like_degrees(transform: Any, shape: tuple[int, ...]) -> bool:
+    """Whether a map without a named system can only be in degrees: it fits the globe, and its cells are tiny."""
+    a, _, c, _, e, f = transform
+    inside = -180.0 <= c <= 180.0 and -180.0 <= c + a * shape[1] <= 180.0 and abs(f) <= 90.0
+    return bool(inside and abs(f + e * shape[0]) <= 90.0 and max(abs(a), abs(e)) < 0.02)
+
+
+def _with_data(made: Any, path: Path) -> Any:
+    try:
+        elevation_values(made, path.name, least=1)
+    except GeometryError as error:
+        raise GeometryError(f"{path.name} holds no elevation: every cell is nodata. Give a map with data.") from error
+    return made
+
+
+def _write_numpy(path: Path, values: AnyArray, grid: MapGrid) -> None:
+    place: dict[str, Any] = {"transform": np.array(grid.transform), "crs": np.array(grid.crs)} if grid.has_place else {}
+    with path.open("wb") as file:
+        np.savez_compressed(file, elevation=values, **place)
+
+
+def _write_raster(path: Path, values: AnyArray, grid: MapGrid) -> None:
+    import warnings
+
+    rasterio = import_rasterio("writing a GeoTIFF")
+    if values.dtype.kind == "b":
+        values = values.astype(np.uint8)
+    elif values.dtype.kind == "f":
+        values = values.astype(np.float32)
+    place: dict[str, Any] = {}
+    if grid.has_place:
+        place["transform"] = rasterio.Affine(*grid.transform)
+        if grid.crs:
+            place["crs"] = rasterio.crs.CRS.from_string(grid.crs)
+    if values.dtype.kind == "f":
+        place["nodata"] = float("nan")
+    rows, columns = values.shape
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        with rasterio.open(
+            path, "w", driver="GTiff", height=rows, width=columns, count=1, dtype=values.dtype.name,
+            compress="deflate", **place,
+        ) as file:  # fmt: skip
+            file.write(values, 1)
+
+
+def _write_ascii(path: Path, values: AnyArray, grid: MapGrid) -> None:
+    a, b, c, d, e, f = grid.transform if grid.has_place else (1.0, 0.0, 0.0, 0.0, -1.0, float(values.shape[0]))
+    if b != 0.0 or d != 0.0 or not np.isclose(a, -e) or a <= 0.0:
+        raise GeometryError("an ESRI ASCII grid has square cells and rows from north to south; write a .tif instead.")
+    rows, columns = values.shape
+    head = f"ncols {columns}\nnrows {rows}\nxllcorner {c!r}\nyllcorner {f + e * rows!r}\ncellsize {a!r}\n"
+    filled = np.where(np.isfinite(values), values, -9999.0)
+    with path.open("w", encoding="ascii") as file:
+        file.write(head + "NODATA_value -9999\n")
+        np.savetxt(file, filled, fmt="%.9g")

@@ -1,0 +1,181 @@
+"""Terrain: hillshade maps with lines, change maps, the rose of strikes, and profiles across a scarp."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import Float64Array
+from seismo3d.errors import ParameterError
+from seismo3d.geometry.map_grid import MapGrid, elevation_values
+from seismo3d.plot.drawing import new_axes
+
+_COLOURS = {"step": "#d62728", "trough": "#1f9bcf", "both": "#c218c2"}
+_BLUE = "#2b6ca3"
+
+
+def terrain(elevation: Any, *, lines: Any = None, outcrops: Any = (), ax: Any = None) -> Any:
+    """Draw a map as a hillshade, with lineaments and the outcrops of faults.
+
+    Parameters
+    ----------
+    elevation : DataArray or array_like of shape (rows, columns)
+    lines : LineamentSet, optional
+        Coloured by what speaks for them: a step, a trough, or both.
+    outcrops : sequence of Outcrop
+        Drawn dashed.
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    matplotlib Axes
+        In map coordinates; (column, row) without a georeference.
+    """
+    grid, z = MapGrid.from_elevation(elevation), elevation_values(elevation, least=2)
+    ax = _map_axes(grid) if ax is None else ax
+    _draw_grid(ax, grid, np.ma.masked_invalid(_hillshade(z, grid)), cmap="gray", vmin=0.0, vmax=1.0)
+    shown = set()
+    for line in lines.lines if lines is not None else ():
+        label = None if line.kind in shown else line.kind
+        shown.add(line.kind)
+        ax.plot(line.points[:, 0], line.points[:, 1], color=_COLOURS[line.kind], linewidth=1.6, label=label)
+    for number, outcrop in enumerate(outcrops):
+        x, y = outcrop.points[:, 0], outcrop.points[:, 1]
+        ax.plot(x, y, color="#ffb000", linewidth=1.8, linestyle="--", label=None if number else "fault, carried up")
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc="upper right", fontsize="small", framealpha=0.9)
+    return ax
+
+
+def change_map(change: Any, *, ax: Any = None) -> Any:
+    """Draw the significant change of an elevation map; grey where it is below the level of detection.
+
+    Parameters
+    ----------
+    change : Change
+        From :func:`seismo3d.terrain.compare`.
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    grid = MapGrid.from_elevation(change.difference)
+    d, significant = np.asarray(change.difference), np.asarray(change.significant)
+    ax = _map_axes(grid) if ax is None else ax
+    _draw_grid(ax, grid, np.ma.masked_invalid(np.where(np.isfinite(d), 0.0, np.nan)), cmap="Greys", vmin=-1.0, vmax=3.0)
+    limit = float(np.percentile(np.abs(d[significant]), 98.0)) if significant.any() else 1.0
+    drawn = _draw_grid(ax, grid, np.ma.masked_array(d, ~significant), cmap="RdBu", vmin=-limit, vmax=limit)
+    ax.figure.colorbar(drawn, ax=ax, label="Elevation gained (m)", pad=0.02, shrink=0.8)
+    return ax
+
+
+def lineament_rose(lines: Any, *, bin_deg: float = 10.0, ax: Any = None) -> Any:
+    """Draw a rose diagram of strike, weighted by length and drawn both ways; a petal's *area* is its share.
+
+    Parameters
+    ----------
+    lines : LineamentSet
+    bin_deg : float
+        Width of a petal.
+    ax : matplotlib PolarAxes, optional
+
+    Returns
+    -------
+    matplotlib PolarAxes
+    """
+    if not 1.0 <= bin_deg <= 90.0:
+        raise ParameterError(f"bin_deg is {bin_deg:g}; expected 1 to 90.")
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        ax = plt.subplots(figsize=(4.5, 4.5), layout="constrained", subplot_kw={"projection": "polar"})[1]
+    strike, length = strikes_by_length(lines)
+    n = max(round(180.0 / bin_deg), 1)
+    counts, edges = np.histogram(strike % 180.0, bins=n, range=(0.0, 180.0), weights=length)
+    radius = np.sqrt(counts / counts.sum()) if counts.sum() > 0 else counts
+    centres = np.radians(np.concatenate([edges[:-1], edges[:-1] + 180.0]) + 90.0 / n)
+    ax.set_theta_zero_location("N")
+    ax.set_theta_direction(-1)
+    ax.bar(centres, np.tile(radius, 2), width=np.pi / n, color=_BLUE, edgecolor="white", linewidth=0.6)
+    ax.set_xticks(
+        np.radians([0, 90, 180, 270]), ["N", "E", "S", "W"] if lines.grid.has_place else ["up", "right", "", ""]
+    )
+    ax.set_yticks([])
+    ax.set_title("Strike of lineaments, by length", fontsize="medium")
+    return ax
+
+
+def scarp_profile(scarp: Any, *, ax: Any = None) -> Any:
+    """Draw the mean profile across a scarp, with its slope.
+
+    Parameters
+    ----------
+    scarp : Scarp
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    matplotlib Axes
+        Elevation; the slope is on a second axis.
+    """
+    ax = new_axes(6.0, 3.5) if ax is None else ax
+    ax.plot(scarp.offset, scarp.profile, color="black")
+    ax.set(xlabel="Towards the lower side (m)", ylabel="Elevation (m)")
+    ax.set_title(f"Height {scarp.height_m:.2f} m, faces {scarp.facing_deg:.0f} deg", loc="left", fontsize="medium")
+    slope = ax.twinx()
+    slope.plot(scarp.offset, scarp.slope_profile_deg, color="#d62728", linewidth=1.0)
+    slope.set_ylabel("Slope (deg)", color="#d62728")
+    return ax
+
+
+def strikes_by_length(lines: Any) -> tuple[Float64Array, Float64Array]:
+    """Return strike in degrees and length in metres of every segment of all lines."""
+    strikes, lengths = [], []
+    for line in lines.lines:
+        # a stretch of a dozen points: single cells strike anywhere
+        points = line.points[np.unique(np.append(np.arange(0, len(line.points), 12), len(line.points) - 1))]
+        way = np.diff(points, axis=0) * np.array(lines.grid.metres_per_unit)
+        north = way[:, 1] if lines.grid.has_place else -way[:, 1]
+        strikes.append(np.degrees(np.arctan2(way[:, 0], north)) % 180.0)
+        lengths.append(np.linalg.norm(way, axis=1))
+    return (np.concatenate(strikes), np.concatenate(lengths)) if strikes else (np.zeros(0), np.zeros(0))
+
+
+def _hillshade(z: Float64Array, grid: MapGrid) -> Float64Array:
+    from matplotlib.colors import LightSource
+
+    dx, dy = (float(np.hypot(*column)) for column in grid.steps_m.T)
+    filled = np.where(np.isfinite(z), z, np.nanmean(z))
+    # plains and mountains alike: the usual slope gets the usual shade
+    usual = float(np.median(np.hypot(*np.gradient(filled, dy, dx)))) or 1.0
+    southwards = grid.matrix[1, 1] < 0 or not grid.has_place
+    shade = LightSource(315.0, 45.0).hillshade(
+        filled, vert_exag=float(np.clip(0.3 / usual, 0.2, 20.0)), dx=dx, dy=dy if southwards else -dy
+    )
+    return np.where(np.isfinite(z), shade, np.nan)
+
+
+def _map_axes(grid: MapGrid) -> Any:
+    rows, columns = grid.shape
+    dx, dy = (float(np.hypot(*column)) for column in grid.steps_m.T)
+    ratio = np.clip(rows * dy / (columns * dx), 0.4, 2.0)
+    return new_axes(7.5, float(7.5 * ratio))
+
+
+def _draw_grid(ax: Any, grid: MapGrid, values: Any, **colours: Any) -> Any:
+    rows, columns = grid.shape
+    corners = grid.to_map([[-0.5, -0.5], [columns - 0.5, rows - 0.5]])
+    (left, top), (right, bottom) = corners
+    drawn = ax.imshow(values, extent=(left, right, bottom, top), interpolation="antialiased", **colours)
+    x, y = grid.metres_per_unit
+    ax.set_aspect(y / x)
+    if grid.has_place:
+        unit = "deg" if grid.unit == "degree" else "m"
+        ax.set(xlabel=f"East ({unit})", ylabel=f"North ({unit})")
+        if bottom > top:  # rows from south to north: north is still up
+            ax.invert_yaxis()
+    else:
+        ax.set(xlabel="Column", ylabel="Row")
+    return drawn

@@ -1,0 +1,151 @@
+"""Layer time: when each voxel was laid down, relative to the others, in samples of a reference trace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Progress
+from seismo3d.errors import ShapeError
+from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_increasing
+from seismo3d.seismic.dip import estimate_slopes
+from seismo3d.seismic.fault_links import SurfaceGrid, cut_grid, grid_surface, match_grid
+from seismo3d.seismic.faults import _clean, _prepare
+from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, solve_graph
+from seismo3d.seismic.shifts import measure_shifts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LayerModel:
+    """Layer time of a cube, and what tracks need beside it.
+
+    Attributes
+    ----------
+    times : ndarray of shape (inline, crossline, sample), float32
+        Layer time, in samples, growing down every trace; also where a trace is not live.
+    cuts : ndarray of the same shape, uint8
+        Bits 0, 1 and 2: a fault passes before the next inline, crossline or sample.
+    volume, valid : ndarray of the same shape
+        Amplitudes, float32, cleaned, and where there are any.
+    live : ndarray of shape (inline, crossline), bool
+        Traces with data.
+    sample_unit : str
+        "ms", "m" or "samples".
+    rejected : float
+        Share of all measurements that the solution rejects.
+    """
+
+    times: Float32Array
+    cuts: AnyArray
+    volume: Float32Array
+    valid: BoolArray
+    live: BoolArray
+    sample_unit: str
+    rejected: float
+
+
+def layer_time(
+    cube: Any, *, faults: Any = None, settings: LayerTimeSettings | None = None, progress: Progress | None = None
+) -> Any:
+    r"""Find when each voxel was laid down, relative to all others: every horizon of the cube at once.
+
+    Shifts between traces are measured over several distances, and across every fault by matching its sides near the
+    throw that it has. All of them are edges of one graph; its vertices are samples of traces, and an edge says that two
+    of them are of one age. The graph is solved robustly by least squares, coarse to fine. Level sets of the solution
+    are horizons [1]_.
+
+    Parameters
+    ----------
+    cube : DataArray or array_like
+        A cube (inline, crossline, sample), as ``open_cube`` gives it or a bare array.
+    faults : FaultSet, optional
+        Faults of this cube. Layers are cut at their surfaces and joined across them by their throw.
+    settings : LayerTimeSettings, optional
+        Windows and weights.
+    progress : callable, optional
+        Called with the stage's name and the share of it that is done.
+
+    Returns
+    -------
+    DataArray or ndarray of the cube's shape, float32
+        Layer time in samples of the trace nearest to the middle: there the middle sample has its own index. It grows
+        down every trace and is NaN on traces that are not live.
+
+    Raises
+    ------
+    ShapeError
+        If the cube has not three axes, is too small, or the faults are of another cube.
+
+    References
+    ----------
+    .. [1] X. Wu, D. Hale, Geophysics 80(2), IM21-IM33, 2015. :doi:`10.1190/geo2014-0220.1`
+    """
+    layers = model_layers(cube, faults=faults, settings=settings, progress=progress)
+    times = layers.times.copy()
+    times[~layers.live] = np.nan
+    times.flags.writeable = False
+    return cube.copy(data=times).rename("layer_time") if hasattr(cube, "dims") else times
+
+
+def model_layers(
+    cube: Any, *, faults: Any = None, settings: LayerTimeSettings | None = None, progress: Progress | None = None
+) -> LayerModel:
+    """Do what :func:`layer_time` does, and keep what tracks need; parameters and errors as there."""
+    settings = settings or LayerTimeSettings()
+    report = progress or _unheard
+    if np.ndim(cube) != 3:
+        raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Give a cube.")
+    if faults is not None and np.shape(faults.labels) != np.shape(cube):
+        raise ShapeError(
+            f"faults are of a cube of shape {np.shape(faults.labels)}; cube has shape {np.shape(cube)}. "
+            "Give the cube that they were traced in."
+        )
+    amplitudes, _, (_, unit) = _prepare(cube)
+    volume, valid = _clean(amplitudes)
+    cuts = np.zeros(volume.shape, np.uint8)
+    grids = [grid_surface(s, beyond=settings.links.beyond) for s in (faults.surfaces if faults is not None else ())]
+    for grid in grids:
+        cut_grid(grid, cuts)
+    times, rejected = _solve_times(volume, valid, cuts, grids, settings, report)
+    live: BoolArray = np.asarray(valid.any(axis=2))
+    if not live.any():
+        raise ShapeError("cube has no live trace. Give a cube with data.")
+    times += _datum(times, live)
+    return LayerModel(times, cuts, volume, valid, live, unit, rejected)
+
+
+def _unheard(stage: str, share: float) -> None:
+    """Take reports of progress where nobody asked for them."""
+
+
+def _datum(times: Float32Array, live: BoolArray) -> np.float32:
+    """Return what makes the layer time of the middle sample of the live trace nearest to the middle its own index."""
+    places = np.argwhere(live)
+    middle = places[np.abs(places - (np.array(live.shape) - 1) / 2).sum(axis=1).argmin()]
+    k = times.shape[2] // 2
+    return np.float32(k - times[middle[0], middle[1], k])
+
+
+def _solve_times(
+    volume: Float32Array, valid: BoolArray, cuts: AnyArray, grids: list[SurfaceGrid], settings: LayerTimeSettings,
+    report: Progress,
+) -> tuple[Float32Array, float]:  # fmt: skip
+    step = settings.shifts.step
+    report("dip", 0.0)
+    p, q = (np.ascontiguousarray(s[:, :, ::step]) for s in estimate_slopes(volume, valid, settings=settings.dip))
+    report("shifts", 0.0)
+    fields = measure_shifts(volume, valid, (p, q), cuts=cuts, lengths=settings.lengths, settings=settings.shifts)
+    breaks = np.empty(p.shape, np.uint8)
+    find_breaks(cuts, step, breaks)
+    nearest = [f.shift for f in fields if f.length == 1]
+    matched = [(grid, *match_grid(grid, volume, valid, nearest, step=step, settings=settings.links)) for grid in grids]
+    report("solve", 0.0)
+    graph = LayerGraph(fields, cuts, breaks, matched, settings)
+    values, rejected = solve_graph(graph)
+    times = np.empty(volume.shape, np.float32)
+    fill_samples(values, breaks, step, times)
+    make_increasing(times, settings.least)
+    report("solve", 1.0)
+    return times, rejected

@@ -1,0 +1,140 @@
+"""Local vertical shifts between traces of a cube, with their variances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, BoolArray, Float32Array
+from seismo3d.seismic._kernels_filters import filter_crosslines, filter_inlines, gaussian_taps
+from seismo3d.seismic._kernels_shifts import compose_shifts, finish_shifts, match_products
+
+
+@dataclass(frozen=True, slots=True)
+class ShiftSettings:
+    """How shifts are measured; lengths in samples and traces.
+
+    Attributes
+    ----------
+    step : int
+        Shifts are kept at every step-th sample.
+    vertical, lateral : float
+        Widths of the Gaussian window over which two traces are matched: along the samples, and over neighbouring pairs.
+    passes : int
+        Steps of the least-squares fit.
+    floor : float
+        Squared derivative, relative to the cube's mean square, below which nothing is to be matched.
+    misfit : float
+        Misfit ratio that, above twice the cube's usual one, makes a shift doubtful: its variance grows from there.
+    most : float
+        Variance, in samples squared a trace, of a shift that is carried over from the slopes alone.
+    """
+
+    step: int = 4
+    vertical: float = 6.0
+    lateral: float = 1.0
+    passes: int = 2
+    floor: float = 1e-4
+    misfit: float = 0.01
+    most: float = 0.25
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShiftField:
+    """Shifts from every trace to the one `length` further along an axis.
+
+    Attributes
+    ----------
+    axis, length : int
+        0 for inlines, 1 for crosslines; and how many traces apart.
+    shift, variance : ndarray of shape (inline, crossline, ceil(sample / step)), float32
+        How far a reflector at this sample lies deeper on the other trace, in samples, and its variance.
+    misfit : ndarray of the same shape, float32
+        What the shift leaves over the energy, relative to what counts as doubtful: 1 or more is doubtful.
+    """
+
+    axis: int
+    length: int
+    shift: Float32Array
+    variance: Float32Array
+    misfit: Float32Array
+
+
+def measure_shifts(
+    volume: Float32Array,
+    valid: BoolArray,
+    slopes: tuple[Float32Array, Float32Array],
+    *,
+    cuts: AnyArray,
+    lengths: tuple[int, ...] = (1, 4),
+    settings: ShiftSettings | None = None,
+) -> list[ShiftField]:
+    r"""Measure how far reflectors shift between traces, near ones first, and farther ones predicted by them.
+
+    Each shift minimises :math:`\sum w\, (a(z) - b(z + s))^2` over a Gaussian window of one pair of traces and its
+    neighbours (Lucas and Kanade's fit [1]_), from the slopes, or, for longer distances, from the shorter shifts one
+    after the other. Pairs that a fault parts are left out; where no pair is left, as at dead traces, the prediction
+    stands with a large variance.
+
+    Parameters
+    ----------
+    volume, valid : ndarray of shape (inline, crossline, sample)
+        Amplitudes, float32, and where there are any.
+    slopes : tuple of ndarray
+        Reflector slopes along inlines and crosslines at every `step`-th sample, in samples a trace.
+    cuts : ndarray of the volume's shape, uint8
+        Bit 0 or 1 where a fault passes before the next inline or crossline.
+    lengths : tuple of int
+        Distances in traces, growing from 1.
+    settings : ShiftSettings, optional
+        Windows.
+
+    Returns
+    -------
+    list of ShiftField
+        By length, then axis.
+
+    References
+    ----------
+    .. [1] B. D. Lucas, T. Kanade, Proc. 7th IJCAI, 674-679, 1981.
+    """
+    settings = settings or ShiftSettings()
+    floor = np.float32(settings.floor * max(float(np.mean(np.square(volume[::2, ::2]))), 1e-20))
+    found: list[ShiftField] = []
+    nearest = list(slopes)
+    for length in lengths:
+        for axis in range(2):
+            shift = np.empty_like(nearest[axis])
+            compose_shifts(nearest[axis], axis, length, settings.step, shift)
+            variance = np.empty_like(shift)
+            for _ in range(settings.passes):
+                misfit = _refine(volume, valid, cuts, nearest[axis], axis, length, floor, settings, shift, variance)
+            if length == 1:
+                nearest[axis] = shift
+            found.append(ShiftField(axis, length, shift, variance, misfit))
+    return found
+
+
+def _refine(
+    volume: Float32Array, valid: BoolArray, cuts: AnyArray, nearest: Float32Array, axis: int, length: int,
+    floor: np.float32, settings: ShiftSettings, shift: Float32Array, variance: Float32Array,
+) -> Float32Array:  # fmt: skip
+    """One step of the least-squares fit, in place."""
+    products = np.empty((5, *shift.shape), np.float32)
+    taps = gaussian_taps(settings.vertical)
+    match_products(volume, valid, cuts, nearest, axis, length, shift, settings.step, taps, products)
+    lateral, buffer = gaussian_taps(settings.lateral), variance
+    for product in products:
+        filter_crosslines(product, lateral, buffer)
+        filter_inlines(buffer, lateral, product)
+    # a window holds about as many independent samples as quarter wavelengths of six samples, times traces
+    n_free = np.float32(max(1.0, settings.vertical * 3.5 / 6.0 * (1.0 + 3.5 * settings.lateral)))
+    most = np.float32(settings.most * length)
+    finish_shifts(products, shift, floor, most, n_free, shift, variance)
+    # a misfit far above the cube's usual one is no match: a fault that was not found, or noise
+    ratio = products[0]
+    usual = float(np.median(ratio[ratio > 0])) if (ratio > 0).any() else 0.0
+    ratio /= np.float32(2.0 * usual + settings.misfit)
+    variance *= 1.0 + ratio**4
+    return ratio.copy()

@@ -1,0 +1,124 @@
+"""Smooth trends of throw over a fault: fitted to the costs of throws, and to throws that matched."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d.seismic._kernels_trends import search_trends
+
+# places of the grid that one place of a trend's own coarser grid stands for
+_COARSE = 4
+
+
+def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float) -> Float32Array:
+    """Return the throws of the quadratic trend over a surface that costs least.
+
+    Parameters
+    ----------
+    cost : ndarray of shape (row, sample, throw), float32
+        Misfit ratio of every throw, 0 in the middle.
+    inside : ndarray of shape (row, sample), bool
+        Places on the surface.
+    unmatched : float
+        Misfit ratio of a throw without a counterpart.
+
+    Returns
+    -------
+    ndarray of shape (row, sample), float32
+        Throws in steps of the last axis of ``cost``.
+    """
+    rows, columns = np.nonzero(inside[::2, ::2])
+    if len(rows) < 2:
+        rows, columns = np.nonzero(np.ones_like(inside[::2, ::2]))
+    costs = ndimage.minimum_filter1d(cost[::2, ::2][rows, columns], 3, axis=1, mode="nearest")
+    middle, half = [], []
+    for at in (2.0 * rows, 2.0 * columns):
+        middle.append(0.5 * (at.min() + at.max()))
+        half.append(max(0.5 * float(np.ptp(at)), 1.0))
+    u, v = (2.0 * rows - middle[0]) / half[0], (2.0 * columns - middle[1]) / half[1]
+    longest = cost.shape[2] // 2
+    starts = np.arange(-longest + 2.0, longest - 1.0, 4.0) if longest > 3 else np.zeros(1)
+    terms, scores = np.zeros((len(starts), 6)), np.zeros(len(starts))
+    slopes = np.array([-12.0, -6.0, 0.0, 6.0, 12.0])
+    search_trends(costs, u, v, starts, slopes, 1.5 * unmatched, 40, terms, scores)
+    best = terms[scores.argmin()]
+    grid = np.indices(inside.shape).astype(np.float64)
+    a, b = (grid[0] - middle[0]) / half[0], (grid[1] - middle[1]) / half[1]
+    trend = best[0] + best[1] * a + best[2] * b + best[3] * a * a + best[4] * a * b + best[5] * b * b
+    return np.asarray(np.clip(trend, -longest, longest), np.float32)
+
+
+def local_trend(values: Float32Array, known: BoolArray, *, width: float) -> Float32Array:
+    """Fit a plane around every place to the known values, near ones most; it carries them on where none are known.
+
+    Parameters
+    ----------
+    values : ndarray of two axes, float32
+        Values, read where known.
+    known : ndarray of the same shape, bool
+        Where they are.
+    width : float
+        Width of the Gaussian window, in places; three times that where it is nearly empty.
+
+    Returns
+    -------
+    ndarray of the same shape, float32
+        0 where nothing is known; else never farther beyond the range of what is than a quarter of its largest size and
+        one.
+    """
+    if not known.any():
+        return np.zeros(values.shape, np.float32)
+    mass, row, column, value = (
+        _gather(part, known) for part in (np.ones_like(values), *np.indices(values.shape), values)
+    )
+    row, column, value = (
+        np.divide(part, mass, out=np.zeros_like(part), where=mass > 0) for part in (row, column, value)
+    )
+    narrow, weight = _planes(mass, row, column, value, width)
+    wide, spare = _planes(mass, row, column, value, 3.0 * width)
+    share = np.clip(20.0 * weight / max(float(weight.max()), 1e-12), 0.0, 1.0)
+    mean = (value * mass).sum() / mass.sum()
+    trend = np.where(spare > 1e-9, share * narrow + (1.0 - share) * wide, mean)
+    low, high = np.percentile(values[known], [0.5, 99.5])
+    trend = _enlarge(trend, values.shape)
+    return np.clip(trend, low - 0.25 * abs(low) - 1.0, high + 0.25 * abs(high) + 1.0).astype(np.float32)
+
+
+def _gather(values: Float64Array, known: BoolArray) -> Float64Array:
+    """Sum the known values over blocks."""
+    padding = [(0, -n % _COARSE) for n in values.shape]
+    padded = np.pad(np.where(known, values, 0.0), padding)
+    n, m = padded.shape[0] // _COARSE, padded.shape[1] // _COARSE
+    return np.asarray(padded.reshape(n, _COARSE, m, _COARSE).sum(axis=(1, 3)), np.float64)
+
+
+def _planes(
+    mass: Float64Array,
+    row: Float64Array,
+    column: Float64Array,
+    value: Float64Array,
+    width: float,
+) -> tuple[Float64Array, Float64Array]:
+    """Value at the middle of every block of the plane through the blocks around it, and the weight of these."""
+
+    def mean(part: Float64Array) -> Float64Array:
+        return np.asarray(ndimage.gaussian_filter(mass * part, width / _COARSE, mode="constant", truncate=3.0)) / total
+
+    total = np.maximum(ndimage.gaussian_filter(mass, width / _COARSE, mode="constant", truncate=3.0), 1e-12)
+    r, c, t = mean(row), mean(column), mean(value)
+    # a little of the window's own width in the denominators keeps a plane through one row of blocks level across it
+    ridge = 0.02 * width**2
+    rr, cc = mean(row * row) - r * r + ridge, mean(column * column) - c * c + ridge
+    rc = mean(row * column) - r * c
+    rt, ct = mean(row * value) - r * t, mean(column * value) - c * t
+    scale = np.maximum(rr * cc - rc * rc, 1e-12)
+    down, along = (ct * rr - rt * rc) / scale, (rt * cc - ct * rc) / scale
+    rows, columns = (_COARSE * np.indices(mass.shape)[axis] + 0.5 * (_COARSE - 1) for axis in (0, 1))
+    return t + along * (rows - r) + down * (columns - c), total
+
+
+def _enlarge(values: Float64Array, shape: tuple[int, ...]) -> Float64Array:
+    at = np.stack(np.meshgrid(*((np.arange(n) - 0.5 * (_COARSE - 1)) / _COARSE for n in shape), indexing="ij"))
+    return np.asarray(ndimage.map_coordinates(values, at, order=1, mode="nearest"))

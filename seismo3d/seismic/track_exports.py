@@ -1,0 +1,83 @@
+"""Tracks to files: horizons for exchange, and a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seismo3d.errors import ShapeError
+from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.io.horizons import HorizonGrid, write_charisma_horizon, write_irap_classic, write_xyz_horizon
+from seismo3d.io.tables import write_csv
+from seismo3d.seismic.tracks import Track
+
+_COLUMNS = ("track", "share_traced", "confidence_mean", "shallowest", "deepest", "unit", "seeds")
+
+
+def write_tracks(tracks: Sequence[Track], cube: Any, *, directory: str | Path) -> list[Path]:
+    """Write tracks as horizons in every exchange format, and a table.
+
+    ``track_01.xyz``, ``track_01.charisma.txt`` and ``track_01.irap.txt`` (IRAP classic) for the first, and so on, and
+    ``tracks.csv``. Coordinates are metres on the map where the cube knows them, else line numbers; z is time or depth,
+    positive downwards.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        Tracks of ``cube``.
+    cube : DataArray or ndarray
+        Gives the coordinates.
+    directory : str or Path
+        A folder that is there; files in it are replaced one by one.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    ShapeError
+        If a track is not of this cube.
+    FileAccessError
+        If the folder cannot be written to.
+    """
+    directory = Path(directory)
+    files = []
+    for number, track in enumerate(tracks, start=1):
+        horizon = _grid(track, cube)
+        for ending, write in (
+            ("xyz", write_xyz_horizon),
+            ("charisma.txt", write_charisma_horizon),
+            ("irap.txt", write_irap_classic),
+        ):
+            files.append(directory / f"track_{number:02d}.{ending}")
+            write(files[-1], horizon)
+    write_csv(directory / "tracks.csv", [_row(n, t) for n, t in enumerate(tracks, start=1)], columns=_COLUMNS)
+    return [*files, directory / "tracks.csv"]
+
+
+def _grid(track: Track, cube: Any) -> HorizonGrid:
+    shape = tuple(np.shape(cube)[:2])
+    if track.depth.shape != shape:
+        raise ShapeError(f"track has shape {track.depth.shape}; expected {shape}. Give the cube that it was traced in.")
+    survey = SurveyGeometry.from_cube(cube)
+    rows, columns = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
+    places = survey.index_to_map(np.stack([rows.ravel(), columns.ravel(), np.zeros(rows.size)], axis=1))
+    x, y = places[:, 0].reshape(shape), places[:, 1].reshape(shape)
+    return HorizonGrid(
+        x, y, track.depth.astype(np.float64), survey.inline.coordinates(), survey.crossline.coordinates()
+    )
+
+
+def _row(number: int, track: Track) -> dict[str, Any]:
+    known = np.isfinite(track.depth)
+    seeds = "; ".join(" ".join(f"{value:g}" for value in seed) for seed in track.seeds)
+    row: dict[str, Any] = {"track": number, "share_traced": track.share, "unit": track.sample_unit, "seeds": seeds}
+    if known.any():
+        row["confidence_mean"] = float(np.mean(track.confidence[known]))
+        row["shallowest"], row["deepest"] = float(track.depth[known].min()), float(track.depth[known].max())
+    return row

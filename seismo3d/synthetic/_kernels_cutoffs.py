@@ -1,0 +1,82 @@
+"""Compiled loops that follow grains from before a fault moved to where they lie today."""
+
+# mypy: disable-error-code="no-untyped-def"
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from seismo3d.synthetic import _kernels as k
+from seismo3d.synthetic._kernels import _bend, _ramp, _slide
+
+ROUNDS = 80
+
+
+@njit(cache=True, nogil=True)
+def undo_on_side(place, f, hanging):
+    """Return where a grain lay before a fault moved, taken to be on a given side of it."""
+    ui, ux, z = place[0] - f[k.CI], place[1] - f[k.CX], place[2] - f[k.CS]
+    a = ui * f[k.DX] - ux * f[k.DI]
+    bent = ui * f[k.DI] + ux * f[k.DX] - _bend(a, f)
+    out = place.copy()
+    if f[k.SHAPE] == k.LISTRIC:
+        if hanging:
+            heave = f[k.THROW] * f[k.COT] * k.slip_profile(a, z, f)
+            out[0] -= heave * f[k.DI]
+            out[1] -= heave * f[k.DX]
+            out[2] -= _ramp(bent, f) - _ramp(bent - heave, f)
+        return out
+    moved = f[k.THROW] * k.slip_profile(a, z, f) * (f[k.SHARE] if hanging else f[k.SHARE] - 1.0)
+    if f[k.DRAG] > 0.0:
+        side = bent - z * (f[k.COT] + 0.5 * f[k.BEND_S] * z)
+        moved *= max(0.0, 1.0 - abs(side) * f[k.SIN_DIP] / f[k.DRAG]) ** 2
+    down_dip, along = _slide(a, z, moved, f)
+    out[0] -= down_dip * f[k.DI] + along * f[k.DX]
+    out[1] -= down_dip * f[k.DX] - along * f[k.DI]
+    out[2] -= moved
+    return out
+
+
+@njit(cache=True, nogil=True)
+def move_on_side(place, f, hanging):
+    """Return where a grain that lay at a place lies after the fault has moved; NaN where no place maps back to it."""
+    out = place.copy()
+    for _ in range(ROUNDS):
+        back = undo_on_side(out, f, hanging)
+        worst = 0.0
+        for d in range(3):
+            out[d] += place[d] - back[d]
+            worst = max(worst, abs(place[d] - back[d]))
+        if worst < 1e-4:
+            return out
+    out[:] = np.nan
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _move(place, f):
+    """Move a grain by a fault of which it is not told on which side it lies."""
+    for hanging in (True, False):
+        out = move_on_side(place, f, hanging)
+        if (k.undo_fault(out[0], out[1], out[2], f)[3] > 0.0) == hanging:
+            return out
+    out = place.copy()
+    out[:] = np.nan
+    return out
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def find_counterparts(voxels, numbers, faults):
+    """Vectors to voxels of faults (numbered from the oldest, 0) from where their footwall counterparts lie today."""
+    slips = np.empty(voxels.shape)
+    for n in prange(len(voxels)):
+        place = voxels[n].copy()
+        for m in range(len(faults) - 1, numbers[n], -1):
+            place[0], place[1], place[2] = k.undo_fault(place[0], place[1], place[2], faults[m])[:3]
+        place = move_on_side(undo_on_side(place, faults[numbers[n]], True), faults[numbers[n]], False)
+        for m in range(numbers[n] + 1, len(faults)):
+            place = _move(place, faults[m])
+        for d in range(3):
+            slips[n, d] = voxels[n, d] - place[d]
+    return slips

@@ -1,0 +1,227 @@
+"""Robust Gauss-Newton for the pose of one map on another, at one level of resolution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from seismo3d._typing import Float64Array
+from seismo3d.terrain import _kernels_align as kernels
+
+TUKEY = 4.685
+"""Cutoff of Tukey's weights, in standard deviations."""
+LEAST_CELLS = 30
+PATCH = 16
+"""Side, in cells, of the patches whose residuals are taken as independent of each other."""
+SAMPLE = 200_000
+"""Most residuals that a spread is taken from."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Level:
+    """A pair of maps at one resolution; the frame is metres (x, y) about the target's middle.
+
+    Attributes
+    ----------
+    target, source : ndarray, float64
+        Elevations, NaN where unknown.
+    gx, gy : ndarray of the target's shape, float64
+        Its slopes in the frame.
+    steps : ndarray of shape (2, 2), float64
+        Metres to the target's next column and row.
+    centre : ndarray of shape (2,), float64
+        Target's place (column, row) of the frame's origin.
+    to_source : ndarray of shape (3, 3), float64
+        Frame -> the source's places, before any motion.
+    half : float
+        Half the target's longer side, in metres.
+    """
+
+    target: Float64Array
+    gx: Float64Array
+    gy: Float64Array
+    source: Float64Array
+    steps: Float64Array
+    centre: Float64Array
+    to_source: Float64Array
+    half: float
+
+    @property
+    def cell(self) -> float:
+        """Side of a square of a cell's area, in metres."""
+        return float(np.sqrt(abs(np.linalg.det(self.steps))))
+
+    def places_in_source(self, motion: Float64Array) -> Float64Array:
+        """Return the map (2, 3) from the target's places to the source's, the source moved by `motion`."""
+        to_frame = np.eye(3)
+        to_frame[:2, :2] = self.steps
+        to_frame[:2, 2] = -self.steps @ self.centre
+        return np.ascontiguousarray((self.to_source @ np.linalg.inv(motion) @ to_frame)[:2])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """A motion of the source and what is done to its elevations.
+
+    Attributes
+    ----------
+    motion : ndarray of shape (3, 3), float64
+        In the frame: source to target.
+    vertical : ndarray of shape (4,), float64
+        Offset, elevation per metre along x and y, scale.
+    """
+
+    motion: Float64Array = field(default_factory=lambda: np.eye(3))
+    vertical: Float64Array = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """The end of the iteration at a level.
+
+    Attributes
+    ----------
+    pose : Pose
+    spread, first_spread : float
+        Normalised median absolute deviation of the residuals at the end and at the start.
+    overlap : float
+        Share of the target's cells with a residual, of those with a slope.
+    settled : bool
+        Whether the steps became smaller than the tolerance.
+    residuals : ndarray of the target's shape, float64
+    matrix : ndarray of shape (8, 8), float64
+        Of the last step.
+    middle : float
+        Median of the source's elevations.
+    """
+
+    pose: Pose
+    spread: float
+    first_spread: float
+    overlap: float
+    settled: bool
+    residuals: Float64Array
+    matrix: Float64Array
+    middle: float
+
+
+def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: float, most: int = 40) -> Fit | None:
+    """Refine a pose at one level; None where fewer than 30 cells of both maps meet.
+
+    Parameters
+    ----------
+    level : Level
+    start : Pose
+    free : tuple of int
+        Numbers of the parameters that are estimated, see :mod:`seismo3d.terrain._kernels_align`.
+    tolerance : float
+        Step, in cells, that ends the iteration.
+    most : int
+        Most steps.
+    """
+    middle = float(np.nanmedian(level.source[:: max(1, level.source.shape[0] // 200)]))
+    known = max(int(np.isfinite(level.gx).sum()), 1)
+    # elevations about their middle: offset and scale then hardly depend on each other
+    source = level.source - middle
+    c0, c1, c2, k = start.vertical
+    vertical = np.array([c0 + k * middle, c1 * level.half, c2 * level.half, k])
+    motion, cutoff, first, spread = start.motion, np.inf, np.nan, np.nan
+    residuals = np.empty(level.target.shape)
+    sums = np.empty((level.target.shape[0], kernels.N_SUMS))
+    matrix, settled, count = np.zeros((8, 8)), False, 0
+    E = level.steps / level.half
+    for step in range(most + 1):
+        M = level.places_in_source(motion)
+        kernels.alignment_sums(
+            level.target, level.gx, level.gy, source, M, vertical, level.centre, E, level.half, cutoff, residuals, sums
+        )
+        seen = residuals[np.isfinite(residuals)]
+        count = len(seen)
+        if count < LEAST_CELLS:
+            return None
+        offset, spread = _spread(seen)
+        first = spread if step == 0 else first
+        if step == 0:
+            # bring the offset near first: the robust weights are about zero
+            vertical = vertical + np.array([offset, 0.0, 0.0, 0.0])
+        if settled or step == most:
+            break
+        cutoff = max(TUKEY * spread, 1e-9)
+        if step == 0:
+            continue
+        matrix, vector = _form(sums)
+        x = np.zeros(8)
+        chosen = np.array(free)
+        x[chosen] = _solve(matrix[np.ix_(chosen, chosen)], vector[chosen])
+        # a step beyond the slopes' reach is cut
+        length = float(np.hypot(x[0], x[1]))
+        if length > 4.0 * level.cell:
+            x[:4] *= 4.0 * level.cell / length
+        motion = _moved(x[:4]) @ motion
+        vertical = vertical + x[4:]
+        reach = np.abs([x[0], x[1], x[2] * level.half, x[3] * level.half]).max() / level.cell
+        settled = bool(reach < tolerance and step >= 2)
+    back = np.array(
+        [vertical[0] - vertical[3] * middle, vertical[1] / level.half, vertical[2] / level.half, vertical[3]]
+    )
+    return Fit(Pose(motion, back), spread, first, count / known, settled, residuals, matrix, middle)
+
+
+def relief(level: Level) -> float:
+    """Return the spread of the target's elevations about their plane: what a source could explain."""
+    rows, columns = np.nonzero(np.isfinite(level.target))
+    step = max(1, len(rows) // 20_000)
+    rows, columns = rows[::step], columns[::step]
+    z = level.target[rows, columns]
+    design = np.column_stack([np.ones(len(z)), columns, rows])
+    return _spread(z - design @ np.linalg.lstsq(design, z, rcond=None)[0])[1]
+
+
+def measure_covariance(level: Level, found: Fit, free: tuple[int, ...]) -> Float64Array:
+    """Return the covariance of the eight parameters: the sandwich of the last step's matrix and sums over patches."""
+    rows, columns = level.target.shape
+    n_patches = -(-rows // PATCH) * -(-columns // PATCH)
+    scores = np.zeros((n_patches, 8))
+    values = np.empty(level.target.shape)
+    kernels.resample(level.source - found.middle, level.places_in_source(found.pose.motion), values)
+    cutoff = max(TUKEY * found.spread, 1e-9)
+    kernels.patch_scores(
+        level.gx, level.gy, values, found.residuals, level.centre, level.steps / level.half, level.half, cutoff, PATCH,
+        scores,
+    )  # fmt: skip
+    chosen = np.array(free)
+    bread = np.linalg.pinv(found.matrix[np.ix_(chosen, chosen)], rcond=1e-14, hermitian=True)
+    part = scores[:, chosen]
+    out = np.zeros((8, 8))
+    out[np.ix_(chosen, chosen)] = bread @ (part.T @ part) @ bread
+    unit = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0 / level.half, 1.0 / level.half, 1.0])
+    return out * unit[:, None] * unit[None, :]
+
+
+def _spread(values: Float64Array) -> tuple[float, float]:
+    """Return the median and the normalised median absolute deviation, of an even sample of many values."""
+    some = values[:: max(1, len(values) // SAMPLE)]
+    middle = float(np.median(some))
+    return middle, 1.4826 * float(np.median(np.abs(some - middle)))
+
+
+def _form(sums: Float64Array) -> tuple[Float64Array, Float64Array]:
+    total = sums.sum(axis=0)
+    upper = total[:64].reshape(8, 8)
+    return np.triu(upper) + np.triu(upper, 1).T, total[64:72]
+
+
+def _solve(matrix: Float64Array, vector: Float64Array) -> Float64Array:
+    """Solve the step; along what the terrain does not show the step is zero."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values, vectors = np.linalg.eigh(matrix / scale[:, None] / scale[None, :])
+    seen = values > 1e-10
+    parts = vectors[:, seen].T @ (vector / scale) / values[seen]
+    return np.asarray(vectors[:, seen] @ parts) / scale
+
+
+def _moved(x: Float64Array) -> Float64Array:
+    """Return the motion of a step: shift, turn, logarithm of growth."""
+    cosine, sine, growth = np.cos(x[2]), np.sin(x[2]), np.exp(x[3])
+    return np.array([[growth * cosine, -growth * sine, x[0]], [growth * sine, growth * cosine, x[1]], [0.0, 0.0, 1.0]])

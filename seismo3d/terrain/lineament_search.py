@@ -1,0 +1,301 @@
+"""Lineaments of a terrain map: straight lines of slope or hollow that drainage does not explain."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy import ndimage
+
+from seismo3d._typing import Float32Array, Float64Array, Progress
+from seismo3d._validate import as_number, freeze
+from seismo3d.errors import ShapeError
+from seismo3d.geometry.map_grid import MapGrid, elevation_values
+from seismo3d.terrain.evidence import REGION, SCALE, fill_smoothly, measure_levels, square_map
+from seismo3d.terrain.support import LineSupport, scan_lines
+from seismo3d.terrain.tracing import TracedLine, drop_echoes, fuse_lines, join_lines, snap_line, trace_lines
+
+_LEAST_SIDE = 48
+
+
+@dataclass(frozen=True, slots=True)
+class LineamentSettings:
+    """Settings of the search; lengths are in cells of the level that a line is seen on.
+
+    Attributes
+    ----------
+    length : float
+        Width of the Gaussian window along which a line must be straight.
+    n_levels : int
+        Levels of halved resolution that are searched.
+    n_strikes : int
+        Strikes tried in a quarter of the compass.
+    floor : float
+        Standard error that every mean has at least, as a share of the steepness around.
+    least_score : float
+        Mean evidence along the line, in its own standard errors, that a crest needs; noise reaches 3.5.
+    least_contrast : float
+        The same over the steepness around.
+    least_piece : float
+        Shortest piece that is linked from crests, in windows (`length`).
+    gap : float
+        Widest gap that is bridged, in windows.
+    near : float
+        Distance within which lines of different evidence are one.
+    least_length : float
+        Shortest lineament, in windows, of the map's own cells: a line as short as the window is the window's own.
+    least_strength : float
+        Mean score times the root of the length in cells that a lineament needs.
+    drainage : float
+        Largest share of the surrounding slope that may run along a lineament: what runs down the slope is a valley or a
+        spur between valleys, which running water makes straight by itself.
+    """
+
+    length: float = 24.0
+    n_levels: int = 2
+    n_strikes: int = 12
+    floor: float = 0.02
+    least_score: float = 3.5
+    least_contrast: float = 0.15
+    least_piece: float = 0.67
+    gap: float = 1.5
+    near: float = 4.0
+    least_length: float = 3.0
+    least_strength: float = 45.0
+    drainage: float = 0.45
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lineament:
+    """One line on the map.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n, 2), float64
+        Map coordinates (x, y); places without a georeference.
+    places : ndarray of shape (n, 2), float64
+        (column, row) on the map's array.
+    score : ndarray of shape (n,), float64
+        Evidence at each point, in standard errors.
+    kind : str
+        What speaks for it most: "step" in elevation, "trough", or "both".
+    length : float
+        In metres; cells without a georeference.
+    strike_deg : float
+        Mean strike, 0 to 180 degrees clockwise from north.
+    confidence : float
+        0 to 1; one half at the least score of a crest.
+    """
+
+    points: Float64Array
+    places: Float64Array
+    score: Float64Array
+    kind: str
+    length: float
+    strike_deg: float
+    confidence: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineamentSet:
+    """All lineaments of a map.
+
+    Attributes
+    ----------
+    lines : tuple of Lineament
+        Most significant first.
+    likelihood : DataArray or ndarray of the map's shape, float32
+        0 to 1 at every cell, of the finest level; the map's own form.
+    grid : MapGrid
+    settings : dict
+    """
+
+    lines: tuple[Lineament, ...]
+    likelihood: Any
+    grid: MapGrid
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    @property
+    def total_length(self) -> float:
+        """Sum of the lengths, in metres (cells)."""
+        return float(sum(line.length for line in self.lines))
+
+
+def lineaments(
+    elevation: Any, *, settings: LineamentSettings | None = None, progress: Progress | None = None
+) -> LineamentSet:
+    """Find straight lines in terrain that running water does not explain: faults, scarps, fault-line valleys.
+
+    At each level of resolution the slope and the curvature of the map are compared with those of the regional surface,
+    and their signed means along straight lines of every strike with their own standard error: a scarp keeps its side
+    and a trough its hollow, while hills and rivers turn. Crests of that score are linked by the tracer that links a
+    cube's faults, lines of different evidence fused, and those left out that run along the slope around them.
+
+    Parameters
+    ----------
+    elevation : DataArray or array_like of shape (rows, columns)
+        As ``read_elevation`` gives it; elevations in metres. NaN where unknown.
+    settings : LineamentSettings, optional
+    progress : callable, optional
+        Called with the stage and the share done.
+
+    Returns
+    -------
+    LineamentSet
+
+    Raises
+    ------
+    ShapeError
+        If the map has fewer than 48 rows or columns.
+    GeometryError
+        If every cell is nodata.
+
+    Notes
+    -----
+    The line scan is that of :mod:`seismo3d.seismic` in two dimensions, in the manner of [1]_ for steps: there the
+    signal-to-noise of a template along a scarp, here the signed mean against its own scatter. A fault that runs down
+    the slope, or bends within its window, is not found; ground that is rough but smooth over more than a few cells, as
+    after strong filtering, has chance lines of its own.
+
+    References
+    ----------
+    .. [1] G. Hilley et al., Geophys. Res. Lett. 37, L04301, 2010. :doi:`10.1029/2009GL042044`
+    """
+    settings = settings or LineamentSettings()
+    as_number(settings.length, "length", low=4.0, high=1000.0)
+    z = elevation_values(elevation)
+    if min(z.shape) < _LEAST_SIDE:
+        raise ShapeError(f"elevation has shape {z.shape}; expected at least {_LEAST_SIDE} rows and columns.")
+    grid = MapGrid.from_elevation(elevation)
+    steps = tuple(float(np.hypot(*column)) for column in grid.steps_m.T)
+    square, stretch = square_map(z, (steps[0], steps[1]))
+    report = progress or _unheard
+    supports, lines = _search(square, settings, report)
+    report("fuse", 0.0)
+    lines = _choose(lines, supports, square, settings)
+    report("fuse", 1.0)
+    made = tuple(make_lineament(line, grid, stretch, settings.least_score) for line in lines)
+    likelihood = to_likelihood(supports[2].score, settings.least_score)
+    return LineamentSet(made, _like(elevation, likelihood, z, stretch), grid, asdict(settings))
+
+
+def to_likelihood(score: Any, least: float) -> Any:
+    """Turn a score into a likelihood from 0 to 1: one half at the least score of a crest."""
+    return 1.0 - np.exp2(-((np.asarray(score) / least) ** 2))
+
+
+def _unheard(stage: str, share: float) -> None:
+    """Take reports of progress where nobody asked for them."""
+
+
+def _search(
+    z: Float64Array, settings: LineamentSettings, report: Progress
+) -> tuple[list[LineSupport], list[TracedLine]]:
+    """Return the supports of the finest level, and the pieces of all levels that do not run along the slope."""
+    first: list[LineSupport] = []
+    pieces: list[TracedLine] = []
+    levels = measure_levels(z, settings.n_levels, 2.0 * settings.length)
+    filled = fill_smoothly(z, np.isfinite(z))
+    for number, evidence in enumerate(levels):
+        report("scan", number / len(levels))
+        supports = scan_lines(evidence, length=settings.length, n_strikes=settings.n_strikes, floor=settings.floor)
+        first = first or supports
+        slope = regional_slope(filled, 0.5 * settings.length * evidence.factor)
+        for support in supports:
+            found = trace_lines(
+                support,
+                least=settings.least_score,
+                least_contrast=settings.least_contrast,
+                least_length=settings.least_piece * settings.length,
+            )
+            pieces += [line for line in found if share_along(line.places, slope) < settings.drainage]
+    report("scan", 1.0)
+    return first, pieces
+
+
+def _choose(
+    pieces: list[TracedLine], supports: list[LineSupport], z: Float64Array, settings: LineamentSettings
+) -> list[TracedLine]:
+    """Fuse and join pieces, bring them to the crest, and keep the lines that are long and significant enough."""
+    gap = settings.gap * settings.length
+    crest = _crest(supports, by_contrast=False)
+    lines = join_lines(fuse_lines(join_lines(pieces, gap=0.5 * gap), near=settings.near), gap=gap)
+    # on the crest, pieces of other levels and kinds that looked apart come together
+    lines = [snap_line(line, crest, stiffness=SCALE, reach=settings.near) for line in lines]
+    lines = join_lines(fuse_lines(lines, near=settings.near), gap=gap)
+    # the line that is reported is straight over two windows
+    stiff, crest = 2.0 * settings.length, _crest(supports, by_contrast=True)
+    lines = [snap_line(line, crest, stiffness=stiff, reach=3.0 * settings.near) for line in lines]
+    # the regional surface answers to a line with two of the other sign beside it
+    lines = drop_echoes(lines, near=REGION * SCALE + SCALE)
+    slope = regional_slope(fill_smoothly(z, np.isfinite(z)), 0.5 * settings.length)
+    kept = [
+        line
+        for line in lines
+        if line.length >= settings.least_length * settings.length
+        and line.strength >= settings.least_strength
+        and share_along(line.places, slope) < settings.drainage
+    ]
+    return sorted(kept, key=lambda line: -line.strength)
+
+
+def _crest(supports: list[LineSupport], *, by_contrast: bool) -> Float32Array:
+    """Return where a line belongs: between a scarp's steepest part and the hollow at its foot."""
+    # a certain line's score is flat across it: there the contrast tells where it is
+    chosen = [support for support in supports if support.kind != "both"]
+    parts = [one.score * one.contrast if by_contrast else one.score for one in chosen]
+    blurred = [ndimage.gaussian_filter(part, 2.0 * SCALE) for part in parts]
+    return np.asarray(sum(blurred), np.float32)
+
+
+def regional_slope(filled: Float64Array, width: float) -> tuple[Float64Array, Float64Array]:
+    """Return the slope along rows and columns of the map smoothed by a Gaussian of a width in cells."""
+    smooth = ndimage.gaussian_filter(filled, width, mode="nearest")
+    along_rows, along_columns = np.gradient(smooth)
+    return np.asarray(along_rows), np.asarray(along_columns)
+
+
+def share_along(places: Float64Array, slope: tuple[Float64Array, Float64Array]) -> float:
+    """Return which share of the slope at a line's places (row, column) runs along it, 0 to 1."""
+    way = np.gradient(places, axis=0)
+    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    g = np.stack([ndimage.map_coordinates(part, places.T, order=1, mode="nearest") for part in slope], axis=1)
+    return float(np.abs((g * way).sum(axis=1)).sum() / max(np.linalg.norm(g, axis=1).sum(), 1e-12))
+
+
+def make_lineament(line: TracedLine, grid: MapGrid, stretch: tuple[float, float], least_score: float) -> Lineament:
+    """Return a traced line with its place on the map."""
+    places = line.places[:, ::-1] / np.array(stretch)
+    places = np.clip(places, 0.0, np.array(grid.shape[::-1]) - 1.0)
+    points = grid.to_map(places)
+    metres = points * np.array(grid.metres_per_unit)
+    way = metres[-1] - metres[0]
+    # rows of a bare array run down: north is up
+    north = way[1] if grid.has_place else -way[1]
+    return Lineament(
+        points=freeze(points),
+        places=freeze(places),
+        score=freeze(line.score),
+        kind=line.kind,
+        length=float(np.linalg.norm(np.diff(metres, axis=0), axis=1).sum()),
+        strike_deg=float(np.degrees(np.arctan2(way[0], north)) % 180.0),
+        confidence=float(to_likelihood(line.score.mean(), least_score)),
+    )
+
+
+def _like(elevation: Any, likelihood: Float64Array, z: Float64Array, stretch: tuple[float, float]) -> Any:
+    """Return the likelihood on the map's own cells and in its form, NaN where the map is unknown."""
+    if likelihood.shape != z.shape:
+        rows, columns = (np.arange(n) * s for n, s in zip(z.shape, stretch[::-1]))
+        grid = np.meshgrid(rows, columns, indexing="ij")
+        likelihood = ndimage.map_coordinates(likelihood, grid, order=1, mode="nearest")
+    values = np.where(np.isfinite(z), likelihood, np.nan).astype(np.float32)
+    if not hasattr(elevation, "dims"):
+        return freeze(values)
+    made = elevation.copy(data=values).rename("likelihood")
+    made.attrs = {**elevation.attrs, "nodata": None}
+    return made

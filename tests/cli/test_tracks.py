@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from seismo3d.cli import _run
+from seismo3d.io.segy import write_segy
+from seismo3d.synthetic import SyntheticCube, make_cube, recipe_of
+
+
+@pytest.fixture
+def folded() -> SyntheticCube:
+    recipe = recipe_of("folded", shape=(24, 28, 60), population=None, wavelength=(12.0, 12.0))
+    return make_cube(recipe, seed=4)
+
+
+def test_run_writes_tracks_in_map_coordinates(
+    folded: SyntheticCube, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cube = folded.to_dataarray()
+    write_segy(tmp_path / "cube.sgy", cube)
+    truth = folded.horizons[2]
+    seed = f"1012,2014,{600 + 4 * truth[12, 14]:.3f}"
+    out = tmp_path / "out"
+    assert _run(["tracks", str(tmp_path / "cube.sgy"), "--seed", seed, "-o", str(out)], debug=True) == 0
+    assert str(out) in capsys.readouterr().out
+    names = {path.name for path in out.iterdir()}
+    assert names == {
+        "track_01.xyz", "track_01.charisma.txt", "track_01.irap.txt", "track_01_map.png", "tracks_inline.png",
+        "tracks_crossline.png", "tracks.csv", "run.json",
+    }  # fmt: skip
+    rows = [line.split() for line in (out / "track_01.charisma.txt").read_text().splitlines()]
+    assert rows[0][:2] == ["INLINE", ":"]
+    assert rows[0][3] == "XLINE"
+    table = np.array([[float(row[k]) for k in (2, 5, 6, 7, 8)] for row in rows])
+    i, j = (table[:, 0] - 1001).astype(int), (table[:, 1] - 2001).astype(int)
+    assert np.median(np.abs((table[:, 4] - 600) / 4 - truth[i, j])) < 0.5
+    np.testing.assert_allclose(table[:, 2], cube["cdp_x"].values[i, j], atol=0.6)  # SEG-Y keeps them as integers
+    points = np.loadtxt(out / "track_01.xyz")
+    np.testing.assert_allclose(points, table[:, 2:], atol=0.01)
+    check_irap(out / "track_01.irap.txt", table)
+    with (out / "tracks.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["share_traced"]) == pytest.approx(len(rows) / (24 * 28), abs=1e-3)
+    assert row["unit"] == "ms"
+
+
+def check_irap(path: Path, table: np.ndarray) -> None:
+    """Rebuild the places of the grid's values from its header; they must be those of the table."""
+    words = path.read_text().split()
+    assert words[0] == "-996"
+    m, dx, dy = int(words[1]), float(words[2]), float(words[3])
+    n, angle, x0, y0 = int(words[8]), np.radians(float(words[9])), float(words[10]), float(words[11])
+    values = np.array([float(word) for word in words[19:]])
+    assert len(values) == n * m
+    b, a = np.divmod(np.arange(n * m), n)
+    x = x0 + a * dx * np.cos(angle) - b * dy * np.sin(angle)
+    y = y0 + a * dx * np.sin(angle) + b * dy * np.cos(angle)
+    known = values < 9e6
+    found = np.column_stack([x, y, values])[known]
+    order, wanted = np.lexsort(np.rint(found[:, :2].T)), np.lexsort(np.rint(table[:, 2:4].T))
+    assert np.abs(np.sort(found[:, 2]) - np.sort(table[:, 4])).max() < 1e-3
+    assert np.abs(found[order][:, :2].mean(axis=0) - table[wanted][:, 2:4].mean(axis=0)).max() < 1.0
+
+
+def test_bad_seed_is_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    np.save(tmp_path / "cube.npy", np.zeros((10, 10, 40), np.float32))
+    assert _run(["tracks", str(tmp_path / "cube.npy"), "--seed", "1,2", "-o", str(tmp_path / "o")], debug=False) == 2
+    assert "INLINE,CROSSLINE,TIME" in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()

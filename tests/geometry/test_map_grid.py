@@ -1,0 +1,39 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seismo3d.errors import GeometryError, ParameterError
+from seismo3d.geometry.map_grid import MapGrid, as_six, elevation_values, is_geographic, refuse_other_systems
+
+
+def test_places_and_map_are_inverse():
+    grid = MapGrid((50, 60), (3.0, 0.4, 100.0, 0.3, -2.0, 900.0), "EPSG:32611", "metre")
+    places = np.array([[0.0, 0.0], [10.5, 3.25]])
+    np.testing.assert_allclose(grid.to_places(grid.to_map(places)), places, atol=1e-9)
+    np.testing.assert_allclose(grid.to_map([[-0.5, -0.5]]), [[100.0, 900.0]])
+
+
+def test_blocks_cover_the_same_ground():
+    grid = MapGrid((50, 60), (2.0, 0.0, 100.0, 0.0, -2.0, 900.0), "", "metre")
+    np.testing.assert_allclose(grid.reduced(2).to_map([[0.0, 0.0]]), grid.to_map([[0.5, 0.5]]))
+
+
+def test_degrees_have_metres():
+    grid = MapGrid((10, 10), (0.001, 0.0, 10.0, 0.0, -0.001, 60.005), "EPSG:4326", "degree")
+    assert grid.metres_per_unit[0] == pytest.approx(0.5 * grid.metres_per_unit[1], rel=1e-3)
+    assert is_geographic("EPSG:4326")
+    assert not is_geographic("EPSG:32611")
+
+
+def test_refusals():
+    with pytest.raises(ParameterError, match="cells have an area"):
+        as_six((0.0, 0.0, 0.0, 0.0, 1.0, 0.0))
+    with pytest.raises(GeometryError, match="every cell is nodata"):
+        elevation_values(np.full((9, 9), np.nan))
+    here = MapGrid((9, 9), (1.0, 0, 0, 0, -1.0, 0), "EPSG:32611", "metre")
+    there = MapGrid((9, 9), (1.0, 0, 0, 0, -1.0, 0), "EPSG:32612", "metre")
+    with pytest.raises(GeometryError, match="a is in EPSG:32611 and b in EPSG:32612"):
+        refuse_other_systems(here, there, ("a", "b"))
+    with pytest.raises(GeometryError, match="b has no georeference and a has one"):
+        refuse_other_systems(here, MapGrid.from_elevation(np.ones((9, 9))), ("a", "b"))

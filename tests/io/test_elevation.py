@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from seismo3d.errors import FileAccessError, FormatError, GeometryError, MissingDependencyError, ParameterError
+from seismo3d.io.elevation import holds_elevation, make_elevation, read_elevation, write_elevation
+
+PLACE = (30.0, 0.0, 376_313.5, 0.0, -30.0, 3_807_917.75)
+
+
+@pytest.fixture
+def map_with_holes(rng):
+    z = rng.normal(500.0, 50.0, (12, 17)).astype(np.float32)
+    z[3:5, 7] = np.nan
+    return make_elevation(z, PLACE, crs="EPSG:32611")
+
+
+@pytest.mark.parametrize("ending", ["tif", "asc", "npz"])
+def test_what_is_written_is_read(tmp_path, map_with_holes, ending):
+    path = write_elevation(tmp_path / f"a.{ending}", map_with_holes)
+    read = read_elevation(path)
+    np.testing.assert_allclose(read.values, map_with_holes.values, rtol=1e-6)  # ASCII keeps nine digits
+    assert read.attrs["transform"] == PLACE
+    assert read.attrs["crs"] == ("" if ending == "asc" else "EPSG:32611")
+    np.testing.assert_allclose(read.x.values[:2], [376_328.5, 376_358.5])
+    np.testing.assert_allclose(read.y.values[:2], [3_807_902.75, 3_807_872.75])
+
+
+def test_integers_with_nodata_become_nan(tmp_path):
+    import rasterio
+
+    z = np.arange(30, dtype=np.int16).reshape(5, 6)
+    z[2, 2] = 32767
+    with rasterio.open(
+        tmp_path / "a.tif", "w", driver="GTiff", height=5, width=6, count=1, dtype="int16", nodata=32767,
+        transform=rasterio.Affine(*PLACE), crs="EPSG:32611",
+    ) as file:  # fmt: skip
+        file.write(z, 1)
+    read = read_elevation(tmp_path / "a.tif")
+    assert read.attrs["nodata"] == 32767
+    assert np.isnan(read.values[2, 2])
+    assert read.values[0, 5] == 5.0
+    with pytest.raises(FormatError, match="has 1 bands; band 2"):
+        read_elevation(tmp_path / "a.tif", band=2)
+
+
+def test_a_map_by_its_edges_in_degrees(tmp_path):
+    np.savez(tmp_path / "a.npz", elevation=np.ones((10, 20)), xmin=-84.0, xmax=-83.8, ymin=36.5, ymax=36.4)
+    read = read_elevation(tmp_path / "a.npz")
+    assert read.attrs["crs"] == "EPSG:4326"
+    assert read.attrs["crs_unit"] == "degree"
+    np.testing.assert_allclose(read.attrs["transform"], (0.01, 0.0, -84.0, 0.0, -0.01, 36.5))
+    assert holds_elevation(tmp_path / "a.npz")
+
+
+def test_bare_arrays_have_no_place(tmp_path):
+    np.save(tmp_path / "a.npy", np.ones((9, 9)))
+    assert "transform" not in read_elevation(tmp_path / "a.npy").attrs
+
+
+def test_refusals(tmp_path, map_with_holes, monkeypatch):
+    with pytest.raises(FileAccessError, match="does not exist"):
+        read_elevation(tmp_path / "none.tif")
+    (tmp_path / "a.txt").write_text("1")
+    with pytest.raises(FormatError, match=r"ends in '\.txt'; expected \.tif"):
+        read_elevation(tmp_path / "a.txt")
+    (tmp_path / "b.tif").write_bytes(b"II*\x00cut")
+    with pytest.raises(FormatError, match="cannot be read as a raster"):
+        read_elevation(tmp_path / "b.tif")
+    np.savez(tmp_path / "c.npz", one=np.ones(3), two=np.ones(3))
+    with pytest.raises(FormatError, match="expected a map of numbers"):
+        read_elevation(tmp_path / "c.npz")
+    np.savez(tmp_path / "d.npz", elevation=np.full((4, 4), np.nan))
+    with pytest.raises(GeometryError, match=r"d\.npz holds no elevation: every cell is nodata"):
+        read_elevation(tmp_path / "d.npz")
+    with pytest.raises(ParameterError, match="path ends in"):
+        write_elevation(tmp_path / "a.png", map_with_holes)
+    with pytest.raises(GeometryError, match="square cells"):
+        write_elevation(tmp_path / "a.asc", make_elevation(np.ones((4, 4)), (1.0, 0, 0, 0, -2.0, 0)))
+    write_elevation(tmp_path / "e.tif", map_with_holes)
+    monkeypatch.setitem(sys.modules, "rasterio", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'seismo3d\[terrain\]'"):
+        read_elevation(tmp_path / "e.tif")

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from seismo3d.seismic.choosing import (
+    ChoiceSettings,
+    choose_faults,
+    end_where_still,
+    may_be_faults,
+    median_throw,
+    strength,
+)
+from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.throw import SheetThrow
+
+SETTINGS = ChoiceSettings()
+
+
+def candidate(rows=60, columns=40, *, origin=(0.0, 0.0), across=(1.0, 0.0), score=1.0, throw=6.0, fit=0.8):
+    """An upright sheet of rows traces by 2 * columns samples, that begins at `origin`, and its throw."""
+    shape = (rows, columns)
+    sheet = Sheet(
+        np.array(origin), np.array(across), 0, 2, 0.0, np.zeros(shape, np.float32), np.full(shape, score, np.float32)
+    )
+    return sheet, SheetThrow(np.full(shape, throw, np.float32), np.full(shape, fit, np.float32), 1)
+
+
+HOST = candidate()
+
+
+def chosen(*candidates):
+    kept = choose_faults(list(candidates), SETTINGS)
+    return [n for n, (sheet, _) in enumerate(candidates) if any(sheet is other for other, _ in kept)]
+
+
+def test_strength_is_mean_support_times_the_root_of_the_area():
+    assert strength(candidate(10, 20, score=0.5)[0]) == pytest.approx(0.5 * 20.0)
+
+
+def test_a_large_strong_sheet_stands_by_itself():
+    assert chosen(HOST) == [0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"rows": 8, "columns": 20}, {"score": 0.3}, {"rows": 200, "columns": 8}, {"throw": 0.4}],
+    ids=["small", "weak", "flat", "unmoved"],
+)
+def test_a_sheet_that_lacks_one_thing_does_not_stand(change):
+    assert chosen(candidate(**change)) == []
+
+
+def test_a_tall_sheet_needs_less_strength_than_a_low_one():
+    tall, low = candidate(16, 40, score=0.85), candidate(40, 16, score=0.85)
+    assert strength(tall[0]) == pytest.approx(strength(low[0]))
+    assert chosen(tall) == [0]
+    assert chosen(low) == []
+
+
+def test_a_weaker_sheet_is_kept_beside_a_strong_one_only():
+    near, far = candidate(20, 20, origin=(5.0, 10.0)), candidate(20, 20, origin=(40.0, 10.0))
+    assert chosen(near) == []
+    assert chosen(HOST, near, far) == [0, 1]
+
+
+@pytest.mark.parametrize("change", [{"throw": 1.2}, {"fit": 0.3}, {"score": 0.6}], ids=["unmoved", "unlike", "weak"])
+def test_company_must_move_and_fit(change):
+    assert chosen(HOST, candidate(20, 20, origin=(5.0, 10.0), **change)) == [0]
+
+
+def test_the_same_fault_is_not_kept_twice():
+    assert chosen(HOST, candidate(20, 20, origin=(1.0, 10.0))) == [0]
+
+
+def test_of_two_weak_doubles_the_stronger_is_kept():
+    weaker, stronger = candidate(20, 20, origin=(6.0, 10.0), score=0.9), candidate(20, 20, origin=(5.0, 10.0))
+    assert chosen(HOST, weaker, stronger) == [0, 2]
+
+
+def test_no_candidates_give_no_faults():
+    assert choose_faults([], SETTINGS) == []
+
+
+def test_sheets_too_small_for_any_throw_are_left_out_first():
+    large, small, line = HOST[0], candidate(5, 10)[0], candidate(1, 400)[0]
+    assert may_be_faults([large, small, line], False, SETTINGS) == [large]
+    assert may_be_faults([line], True, ChoiceSettings.for_section()) == [line]
+
+
+def test_a_sheet_ends_where_its_sides_fit_unmoved():
+    sheet, throw = candidate(score=0.5)
+    values = throw.throw.copy()
+    values[30:] = 0.2
+    ended, moved = end_where_still(sheet, replace(throw, throw=values), SETTINGS)
+    assert ended.inside[:29].all()
+    assert not ended.inside[31:].any()
+    assert np.array_equal(np.isfinite(moved.throw), ended.inside)
+    assert median_throw(moved) == pytest.approx(6.0)
+
+
+def test_strong_support_goes_on_without_a_throw():
+    sheet, throw = candidate(score=1.2, throw=0.2)
+    assert end_where_still(sheet, throw, SETTINGS) == (sheet, throw)
+
+
+def test_a_sheet_without_any_throw_is_gone():
+    ended, moved = end_where_still(*candidate(score=0.5, throw=0.2), SETTINGS)
+    assert not ended.inside.any()
+    assert median_throw(moved) == 0.0
+    assert choose_faults([(ended, moved)], SETTINGS) == []

@@ -1,0 +1,169 @@
+"""Layer time and tracks of small synthetic cubes whose layers are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import seismo3d as s3
+from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.seismic._kernels_layers import make_increasing
+from seismo3d.seismic.layer_time import LayerModel, model_layers
+from seismo3d.seismic.tracks import correlate_lags, find_seeds
+from seismo3d.synthetic import SyntheticCube, SyntheticFault, make_cube, recipe_of
+
+SHAPE = (48, 48, 80)
+
+
+@pytest.fixture(scope="module")
+def folded() -> SyntheticCube:
+    recipe = recipe_of("folded", shape=SHAPE, population=None, wavelength=(12.0, 12.0), dead_traces=0.02)
+    return make_cube(recipe, seed=4)
+
+
+@pytest.fixture(scope="module")
+def folded_layers(folded: SyntheticCube) -> LayerModel:
+    return model_layers(folded.to_dataarray())
+
+
+@pytest.fixture(scope="module")
+def faulted() -> SyntheticCube:
+    fault = SyntheticFault((24.0, 24.0, 40.0), 10.0, 65.0, 9.0)
+    recipe = replace(recipe_of("clean", shape=SHAPE, wavelength=(12.0, 12.0)), population=None, faults=(fault,))
+    return make_cube(recipe, seed=3)
+
+
+@pytest.fixture(scope="module")
+def faults(faulted: SyntheticCube) -> Any:
+    return s3.trace_faults(faulted.seismic)
+
+
+@pytest.fixture(scope="module")
+def faulted_layers(faulted: SyntheticCube, faults: Any) -> LayerModel:
+    return model_layers(faulted.seismic, faults=faults)
+
+
+def depth_error(times: np.ndarray, truth: np.ndarray, live: np.ndarray, share: float = 0.5) -> float:
+    """Return what a share of the errors, in samples, stays below after one monotone fit for the whole cube."""
+    found, wanted = times[live].ravel(), truth[live].ravel()
+    order = np.argsort(found)
+    bins = np.array_split(order, 100)
+    x = np.array([np.median(found[b]) for b in bins])
+    y = np.maximum.accumulate([np.median(wanted[b]) for b in bins])
+    inside = (found > x[0]) & (found < x[-1])
+    return float(np.quantile(np.abs(np.interp(found, x, y) - wanted)[inside], share))
+
+
+def test_layer_time_follows_folds_past_dead_traces(folded: SyntheticCube) -> None:
+    cube = folded.to_dataarray()
+    times = s3.layer_time(cube)
+    assert times.dims == cube.dims
+    assert times.dtype == np.float32
+    values = times.values
+    assert np.isfinite(values[folded.live]).all()
+    assert np.isnan(values[~folded.live]).all()
+    assert (np.diff(values[folded.live], axis=1) > 0).all()
+    assert depth_error(values, folded.layer_time, folded.live) < 0.5
+    assert np.nanmin(np.abs(values[22:26, 22:26, 40] - 40.0)) < 1e-3
+
+
+def test_layer_time_crosses_a_fault_by_its_throw(
+    faulted: SyntheticCube, faulted_layers: LayerModel, faults: Any
+) -> None:
+    assert len(faults.surfaces) == 1
+    assert depth_error(faulted_layers.times, faulted.layer_time, faulted.live, 0.8) < 1.0
+    alone = s3.layer_time(faulted.seismic)
+    assert depth_error(alone, faulted.layer_time, faulted.live, 0.8) > 2.0  # without the fault the sides do not fit
+
+
+def test_track_from_one_seed_is_true_on_both_sides(
+    faulted: SyntheticCube, faulted_layers: LayerModel, faults: Any
+) -> None:
+    truth = faulted.horizons[2]
+    seed = (10, 8, float(truth[10, 8]))
+    (track,) = s3.trace_tracks(faulted.seismic, [seed], faults=faults, layers=faulted_layers)
+    known = np.isfinite(truth)
+    error = np.abs(track.depth - truth)[known]
+    assert (error <= 1.0).mean() > 0.95
+    assert np.isfinite(track.depth[~known]).mean() < 0.3  # in the gap that the fault leaves there is no horizon
+    found = np.isfinite(track.depth)
+    np.testing.assert_array_equal(found, np.isfinite(track.confidence))
+    assert ((track.confidence[found] >= 0) & (track.confidence[found] <= 1)).all()
+
+
+def test_seeds_are_in_coordinates_and_may_be_several(folded: SyntheticCube, folded_layers: LayerModel) -> None:
+    cube = folded.to_dataarray()
+    truth = folded.horizons[1]
+    places = [tuple(p) for p in np.argwhere(np.isfinite(truth) & folded.live)[[100, -100]]]
+    seeds = [(1001 + i, 2001 + j, 600.0 + 4.0 * float(truth[i, j])) for i, j in places]
+    one, both = s3.trace_tracks(cube, [seeds[0], seeds], layers=folded_layers)
+    assert one.sample_unit == "ms"
+    assert both.seeds.shape == (2, 3)
+    for track in (one, both):
+        error = np.abs((track.depth - 600.0) / 4.0 - truth)
+        assert (error[np.isfinite(truth) & folded.live] <= 1.0).mean() > 0.95
+    for (i, j), (_, _, time) in zip(places, seeds, strict=True):
+        assert both.depth[i, j] == pytest.approx(time, abs=4.0)
+
+
+@pytest.mark.parametrize(("event", "sign"), [("peak", 1.0), ("trough", -1.0)])
+def test_tracks_snap_to_events(folded: SyntheticCube, folded_layers: LayerModel, event: str, sign: float) -> None:
+    i, j = (24, 24) if folded.live[24, 24] else (24, 25)
+    wave = sign * folded.seismic[i, j]
+    k = 30 + int(wave[30:50].argmax())
+    (track,) = s3.trace_tracks(folded.seismic, [(i, j, k)], event=event, layers=folded_layers)
+    found = np.argwhere(np.isfinite(track.depth))
+    on_event = 0
+    for a, b in found:
+        z = int(np.rint(track.depth[a, b]))
+        near = sign * folded.seismic[a, b, max(z - 1, 0) : z + 2]
+        on_event += int(len(near) == 3 and near[1] >= near.max() - 1e-6)
+    assert on_event / len(found) > 0.95
+
+
+def test_horizons_are_found_without_seeds(folded: SyntheticCube, folded_layers: LayerModel) -> None:
+    seeds = find_seeds(folded_layers, count=3)
+    assert 1 <= len(seeds) <= 3
+    assert (np.diff(seeds[:, 2]) > 0).all()
+    tracks = s3.trace_tracks(folded.seismic, count=3, layers=folded_layers)
+    assert len(tracks) == len(seeds)
+    assert all(track.share > 0.5 for track in tracks)
+
+
+def test_correlation_finds_the_lag() -> None:
+    wave = np.sin(np.arange(60) * 0.4) * np.exp(-(((np.arange(60) - 33) / 9.0) ** 2))
+    scores = correlate_lags(wave, wave[13:54])
+    assert scores.argmax() == 13
+    assert scores.max() == pytest.approx(1.0)
+
+
+def test_the_nearest_increasing_trace(rng: np.random.Generator) -> None:
+    from scipy.optimize import isotonic_regression
+
+    row = np.cumsum(rng.normal(0.3, 1.0, 200)).astype(np.float32)
+    times = row.reshape(1, 1, -1).copy()
+    make_increasing(times, 0.0)
+    np.testing.assert_allclose(times[0, 0], isotonic_regression(row).x, atol=1e-4)
+    make_increasing(times, 1e-3)
+    assert (np.diff(times[0, 0].astype(np.float64)) > 0.9e-3).all()
+
+
+def test_refusals(folded: SyntheticCube, folded_layers: LayerModel, faults: Any) -> None:
+    with pytest.raises(ShapeError, match="Give a cube"):
+        s3.layer_time(folded.seismic[0])
+    with pytest.raises(ShapeError, match="traced in"):
+        s3.layer_time(folded.seismic[:40], faults=faults)
+    with pytest.raises(ShapeError, match="live"):
+        s3.layer_time(np.zeros((20, 20, 40), np.float32))
+    with pytest.raises(ParameterError, match="outside"):
+        s3.trace_tracks(folded.seismic, [(500, 2, 3)], layers=folded_layers)
+    with pytest.raises(ShapeError, match=r"seeds\[0\]"):
+        s3.trace_tracks(folded.seismic, [(1, 2)], layers=folded_layers)
+    with pytest.raises(ParameterError, match="peak, trough, zero"):
+        s3.trace_tracks(folded.seismic, [(1, 2, 3)], event="top", layers=folded_layers)
+    i, j = np.argwhere(~folded.live)[0]
+    with pytest.raises(ParameterError, match="without data"):
+        s3.trace_tracks(folded.seismic, [(i, j, 30)], layers=folded_layers)

@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seismo3d.seismic._kernels_trends import search_trends, trend_cost
+from seismo3d.seismic.throw_trends import fit_trend, local_trend
+
+
+def costs_of(throws, *, n_shifts=81, noise=None):
+    """Costs that are least, 0.1, at the given throws; 1 more than two samples off."""
+    away = np.abs(np.arange(n_shifts) - n_shifts // 2 - throws[..., None])
+    costs = np.minimum(0.1 + 0.45 * away, 1.0)
+    return (costs if noise is None else costs + 0.2 * noise.random(costs.shape)).astype(np.float32)
+
+
+def surface(shape, constant, along, down, bend):
+    r, k = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
+    return constant + along * r + down * k + bend * (r * r + k * k)
+
+
+@pytest.mark.parametrize(
+    "terms", [(20.0, 0.0, 0.0, 0.0), (-12.0, 5.0, -3.0, 0.0), (25.0, 0.0, 4.0, -10.0), (0.0, 0.0, 0.0, 0.0)]
+)
+def test_trend_of_least_cost_is_found(rng, terms):
+    truth = surface((40, 44), *terms)
+    found = fit_trend(costs_of(truth, noise=rng), np.ones(truth.shape, bool), unmatched=0.6)
+    assert np.abs(found - truth).mean() < 1.6
+    assert np.abs(found - truth).max() < 4.0
+
+
+def test_a_third_of_wrong_places_does_not_mislead_the_trend(rng):
+    truth = surface((40, 44), 18.0, 4.0, -6.0, 0.0)
+    wrong = truth.copy()
+    wrong[:13] = rng.uniform(-30, 30, (13, 44))
+    found = fit_trend(costs_of(wrong), np.ones(truth.shape, bool), unmatched=0.6)
+    assert np.abs(found - truth)[13:].mean() < 1.0
+
+
+def test_places_off_the_surface_do_not_count():
+    truth = surface((40, 44), 10.0, 0.0, 0.0, 0.0)
+    mixed = np.where(np.arange(40)[:, None] < 28, -15.0, truth)
+    inside = np.broadcast_to(np.arange(40)[:, None] >= 28, truth.shape)
+    found = fit_trend(costs_of(mixed), inside, unmatched=0.6)
+    np.testing.assert_allclose(found[28:], 10.0, atol=1.2)
+
+
+@pytest.mark.parametrize("shape", [(1, 30), (2, 2), (30, 1)])
+def test_trend_of_a_narrow_surface(shape):
+    throws = np.full(shape, 6.0)
+    found = fit_trend(costs_of(throws), np.ones(shape, bool), unmatched=0.6)
+    np.testing.assert_allclose(found, 6.0, atol=1.5)
+
+
+def test_trend_cost_is_the_mean_over_places():
+    costs = np.arange(10, dtype=np.float32).reshape(2, 5)
+    u, v = np.array([-1.0, 1.0]), np.array([0.0, 1.0])
+    # throws: 0 and 1
+    terms = np.array([0.5, 0.5, 0.0, 0, 0, 0])
+    assert trend_cost(costs, u, v, terms, 9.0) == pytest.approx((costs[0, 2] + costs[1, 3]) / 2, abs=1e-3)
+    assert trend_cost(costs, u, v, np.array([7.0, 0, 0, 0, 0, 0]), 9.0) == 9.0
+
+
+def test_descent_never_ends_above_its_start(rng):
+    costs = rng.random((50, 21)).astype(np.float32)
+    u, v = rng.uniform(-1, 1, (2, 50))
+    starts = np.array([-5.0, 0.0, 5.0])
+    terms, scores = np.zeros((3, 6)), np.zeros(3)
+    search_trends(costs, u, v, starts, np.zeros(1), 1.0, 40, terms, scores)
+    for start, term, score in zip(starts, terms, scores, strict=True):
+        assert score <= trend_cost(costs, u, v, np.array([start, 0, 0, 0, 0, 0]), 1.0)
+        assert score == pytest.approx(trend_cost(costs, u, v, term, 1.0))
+
+
+def test_plane_is_carried_on_beyond_what_is_known(rng):
+    r, k = np.indices((40, 48))
+    plane = (12.0 + 0.1 * r - 0.15 * k).astype(np.float32)
+    known = (k > 12) & (rng.random(plane.shape) > 0.3)
+    found = local_trend(plane, known, width=12.0)
+    assert np.abs(found - plane)[known].max() < 0.6
+    assert np.abs(found - plane)[:, :6].max() < 1.5
+
+
+def test_carried_on_values_stay_in_bounds():
+    k = np.indices((40, 48))[1]
+    steep = (2.0 * k).astype(np.float32)
+    found = local_trend(steep, k < 10, width=12.0)
+    assert found.max() <= 1.25 * 18 + 1.01
+
+
+def test_nothing_known_gives_zero():
+    assert (local_trend(np.ones((8, 8), np.float32), np.zeros((8, 8), bool), width=6.0) == 0).all()
+
+
+def test_one_known_place_is_everywhere():
+    values, known = np.zeros((20, 20), np.float32), np.zeros((20, 20), bool)
+    values[3, 4], known[3, 4] = 7.0, True
+    np.testing.assert_allclose(local_trend(values, known, width=6.0), 7.0, atol=1e-3)
