@@ -111,8 +111,8 @@ def voxel_levels(
         keys, moments = steps[level]
         table_keys, table, shift = kernels.make_table(keys)
         surface = np.empty((len(keys), 8), dtype=np.float32)
-        count = moments[:, 0]
-        surface[:, 7] = _shares_of_full(count, parents[level : level + 2], len(points) / len(keys))
+        count = moments[:, 0]  # a voxel that noise put a point or two into says less than the full one beside it
+        surface[:, 7] = count / (count + len(points) / len(keys))
         if sums is not None:
             surface[:, 7] *= sums[level] / count
         coarser = levels[0].surface if levels else None
@@ -131,21 +131,6 @@ def voxel_levels(
                 kernels.inherit_normals(surface, coarser, voxels.parents, rows, LEAST_QUALITY)
         levels.insert(0, voxels)
     return levels
-
-
-def _shares_of_full(count: Float64Array, parents: list[Int32Array | None], usual: float) -> Float64Array:
-    """Return weights of voxels by their numbers of points: near 1 for a full one.
-
-    Beside the fullest in its ancestor, two levels up, a voxel counts by its share of points: a noisy wall along the
-    grid fills layers of voxels, and only weights in proportion leave the mean of the layers where the wall is.
-    """
-    owner: Int32Array = np.arange(len(count), dtype=np.int32)
-    for parent in parents:
-        if parent is not None:
-            owner = parent[owner]
-    fullest = np.zeros(int(owner.max()) + 1)
-    np.maximum.at(fullest, owner, count)
-    return count / (fullest[owner] + usual)
 
 
 def _normal_tensors(

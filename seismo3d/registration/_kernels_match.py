@@ -25,13 +25,6 @@ def n_sums(d: int) -> int:
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def joint_weight(first: float, second: float) -> float:
-    """Weight of a difference of two places whose weights are inverse variances; 1 where both are."""
-    total = first + second
-    return 2.0 * first * second / total if total > 0.0 else 0.0
-
-
-@nb.njit(cache=True, nogil=True, inline="always")
 def _add_pair_in_space(
     row: Float64Array,
     products: Float64Array,
@@ -184,7 +177,7 @@ def match_blocks(
                 row[n_form + 1] += 1.0
                 continue
             row[n_form + 1] += 1.0 - u * u * u
-            base = quality * joint_weight(source[i, 7], target[j, 7])
+            base = quality * source[i, 7] * target[j, 7]
             w = base * u * u
             row[n_form + 4] += base * u * (5.0 * u - 4.0)
             row[n_form] += w
@@ -217,7 +210,7 @@ def clustered_scores(
             continue
         j = partners[i]
         quality = target[j, 3] if target[j, 3] > 0.0 else source[i, 3]
-        w = quality * joint_weight(source[i, 7], target[j, 7]) * u * u * r
+        w = quality * source[i, 7] * target[j, 7] * u * u * r
         row = scores[clusters[j]]
         for a in range(d + 1):
             h = source[i, a] if a < d else 1.0

@@ -93,12 +93,3 @@ def test_refusals(rng):
         downsample_points(np.zeros((0, 3)), 1.0)
     with pytest.raises(GeometryError, match="more than 3"):
         estimate_normals(rng.normal(size=(3, 3)))
-
-
-def test_a_noisy_wall_along_the_grid_keeps_its_place(rng):
-    p = np.column_stack([0.01 * rng.normal(size=20000), rng.uniform(0, 1, size=(20000, 2))])
-    level = voxel_levels(p, center=np.zeros(3), factor=1.0, voxel_size=0.03, n_levels=3, low=p.min(axis=0))[0]
-    x, weights = level.surface[:, 0].astype(float), level.surface[:, 7].astype(float)
-    assert len(level.keys) > 2 * (1 / 0.03) ** 2  # the wall fills more than one layer
-    assert abs(weights @ x / weights.sum()) < 0.001
-    assert abs(x.mean()) > 0.001  # equal weights would draw it aside

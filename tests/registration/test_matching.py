@@ -36,8 +36,7 @@ def test_pass_equals_numpy(d, n_threads, rng):
     q = target.surface[found.partners[rows]].astype(np.float64)
     residuals = ((moved[rows] - q[:, :d]) * q[:, 4 : 4 + d]).sum(axis=1)
     np.testing.assert_allclose(found.residuals[rows], residuals, atol=1e-6)
-    both = np.stack([q[:, 7], source.surface[rows, 7].astype(np.float64)])
-    weights = q[:, 3] * 2.0 / (1.0 / both).sum(axis=0) * tukey_weights(residuals, cutoff)  # variances add up
+    weights = q[:, 3] * q[:, 7] * source.surface[rows, 7] * tukey_weights(residuals, cutoff)
     form = plane_form(q[:, :d], source.surface[rows, :d].astype(np.float64), q[:, 4 : 4 + d], weights)
     assert rows.size > 0.9 * len(moved)
     if rows.size == np.isfinite(found.residuals).sum():
