@@ -10,13 +10,15 @@ import numpy as np
 from seismo3d._typing import BoolArray, Float64Array
 from seismo3d._validate import freeze
 from seismo3d.registration import quadratic
+from seismo3d.registration._kernels_newton import parameter_jacobian
 from seismo3d.registration.certificate import Certificate
+from seismo3d.registration.constraints import model_number
 from seismo3d.registration.fusion import feigned
 from seismo3d.registration.icp import LoopResult
 from seismo3d.registration.matching import match_surface, surface_meat
 from seismo3d.registration.observability import assess
 from seismo3d.registration.result import Registration
-from seismo3d.registration.sensitivity import rematched_share
+from seismo3d.registration.sensitivity import rematched_form
 from seismo3d.registration.solvers import Prior, solve_form
 from seismo3d.registration.stages import Task, overlap_of, scale_of
 from seismo3d.registration.wide_search import draw
@@ -79,7 +81,8 @@ def _bread_and_meat(task: Task, found: LoopResult) -> tuple[Float64Array, Float6
     weight = 0.0
     if surface is not None and surface.weight > 0.0:
         drawn = draw(task.pair.source[0].surface, task.settings.max_elements)
-        left = rematched_share(
+        left = rematched_form(
+            surface.form,
             task.pair.target[0],
             draw(drawn, N_PROBES),
             found.A,
@@ -88,8 +91,10 @@ def _bread_and_meat(task: Task, found: LoopResult) -> tuple[Float64Array, Float6
             cutoff=found.cutoff,
             spread=surface.spread,
         )
-        Q += surface.form * (joint.shares[0] * left * max(surface.slope / surface.weight, 0.2))
-        meat += joint.shares[0] ** 2 * surface_meat(surface, drawn, task.pair.target, found.cutoff)
+        Q += left * (joint.shares[0] * max(surface.slope / surface.weight, 0.2))
+        meat += joint.shares[0] ** 2 * surface_meat(
+            surface, drawn, task.pair.target[0], found.cutoff, parameter_jacobian(found.A, model_number(task.model))
+        )
         weight += joint.shares[0] * surface.weight
     if features is not None:
         Q += features.form * joint.shares[1]
