@@ -22,7 +22,7 @@ MOST_UNKNOWN = 0.02
 PART = 256
 PATCH = 4
 LEAST_SHARE = 1e-4
-"""Share of the curvature that is added to it, so that a patch that alone tells of a direction does not count for ever."""
+"""Share of the curvature that is added to it: a patch that alone tells of a direction must not count for ever."""
 NONE_GIVEN = np.empty(0, dtype=np.int32)
 
 
@@ -221,7 +221,7 @@ def surface_meat(seen: Pass, source: Float32Array, target: VoxelMap, cutoff: flo
         clusters,
         int(clusters.max()) + 1,
         J,
-        np.linalg.inv(curvature + ridge * np.eye(m)),
+        np.asarray(np.linalg.inv(curvature + ridge * np.eye(m)), dtype=np.float64),
     )
     back = np.linalg.pinv(J)
     out = np.zeros_like(seen.form)
