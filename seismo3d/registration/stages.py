@@ -21,7 +21,7 @@ from seismo3d.scan import Scan
 
 N_POSES = 24
 N_FINALISTS = 4
-LEAST_AGREEING = 6
+LEAST_AGREEING = 4
 """Features that must agree with a pose for it to lead."""
 MANY_AGREEING = 20
 MOST_AGREE = 0.5
@@ -72,7 +72,7 @@ def run_local(task: Task, start: Prior) -> LoopResult:
         return run(task, start)
     reach = _feature_reach(task.pair)
     led: list[LoopResult] = []
-    for A, t in poses_by_features(task.features, n_poses=2, reach=reach):
+    for A, t in poses_by_features(task.features, n_poses=4, reach=reach):
         agree = task.features.agreeing(A, t, 2.0 * reach)
         share = len(agree.target) / len(task.features.target)
         if len(agree.target) < LEAST_AGREEING:
