@@ -400,7 +400,8 @@ def nearest_voxel(
 ) -> int:
     """Return the voxel whose centroid is nearest among the 3^d cells around a point, within a radius; else -1.
 
-    Cells come in order of their distance along each axis; those that lie beyond the best so far are not looked up.
+    Cells come in order of their distance along each axis; those that lie beyond the best so far are not looked up. An
+    element that joined layers moved out of its cell may be missed for the neighbour's that it was joined with.
     """
     fx, fy, fz = (x - origin[0]) * inverse_size, (y - origin[1]) * inverse_size, (z - origin[2]) * inverse_size
     if d == 2:
