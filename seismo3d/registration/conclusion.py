@@ -13,7 +13,6 @@ from seismo3d.registration import quadratic
 from seismo3d.registration._kernels_newton import parameter_jacobian
 from seismo3d.registration.certificate import Certificate
 from seismo3d.registration.constraints import model_number
-from seismo3d.registration.fusion import feigned
 from seismo3d.registration.icp import LoopResult
 from seismo3d.registration.matching import match_surface, surface_meat
 from seismo3d.registration.observability import assess
@@ -21,6 +20,7 @@ from seismo3d.registration.result import Registration
 from seismo3d.registration.sensitivity import rematched_form
 from seismo3d.registration.solvers import Prior, solve_form
 from seismo3d.registration.stages import Task, overlap_of, scale_of
+from seismo3d.registration.unseen import without
 from seismo3d.registration.wide_search import draw
 
 LEAST_OVERLAP = 0.15
@@ -31,12 +31,8 @@ N_PROBES = 500
 def assemble(task: Task, found: LoopResult, stage: str) -> Registration:
     """Turn the loop's last state into a result in the input's units."""
     frame, joint = task.pair.frame, found.joint
-    ratio = joint.ratio
-    if joint.surface is not None and joint.features is None:
-        drawn = draw(task.pair.source[0].surface, task.settings.max_elements)
-        ratio = max(ratio, feigned(joint.surface, drawn, found.A))
     Q, meat, weight = _bread_and_meat(task, found)
-    sure = assess(Q, meat, found.A, found.t, model=task.model, frame=frame, ratio=ratio, limits=task.limits)
+    sure = assess(Q, meat, found.A, found.t, model=task.model, frame=frame, ratio=joint.ratio, limits=task.limits)
     overlap = overlap_of(found)
     surface = joint.surface
     squares = 0.0
@@ -91,6 +87,8 @@ def _bread_and_meat(task: Task, found: LoopResult) -> tuple[Float64Array, Float6
             cutoff=found.cutoff,
             spread=surface.spread,
         )
+        if joint.unseen is not None and joint.unseen.shape[1]:
+            left = without(left, found.A, found.t, task.model, joint.unseen)
         Q += left * (joint.shares[0] * max(surface.slope / surface.weight, 0.2))
         meat += joint.shares[0] ** 2 * surface_meat(
             surface, drawn, task.pair.target[0], found.cutoff, parameter_jacobian(found.A, model_number(task.model))

@@ -8,18 +8,23 @@ import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d.geometry.voxels import VoxelMap
-from seismo3d.registration._kernels_newton import weakest_share
+from seismo3d.registration._kernels_newton import parameter_jacobian
 from seismo3d.registration.acceleration import Accelerator, Stall
 from seismo3d.registration.constraints import model_number
-from seismo3d.registration.fusion import MOST_FEIGNED, Joint, feigned, fuse, seen_part
-from seismo3d.registration.matching import NONE_GIVEN, match_surface
+from seismo3d.registration.fusion import Joint, fuse, surface_variance
+from seismo3d.registration.matching import NONE_GIVEN, Pass, match_surface, surface_meat
 from seismo3d.registration.projective import PixelTable
 from seismo3d.registration.robust import TUKEY
 from seismo3d.registration.solvers import Limits, Prior, moved_from, offsets_from, walk
 from seismo3d.registration.terms import FeatureTerm, weigh_features
+from seismo3d.registration.unseen import Look, is_weak, unseen_directions, weak_directions, without
 from seismo3d.registration.wide_search import WideSearch, draw, is_far
 
 LEAST_RATIO = 1e-7
+FAR_RATIO = 1e-3
+"""Share of the largest curvature up to which directions are held where pairs are still wrong."""
+LEAST_MATCHED = 0.6
+"""Share of elements with a partner from which the surfaces may lie on each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +57,7 @@ class LoopSettings:
     max_iterations: int = 30
     tolerance: float = 0.004
     max_elements: int = 5000
-    observability: float = 1e-3
+    observability: float = 1e-6
     symmetric: bool = False
     acceleration: int = 4
     alpha: float | None = None
@@ -119,15 +124,17 @@ def run_levels(
     """
     A, t = start.A, start.t
     trail: list[tuple[float, Float64Array, Float64Array]] = []
+    coarser: list[tuple[VoxelMap, Float32Array]] = []
     result = None
     for level in range(len(target) - 1, -1, -1):
         coarsest = level == len(target) - 1
         result = _run_level(
             target[level], source[level], features, A, t, prior, limits, model, settings, trail,
             wide=coarsest and settings.wide_search, finest=level == 0,
-            table=None if tables is None else tables[level],
+            table=None if tables is None else tables[level], coarser=coarser,
         )  # fmt: skip
         A, t = result.A, result.t
+        coarser.insert(0, (target[level], draw(source[level].surface, settings.max_elements)))
     if result is None:
         if features is None:
             raise ValueError("the loop needs surfaces or features")
@@ -150,6 +157,7 @@ def _run_level(
     wide: bool,
     finest: bool,
     table: PixelTable | None,
+    coarser: list[tuple[VoxelMap, Float32Array]],
 ) -> LoopResult:
     base = Prior(A, t)
     memory = Accelerator(settings.acceleration)
@@ -168,7 +176,7 @@ def _run_level(
         given, radius = search.partners(A, t, iteration) if search else (None, 1.5 * target.size)
         if table is not None and search is None:
             given = table.partners(drawn, target.surface, A, t, radius)
-        new = _evaluate(target, drawn, features, A, t, radius, cutoff, given, settings, model)
+        new = _evaluate(target, drawn, features, A, t, radius, cutoff, given, settings, model, coarser)
         if plain is not None and joint is not None and new.cost > 1.0005 * joint.cost + 1e-9:
             A, t = plain  # the extrapolation went uphill: take the plain step instead
             plain = None
@@ -217,6 +225,7 @@ def _evaluate(
     given: Int32Array | None,
     settings: LoopSettings,
     model: str,
+    coarser: list[tuple[VoxelMap, Float32Array]],
 ) -> Joint:
     surface = match_surface(
         source,
@@ -230,14 +239,46 @@ def _evaluate(
         given=NONE_GIVEN if given is None else given,
     )
     seen = None if features is None else weigh_features(features, A, t)
-    ratio = settings.observability
-    weak = surface.weight > 0.0 and weakest_share(surface.form, A, model_number(model)) < MOST_FEIGNED
-    if weak and surface.matched > 0.6 and np.nanmedian(surface.distances2) < (0.7 * target.size) ** 2:
-        ratio = max(ratio, feigned(surface, source, A))
-    if weak and seen is not None and settings.alpha is None:
-        surface = replace(surface, form=seen_part(surface.form, A, t, model, ratio))
-        ratio = 0.0
-    return replace(fuse(surface, seen, settings.alpha, target.size), ratio=max(ratio, LEAST_RATIO))
+    unseen = None
+    form = surface.form
+    if settings.alpha is None and is_weak(surface, A, model):
+        unseen = _unseen(surface, source, target, coarser, A, t, model)
+        if unseen.shape[1]:
+            form = without(surface.form, A, t, model, unseen)
+    variance = 1.0
+    if seen is not None and settings.alpha is None and surface.weight > 0.0:
+        J = parameter_jacobian(A, model_number(model))
+        meat = surface_meat(surface, source, target, cutoff, J)
+        variance = surface_variance(surface, meat, A, model, target.size)
+    joint = fuse(replace(surface, form=form), seen, settings.alpha, target.size, variance)
+    return replace(joint, surface=surface, ratio=max(settings.observability, LEAST_RATIO), unseen=unseen)
+
+
+def _unseen(
+    surface: Pass,
+    source: Float32Array,
+    target: VoxelMap,
+    coarser: list[tuple[VoxelMap, Float32Array]],
+    A: Float64Array,
+    t: Float64Array,
+    model: str,
+) -> Float64Array:
+    """Return the directions that are not seen; those that the pairs tell little of while they are still wrong."""
+    if not _lies_near(surface, target.size):
+        return weak_directions(surface, A, model, FAR_RATIO)
+    looks = [Look(surface, source)]
+    for level, drawn in coarser:
+        seen = match_surface(drawn, level, A, t, radius=1.5 * level.size, cutoff=level.size)
+        if _lies_near(seen, level.size):
+            looks.append(Look(seen, drawn))
+    return unseen_directions(looks, A, model)
+
+
+def _lies_near(surface: Pass, voxel_size: float) -> bool:
+    """Return whether most elements lie on a partner: farther off normals differ because pairs are wrong."""
+    if not surface.weight > 0.0 or surface.matched < LEAST_MATCHED:
+        return False
+    return bool(np.nanmedian(surface.distances2) < (0.7 * voxel_size) ** 2)
 
 
 def _run_features(
