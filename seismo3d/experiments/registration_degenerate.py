@@ -18,10 +18,10 @@ from seismo3d.experiments.image_matches import KeypointPairs
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import exp_rotation, make_transform, transform_points
 from seismo3d.registration.feature_pairs import feature_term
-from seismo3d.registration.icp import LoopSettings
 from seismo3d.registration.initial import poses_by_features
 from seismo3d.registration.quadratic import Frame
 from seismo3d.registration.register import register
+from seismo3d.registration.settings import LoopSettings
 from seismo3d.scan import Scan
 
 SCENES = ("plane", "corridor", "layers")

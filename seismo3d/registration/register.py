@@ -17,10 +17,10 @@ from seismo3d.registration.conclusion import assemble
 from seismo3d.registration.constraints import Constraints, model_number
 from seismo3d.registration.dense import DensePair, prepare_pair
 from seismo3d.registration.feature_pairs import feature_term
-from seismo3d.registration.icp import LoopSettings
 from seismo3d.registration.polish import polish
 from seismo3d.registration.projective import PixelTable, pixel_tables
 from seismo3d.registration.result import Registration
+from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.solvers import Limits, Prior
 from seismo3d.registration.stages import Task, led_by_rasters, overlap_of, run_local, search
 from seismo3d.scan import Scan, as_scan

@@ -9,11 +9,12 @@ import numpy as np
 from seismo3d._typing import Float64Array
 from seismo3d.registration.dense import DensePair
 from seismo3d.registration.feature_pairs import feature_term
-from seismo3d.registration.icp import LoopResult, LoopSettings, run_levels
+from seismo3d.registration.icp import LoopResult, run_levels
 from seismo3d.registration.initial import poses_by_features
 from seismo3d.registration.matching import match_surface
 from seismo3d.registration.projective import PixelTable
 from seismo3d.registration.raster_matches import match_rasters
+from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.shape_matches import poses_by_shape
 from seismo3d.registration.solvers import Limits, Prior
 from seismo3d.registration.terms import FeatureTerm

@@ -9,9 +9,9 @@ from seismo3d.errors import ParameterError
 from seismo3d.experiments.rotated_frames import draw_room
 from seismo3d.geometry.rotations import exp_rotation, make_transform, transform_points
 from seismo3d.registration.dense import prepare_pair
-from seismo3d.registration.icp import LoopSettings
 from seismo3d.registration.projective import pixel_tables
 from seismo3d.registration.register import register
+from seismo3d.registration.settings import LoopSettings
 from seismo3d.scan import Scan
 
 
