@@ -22,14 +22,12 @@ from seismo3d.registration.projective import PixelTable, pixel_tables
 from seismo3d.registration.result import Registration
 from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.solvers import Limits, Prior
-from seismo3d.registration.stages import Task, led_by_rasters, overlap_of, run_local, search
+from seismo3d.registration.stages import Task, is_sure, led_by_rasters, run_local, search
 from seismo3d.scan import Scan, as_scan
 
 CORRESPONDENCES = ("nearest", "projective")
 STAGES = ("local", "global", "polish")
 LEAST_POINTS = 10
-GOOD_OVERLAP = 0.8
-"""Overlap from which the local answer is taken without a global search."""
 
 
 def register(
@@ -51,10 +49,10 @@ def register(
 
     Works in stages. ``local``: the fused loop from the start, coarse to fine, on voxel maps of both scans: nearest
     surface elements, robust weights, the exact solve of the joint error of Eq. (16) of [1]_, Anderson acceleration.
-    ``global``, only where the local answer's overlap is not good: poses from matched features, those of
-    :func:`seismo3d.match` on the scans' images or volumes where none are given, and from local shape, run through the
-    same loop; the best of all answers wins. ``polish``, only where both scans hold the same samples: exact pairs of
-    points.
+    ``global``, only where the local answer's overlap is not good and few features confirm it: poses from matched
+    features, those of :func:`seismo3d.match` on the scans' images or volumes where none are given, and from local
+    shape, run through the same loop; the best of all answers wins. ``polish``, only where both scans hold the same
+    samples: exact pairs of points.
 
     Parameters
     ----------
@@ -119,9 +117,9 @@ def register(
     )
     task = replace(task, tables=_tables(task, correspondences))
     found, stage = run_local(task, first), "local"
-    if "global" in stages and (overlap_of(found) < GOOD_OVERLAP or "local" not in stages):
+    if "global" in stages and (not is_sure(task, found) or "local" not in stages):
         task, found, stage = led_by_rasters(task, first, found, stage)
-        if overlap_of(found) < GOOD_OVERLAP or stage == "local":
+        if not is_sure(task, found) or stage == "local":
             found, stage = search(task, found, stage)
     if "polish" in stages:
         polished = polish(

@@ -20,13 +20,15 @@ from seismo3d.registration.solvers import Limits, Prior
 from seismo3d.registration.terms import FeatureTerm
 from seismo3d.scan import Scan
 
+GOOD_OVERLAP = 0.8
+"""Overlap from which the local answer is taken without a global search."""
 N_POSES = 24
 N_FINALISTS = 4
 LEAST_AGREEING = 4
 """Features that must agree with a pose for it to lead."""
 MANY_AGREEING = 20
 MOST_AGREE = 0.5
-"""Number and share of features that must agree for no other start to be tried."""
+"""Number and share of features that must agree for no other start to be tried, and no search to be made."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +52,16 @@ def overlap_of(found: LoopResult) -> float:
     if surface is None:
         return 1.0
     return float(np.count_nonzero(np.abs(surface.residuals) < found.cutoff)) / len(surface.residuals)
+
+
+def is_sure(task: Task, found: LoopResult) -> bool:
+    """Return whether an answer's overlap is good, or many features confirm it: nothing further is searched for then."""
+    if overlap_of(found) >= GOOD_OVERLAP:
+        return True
+    if task.features is None:
+        return False
+    agree = len(task.features.agreeing(found.A, found.t, _feature_reach(task.pair)).target)
+    return agree >= MANY_AGREEING and agree >= MOST_AGREE * len(task.features.target)
 
 
 def run(task: Task, start: Prior) -> LoopResult:
