@@ -18,10 +18,14 @@ from seismo3d.registration.constraints import model_number
 from seismo3d.registration.matching import Pass
 from seismo3d.registration.quadratic import stack
 
-NORMAL_NOISE = 3.0
+NORMAL_NOISE = 4.5
 """Curvature that noise of the normals feigns, in medians of the squared sine between matched normals."""
 MOST_FEIGNED = 0.004
-"""Most of it: far from the solution normals differ because pairs are wrong."""
+"""Most that one level is believed of it: far from the solution normals differ because pairs are wrong."""
+DOUBTFUL = 0.04
+"""Most of it where coarser levels are asked too."""
+LEAST_REAL = 5e-4
+"""Curvature, as a share of the largest, that edges and corners feign in coarse voxels even without noise."""
 LEAST_CURVATURE = 1e-9
 
 
@@ -35,7 +39,7 @@ class Look:
 
 def is_weak(surface: Pass, A: Float64Array, model: str) -> bool:
     """Return whether there are directions that noise may have feigned."""
-    return surface.weight > 0.0 and weakest_share(surface.form, A, model_number(model)) < MOST_FEIGNED
+    return surface.weight > 0.0 and weakest_share(surface.form, A, model_number(model)) < DOUBTFUL
 
 
 def unseen_directions(looks: list[Look], A: Float64Array, model: str) -> Float64Array:
@@ -53,16 +57,16 @@ def unseen_directions(looks: list[Look], A: Float64Array, model: str) -> Float64
     ndarray of shape (m, k), float64
         Orthonormal columns.
     """
-    noise = [feigned(look.surface, look.source, A) for look in looks]
+    noise = [NORMAL_NOISE * normal_noise(look.surface, look.source, A) for look in looks]
     shares = [_curvature_shares(look.surface.form, A, model) for look in looks]
     values, vectors = np.linalg.eigh(shares[0])
-    doubtful = vectors[:, values <= noise[0]]
+    doubtful = vectors[:, values <= min(noise[0], MOST_FEIGNED if len(looks) == 1 else DOUBTFUL)]
     if doubtful.shape[1] == 0 or len(looks) == 1:
         return doubtful
     least = LEAST_CURVATURE * np.eye(doubtful.shape[1])
     inverses = [np.linalg.inv(doubtful.T @ share @ doubtful + least) for share in shares]
     agreed, turn = np.linalg.eigh(np.linalg.inv(np.mean(inverses, axis=0)))
-    return np.asarray(doubtful @ turn[:, agreed <= min(noise)])
+    return np.asarray(doubtful @ turn[:, agreed <= max(LEAST_REAL, min(MOST_FEIGNED, *noise))])
 
 
 def weak_directions(surface: Pass, A: Float64Array, model: str, ratio: float) -> Float64Array:
@@ -95,11 +99,6 @@ def normal_noise(surface: Pass, source: Float32Array, A: Float64Array) -> float:
         return 0.0
     cosine = (turned[usable] * surface.normals[usable, :d]).sum(axis=1)
     return float(np.median(np.maximum(0.0, 1.0 - cosine * cosine / length2[usable])))
-
-
-def feigned(surface: Pass, source: Float32Array, A: Float64Array) -> float:
-    """Return the share of the largest curvature up to which noise may feign curvature."""
-    return min(NORMAL_NOISE * normal_noise(surface, source, A), MOST_FEIGNED)
 
 
 def _curvature_shares(form: Float64Array, A: Float64Array, model: str) -> Float64Array:
