@@ -81,15 +81,16 @@ def test_a_form_without_a_direction_is_level_along_it_and_keeps_the_rest(rng, mo
     np.testing.assert_allclose(z @ out @ z, z @ form @ z, rtol=1e-9)
 
 
-def test_a_corridor_hides_one_direction(rng):
+@pytest.mark.parametrize("noise", [0.002, 0.005, 0.01])
+def test_a_corridor_hides_one_direction(rng, noise):
     def walls(n=30000):
         p = rng.uniform(-1, 1, size=(n, 3)) * [3.0, 1.0, 1.0]
         side = rng.integers(0, 3, n)
         p[side == 0, 1], p[side == 1, 1], p[side == 2, 2] = -1.0, 1.0, -1.0
-        return p + 0.01 * rng.normal(size=(n, 3))
+        return p + noise * rng.normal(size=(n, 3))
 
     found = register(walls(), walls() + np.array([0.0, 0.02, 0.01]), stages=("local",))
     assert len(found.unobservable) == 1
     along = np.abs(found.unobservable[0].translation)
     assert along[0] > 10 * along[1:].max()
-    np.testing.assert_allclose(found.T_target_source[1:, 3], [-0.02, -0.01], atol=0.003)
+    np.testing.assert_allclose(found.T_target_source[1:3, 3], [-0.02, -0.01], atol=0.003)
