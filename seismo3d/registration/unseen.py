@@ -3,7 +3,8 @@
 Noise makes the normals of a plane waver, and wavering normals seem to hold what slides along it. Coarser voxels take
 their normals from more points, so that feigned curvature shrinks from level to level; real curvature stays. Directions
 that noise may have feigned on a level are seen where the harmonic mean of their curvature over it and the coarser
-levels, which the level that sees least rules, is more than noise can feign on the best of them.
+levels, which the level that sees least rules, is more than noise can feign on the best of them, or where it is about
+the same on all.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from seismo3d.registration.constraints import model_number
 from seismo3d.registration.matching import Pass
 from seismo3d.registration.quadratic import stack
 
-NORMAL_NOISE = 4.5
+NORMAL_NOISE = 3.0
 """Curvature that noise of the normals feigns, in medians of the squared sine between matched normals."""
 MOST_FEIGNED = 0.004
 """Most that one level is believed of it: far from the solution normals differ because pairs are wrong."""
@@ -26,6 +27,8 @@ DOUBTFUL = 0.04
 """Most of it where coarser levels are asked too."""
 LEAST_REAL = 5e-4
 """Curvature, as a share of the largest, that edges and corners feign in coarse voxels even without noise."""
+STEADY = 0.7
+"""Share of a level's curvature that the mean over it and coarser levels has where noise feigns none."""
 LEAST_CURVATURE = 1e-9
 
 
@@ -66,7 +69,9 @@ def unseen_directions(looks: list[Look], A: Float64Array, model: str) -> Float64
     least = LEAST_CURVATURE * np.eye(doubtful.shape[1])
     inverses = [np.linalg.inv(doubtful.T @ share @ doubtful + least) for share in shares]
     agreed, turn = np.linalg.eigh(np.linalg.inv(np.mean(inverses, axis=0)))
-    return np.asarray(doubtful @ turn[:, agreed <= max(LEAST_REAL, min(MOST_FEIGNED, *noise))])
+    own = np.einsum("ik,ij,jk->k", doubtful @ turn, shares[0], doubtful @ turn)
+    sure = (agreed > min(MOST_FEIGNED, *noise)) | (agreed > STEADY * own)
+    return np.asarray(doubtful @ turn[:, ~sure | (agreed <= LEAST_REAL)])
 
 
 def weak_directions(surface: Pass, A: Float64Array, model: str, ratio: float) -> Float64Array:
