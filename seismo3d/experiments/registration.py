@@ -31,12 +31,13 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--registration", type=Path, help="folder with pairs of scans")
     parser.add_argument("--rgbd", type=Path, help="RGB-D sequence in the TUM layout with camera.json")
     parser.add_argument("--n", type=int, default=1000, help="random problems a class, repeats")
+    parser.add_argument("--n-scale", type=int, help="random problems a class with free scale; a fiftieth by default")
     parser.add_argument("--trials", type=int, default=200, help="perturbed starts a pair")
     parser.add_argument("--frames", type=int, default=20, help="frame pairs a gap")
     given = parser.parse_args(words)
     parts = given.parts or PARTS
     if "solves" in parts:
-        registration_solves.report(n_problems=given.n, n_scale_problems=max(given.n // 50, 3))
+        registration_solves.report(n_problems=given.n, n_scale_problems=given.n_scale or max(given.n // 50, 3))
     if "covariance" in parts:
         registration_covariance.report(n_repeats=given.n)
     if "degenerate" in parts:

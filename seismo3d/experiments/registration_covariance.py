@@ -78,7 +78,7 @@ def report(*, n_repeats: int) -> dict[str, float]:
     figures = {"given plane pairs": repeat_pairs(n_repeats=n_repeats)}
     print(f"{'given plane pairs':36} {figures['given plane pairs']:6.3f}")
     for shape in SHAPES:
-        for n_points, noise in ((5000, 0.003), (20000, 0.002), (20000, 0.004), (20000, 0.01)):
+        for n_points, noise in ((5000, 0.003), (20000, 0.002), (20000, 0.004), (20000, 0.01), (20000, 0.015)):
             name = f"{shape}, {n_points} points, noise {noise:g}"
             figures[name] = repeat_scans(shape, n_points=n_points, noise=noise, n_repeats=n_repeats)
             print(f"{name:36} {figures[name]:6.3f}", flush=True)

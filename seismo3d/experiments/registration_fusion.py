@@ -13,9 +13,9 @@ from seismo3d._typing import Float64Array
 from seismo3d.experiments.image_matches import match_keypoints
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import make_transform, nearest_rotation, rotation_angle, rotation_from_quaternion
-from seismo3d.registration.icp import LoopSettings
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
+from seismo3d.registration.settings import LoopSettings
 from seismo3d.scan import Scan
 
 GAPS = (5, 9, 15, 20, 30, 45, 60)

@@ -22,8 +22,8 @@ from seismo3d.geometry.rotations import make_transform, nearest_rotation, transf
 from seismo3d.geometry.voxels import downsample_points, estimate_normals
 from seismo3d.registration.acceleration import Accelerator
 from seismo3d.registration.align import align_pairs
-from seismo3d.registration.icp import LoopSettings
 from seismo3d.registration.register import register
+from seismo3d.registration.settings import LoopSettings
 
 ANGLES_DEG = (5, 10, 15, 20, 25, 30, 45, 60, 75, 90)
 THINNING = 0.02

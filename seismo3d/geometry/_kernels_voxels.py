@@ -292,6 +292,48 @@ def voxel_normals(
 
 
 @nb.njit(cache=True, nogil=True)
+def join_layers(
+    keys: Int64Array,
+    moments: Float64Array,
+    table_keys: Int64Array,
+    table: Int32Array,
+    shift: int,
+    most: float,
+    rows: Int64Array,
+    out: Float32Array,
+) -> None:
+    """Move elements along their normal to the middle of all layers of voxels that one noisy surface fills.
+
+    Noise puts part of the points of a surface near a voxel's wall across it, and each part's own centroid is drawn to
+    its side: errors that all elements along the wall share. Together with the neighbours along the axis that is nearest
+    to the normal the level is right. Neighbours whose level differs by ``most`` or more belong to another surface.
+    """
+    for i in rows:
+        p, q, r = out[i, 4], out[i, 5], out[i, 6]
+        a, b, c = abs(p), abs(q), abs(r)
+        if a + b + c == 0.0:
+            continue
+        step = np.int64(1)
+        if a >= b and a >= c:
+            step = np.int64(1) << (2 * AXIS_BITS)
+        elif b >= c:
+            step = np.int64(1) << AXIS_BITS
+        n = moments[i, 0]
+        x, y, z = moments[i, 1] / n, moments[i, 2] / n, moments[i, 3] / n
+        level = 0.0
+        for side in (-1, 1):
+            j = find(keys[i] + side * step, table_keys, table, shift)
+            if j >= 0:
+                m = moments[j, 0]
+                gap = p * (moments[j, 1] / m - x) + q * (moments[j, 2] / m - y) + r * (moments[j, 3] / m - z)
+                if abs(gap) < most:
+                    n += m
+                    level += m * gap
+        level /= n
+        out[i, 0], out[i, 1], out[i, 2] = x + level * p, y + level * q, z + level * r
+
+
+@nb.njit(cache=True, nogil=True)
 def centroids_only(moments: Float64Array, quality: float, out: Float32Array) -> None:
     """Write (centroid, a given quality, no normal) of each voxel."""
     for i in range(moments.shape[0]):
@@ -358,7 +400,8 @@ def nearest_voxel(
 ) -> int:
     """Return the voxel whose centroid is nearest among the 3^d cells around a point, within a radius; else -1.
 
-    Cells come in order of their distance along each axis; those that lie beyond the best so far are not looked up.
+    Cells come in order of their distance along each axis; those that lie beyond the best so far are not looked up. An
+    element that joined layers moved out of its cell may be missed for the neighbour's that it was joined with.
     """
     fx, fy, fz = (x - origin[0]) * inverse_size, (y - origin[1]) * inverse_size, (z - origin[2]) * inverse_size
     if d == 2:

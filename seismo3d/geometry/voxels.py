@@ -13,9 +13,11 @@ from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry import _kernels_voxels as kernels
 
 MARGIN = 4
+"""Empty cells kept below the lowest point, so that neighbours have keys too."""
 LEAST_QUALITY = 0.3
 """Elements of lower quality take their parent's normal where that is better."""
-"""Empty cells kept below the lowest point, so that neighbours have keys too."""
+SAME = 0.75
+"""Distance along the normal, in voxels, up to which centroids of neighbours belong to one surface."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +60,13 @@ class VoxelMap:
         )
         if self.parents is not None and self.coarser is not None:
             kernels.inherit_normals(self.surface, self.coarser, self.parents, rows, LEAST_QUALITY)
+        self.join_layers(rows)
+
+    def join_layers(self, rows: Int64Array) -> None:
+        """Put the elements of some rows where all layers of voxels that their surface fills have their centroid."""
+        kernels.join_layers(
+            self.keys, self.moments, self.table_keys, self.table, self.shift, SAME * self.size, rows, self.surface
+        )
 
 
 def voxel_levels(
@@ -123,12 +132,14 @@ def voxel_levels(
         rows = np.arange(len(keys))
         if tensors is not None:
             kernels.tensor_normals(moments, tensors[level], d, surface)
+            voxels.join_layers(rows)
         elif level or fine_normals == "all" or coarser is None:
             voxels.complete(rows)
         else:
             kernels.centroids_only(moments, -1.0 if fine_normals == "asked" else 0.0, surface)
             if fine_normals == "parents" and voxels.parents is not None:
                 kernels.inherit_normals(surface, coarser, voxels.parents, rows, LEAST_QUALITY)
+                voxels.join_layers(rows)
         levels.insert(0, voxels)
     return levels
 

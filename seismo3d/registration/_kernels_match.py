@@ -198,11 +198,21 @@ def clustered_scores(
     cutoff: float,
     clusters: Int32Array,
     n_clusters: int,
-    d: int,
+    J: Float64Array,
+    inverse: Float64Array,
 ) -> Float64Array:
-    """Return the sum over clusters of s s', s a cluster's sum of weighted residuals times rows in [vec(A); t]."""
-    m = d * d + d
+    """Return the sum over clusters of s s', s a cluster's half gradient by the parameters, as if it had been left out.
+
+    ``J`` leads from the parameters to [vec(A); t], ``inverse`` is the inverse of the curvature of all pairs. The
+    solution leans to each cluster, by the share that the cluster has in the curvature: residuals are smaller there than
+    they would be without it, and s is what they would be, (1 - H_cluster H^-1)^-1 times the sum.
+    """
+    n, m = J.shape
+    d = 3 if n == 12 else 2
     scores = np.zeros((n_clusters, m))
+    shares = np.zeros((n_clusters, m, m))
+    row = np.empty(n)
+    slope = np.empty(m)
     for i in range(source.shape[0]):
         r = residuals[i]
         u = 1.0 - r * r / (cutoff * cutoff)
@@ -210,16 +220,26 @@ def clustered_scores(
             continue
         j = partners[i]
         quality = target[j, 3] if target[j, 3] > 0.0 else source[i, 3]
-        w = quality * source[i, 7] * target[j, 7] * u * u * r
-        row = scores[clusters[j]]
+        w = quality * source[i, 7] * target[j, 7] * u * u
         for a in range(d + 1):
             h = source[i, a] if a < d else 1.0
             for c in range(d):
-                row[a * d + c] += w * h * normals[i, c]
-    meat = np.zeros((m + 1, m + 1))
-    for k in range(n_clusters):
+                row[a * d + c] = h * normals[i, c]
         for a in range(m):
-            if scores[k, a] != 0.0:
+            slope[a] = 0.0
+            for b in range(n):
+                slope[a] += J[b, a] * row[b]
+        k = clusters[i]
+        for a in range(m):
+            scores[k, a] += w * r * slope[a]
+            for b in range(m):
+                shares[k, a, b] += w * slope[a] * slope[b]
+    meat = np.zeros((m, m))
+    own = np.eye(m)
+    for k in range(n_clusters):
+        if shares[k, m - 1, m - 1] > 0.0:
+            s = np.linalg.solve(own - shares[k] @ inverse, scores[k])
+            for a in range(m):
                 for b in range(m):
-                    meat[a, b] += scores[k, a] * scores[k, b]
+                    meat[a, b] += s[a] * s[b]
     return meat

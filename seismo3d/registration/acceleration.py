@@ -51,3 +51,20 @@ class Accelerator:
         if np.linalg.norm(moved - before) > 10.0 * np.linalg.norm(step):
             return None
         return np.asarray(moved)
+
+
+class Stall:
+    """Notices that the cost has stopped falling: nearest pairs swap to and fro for ever near a solution."""
+
+    def __init__(self) -> None:
+        self._best = np.inf
+        self._cutoff = 0.0
+        self._waited = 0
+
+    def reached(self, cost: float, cutoff: float) -> bool:
+        """Return whether four passes have not lowered the cost by a thousandth."""
+        if cutoff != self._cutoff or cost < 0.999 * self._best:
+            self._best, self._cutoff, self._waited = cost, cutoff, 0
+        else:
+            self._waited += 1
+        return self._waited >= 4

@@ -2,84 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from seismo3d._typing import Float32Array, Float64Array, Int32Array
+from seismo3d._typing import Float64Array
 from seismo3d.geometry.voxels import VoxelMap
-from seismo3d.registration._kernels_newton import parameter_jacobian, weakest_share
-from seismo3d.registration.acceleration import Accelerator
-from seismo3d.registration.constraints import model_number
-from seismo3d.registration.matching import NONE_GIVEN, Pass, match_surface
-from seismo3d.registration.quadratic import stack
+from seismo3d.registration.acceleration import Accelerator, Stall
+from seismo3d.registration.fusion import Joint, Level, evaluate, fuse_features
+from seismo3d.registration.projective import PixelTable
 from seismo3d.registration.robust import TUKEY
+from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.solvers import Limits, Prior, moved_from, offsets_from, walk
-from seismo3d.registration.terms import FeaturePass, FeatureTerm, weigh_features
-
-NEAR_SHARE = 0.5
-"""Share of elements with a partner within half a voxel from which the start counts as near."""
-
-
-NORMAL_NOISE = 3.0
-"""Curvature that noise of the normals feigns, in medians of the squared sine between matched normals."""
-MOST_FEIGNED = 0.004
-"""Most of it: far from the solution normals differ because pairs are wrong."""
-LEAST_RATIO = 1e-7
-
-
-@dataclass(frozen=True, slots=True)
-class LoopSettings:
-    """Settings of the fused loop; the defaults are right.
-
-    Attributes
-    ----------
-    max_iterations : int
-        Most passes a level.
-    tolerance : float
-        The finest level ends where a step moves no parameter by more than this share of a voxel, in radians and in
-        shares of the scan's size; coarser levels end at five times that.
-    max_elements : int
-        Most source elements that a pass looks at, drawn evenly.
-    observability : float
-        Directions whose curvature is below this share of the largest are left as they are.
-    symmetric : bool
-        Measure along the mean of both surfaces' normals.
-    acceleration : int
-        Steps that are remembered to extrapolate from; 0 for none.
-    alpha : float or None
-        Fixed share of the features as in Eq. (16), or None to weigh by measured variance.
-    n_threads : int
-        Threads to match on; the result does not depend on them.
-    wide_search : bool
-        Search the coarsest level without a limit of distance first.
-    """
-
-    max_iterations: int = 30
-    tolerance: float = 0.004
-    max_elements: int = 5000
-    observability: float = 1e-3
-    symmetric: bool = False
-    acceleration: int = 4
-    alpha: float | None = None
-    n_threads: int = 1
-    wide_search: bool = True
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Joint:
-    """The fused form at one transform, the factors of both terms in it, and the robust cost of the pairs.
-
-    Directions whose curvature is below ``ratio`` times the largest are not seen.
-    """
-
-    form: Float64Array
-    shares: tuple[float, float]
-    cost: float
-    surface: Pass | None
-    features: FeaturePass | None
-    ratio: float = 0.0
+from seismo3d.registration.terms import FeatureTerm
+from seismo3d.registration.wide_search import WideSearch, draw, is_far
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,6 +56,7 @@ def run_levels(
     limits: Limits,
     model: str,
     settings: LoopSettings,
+    tables: list[PixelTable] | None = None,
 ) -> LoopResult:
     """Run the loop from the coarsest level to the finest.
 
@@ -135,16 +72,18 @@ def run_levels(
     limits : Limits
     model : str
     settings : LoopSettings
+    tables : list of PixelTable, optional
+        By level: partners come from the target's pixels; None searches the nearest.
     """
     A, t = start.A, start.t
     trail: list[tuple[float, Float64Array, Float64Array]] = []
+    levels: list[Level] = []
     result = None
-    for level in range(len(target) - 1, -1, -1):
-        coarsest = level == len(target) - 1
-        result = _run_level(
-            target[level], source[level], features, A, t, prior, limits, model, settings, trail,
-            wide=coarsest and settings.wide_search, finest=level == 0,
-        )  # fmt: skip
+    for k in range(len(target) - 1, -1, -1):
+        drawn = draw(source[k].surface, settings.max_elements)
+        levels.insert(0, Level(target[k], drawn, tuple(levels), None if tables is None else tables[k]))
+        wide = settings.wide_search and k == len(target) - 1
+        result = _run_level(levels[0], features, A, t, prior, limits, model, settings, trail, wide=wide, finest=k == 0)
         A, t = result.A, result.t
     if result is None:
         if features is None:
@@ -154,8 +93,7 @@ def run_levels(
 
 
 def _run_level(
-    target: VoxelMap,
-    source: VoxelMap,
+    level: Level,
     features: FeatureTerm | None,
     A: Float64Array,
     t: Float64Array,
@@ -168,12 +106,12 @@ def _run_level(
     wide: bool,
     finest: bool,
 ) -> LoopResult:
+    target = level.target
     base = Prior(A, t)
     memory = Accelerator(settings.acceleration)
     tolerance = (1.0 if finest else 5.0) * settings.tolerance * target.size
-    drawn = draw(source.surface, settings.max_elements)
-    stall = _Stall()
-    search = _WideSearch(target, drawn) if wide and _is_far(target, drawn, A, t) else None
+    stall = Stall()
+    search = WideSearch(target, level.source) if wide and is_far(target, level.source, A, t) else None
     cutoff = target.size
     joint = None
     plain: tuple[Float64Array, Float64Array] | None = None
@@ -183,7 +121,7 @@ def _run_level(
             search = joint = plain = None
         widened = search is not None
         given, radius = search.partners(A, t, iteration) if search else (None, 1.5 * target.size)
-        new = _evaluate(target, drawn, features, A, t, radius, cutoff, given, settings, model)
+        new = evaluate(level, features, A, t, radius=radius, cutoff=cutoff, given=given, settings=settings, model=model)
         if plain is not None and joint is not None and new.cost > 1.0005 * joint.cost + 1e-9:
             A, t = plain  # the extrapolation went uphill: take the plain step instead
             plain = None
@@ -221,162 +159,6 @@ def _run_level(
     return LoopResult(A, t, joint, cutoff, settled, tuple(e for e, _, _ in trail), tuple((B, u) for _, B, u in trail))
 
 
-def draw(surface: Float32Array, most: int) -> Float32Array:
-    """Return at most so many elements, every k-th of them."""
-    stride = -(-len(surface) // most)
-    return surface if stride == 1 else np.ascontiguousarray(surface[::stride])
-
-
-class _Stall:
-    """Notices that the cost has stopped falling: nearest pairs swap to and fro for ever near a solution."""
-
-    def __init__(self) -> None:
-        self._best = np.inf
-        self._cutoff = 0.0
-        self._waited = 0
-
-    def reached(self, cost: float, cutoff: float) -> bool:
-        """Return whether four passes have not lowered the cost by a thousandth."""
-        if cutoff != self._cutoff or cost < 0.999 * self._best:
-            self._best, self._cutoff, self._waited = cost, cutoff, 0
-        else:
-            self._waited += 1
-        return self._waited >= 4
-
-
-def _is_far(target: VoxelMap, source: Float32Array, A: Float64Array, t: Float64Array) -> bool:
-    """Return whether most source elements have no partner within half a voxel."""
-    seen = match_surface(source, target, A, t, radius=0.5 * target.size, cutoff=target.size, least_cosine=0.7)
-    return seen.matched < NEAR_SHARE
-
-
-class _WideSearch:
-    """Nearest elements on the coarsest level at any distance, within a radius that shrinks by schedule."""
-
-    def __init__(self, target: VoxelMap, source: Float32Array) -> None:
-        from scipy.spatial import cKDTree
-
-        self._source = source[:, : target.dim].astype(np.float64)
-        self._tree: Any = cKDTree(target.surface[:, : target.dim].astype(np.float64))
-        self._size = target.size
-
-    def partners(self, A: Float64Array, t: Float64Array, iteration: int) -> tuple[Int32Array, float]:
-        """Return each source element's partner, -1 beyond the radius, and the radius."""
-        distances, rows = self._tree.query(self._source @ A.T + t)
-        radius = max(3.0 * float(np.median(distances)), 1.5 * self._size) * 0.95**iteration
-        rows = rows.astype(np.int32)
-        rows[distances > radius] = -1
-        return rows, radius
-
-
-def _evaluate(
-    target: VoxelMap,
-    source: Float32Array,
-    features: FeatureTerm | None,
-    A: Float64Array,
-    t: Float64Array,
-    radius: float,
-    cutoff: float,
-    given: Int32Array | None,
-    settings: LoopSettings,
-    model: str,
-) -> Joint:
-    surface = match_surface(
-        source,
-        target,
-        A,
-        t,
-        radius=radius,
-        cutoff=cutoff,
-        symmetric=settings.symmetric,
-        n_threads=settings.n_threads,
-        given=NONE_GIVEN if given is None else given,
-    )
-    seen = None if features is None else weigh_features(features, A, t)
-    ratio = settings.observability
-    weak = surface.weight > 0.0 and weakest_share(surface.form, A, model_number(model)) < MOST_FEIGNED
-    if weak and surface.matched > 0.6 and np.nanmedian(surface.distances2) < (0.7 * target.size) ** 2:
-        ratio = max(ratio, feigned(surface, source, A))
-    if weak and seen is not None and settings.alpha is None:
-        surface = replace(surface, form=seen_part(surface.form, A, t, model, ratio))
-        ratio = 0.0
-    return replace(fuse(surface, seen, settings.alpha, target.size), ratio=max(ratio, LEAST_RATIO))
-
-
-def fuse(surface: Pass | None, features: FeaturePass | None, alpha: float | None, voxel_size: float) -> Joint:
-    """Join both terms: by their measured variances, or with the fixed share alpha of Eq. (16)."""
-    if surface is None:
-        if features is None:
-            raise ValueError("nothing to fuse")
-        form = features.form / features.variance
-        return Joint(form, (0.0, 1.0 / features.variance), 0.0, None, features)
-    if features is None:
-        factor = 1.0 / max(surface.spread, 1e-4 * voxel_size) ** 2
-        return Joint(surface.form * factor, (factor, 0.0), surface.cost, surface, None)
-    dense_variance = surface_variance(surface, voxel_size)
-    if alpha is None:
-        shares = (1.0 / dense_variance, 1.0 / features.variance)
-    else:
-        shares = ((1.0 - alpha) / max(surface.weight, 1e-12), alpha / max(features.weight, 1e-12))
-    form = surface.form * shares[0] + features.form * shares[1]
-    n_features = len(features.weights)
-    outside = 1.0 - features.weight / n_features
-    cost = surface.cost + outside
-    return Joint(form, shares, cost, surface, features)
-
-
-def normal_noise(surface: Pass, source: Float32Array, A: Float64Array) -> float:
-    """Return the median squared sine of the angle between matched normals: information that noise feigns.
-
-    A plane with noisy normals seems to hold what slides along it, by as much as its normals waver.
-    """
-    d = A.shape[0]
-    turned = source[:, 4 : 4 + d] @ A.T.astype(np.float32)
-    length2 = (turned * turned).sum(axis=1)
-    usable = np.isfinite(surface.residuals) & (length2 > 0.0)
-    if not usable.any():
-        return 0.0
-    cosine = (turned[usable] * surface.normals[usable, :d]).sum(axis=1)
-    return float(np.median(np.maximum(0.0, 1.0 - cosine * cosine / length2[usable])))
-
-
-def feigned(surface: Pass, source: Float32Array, A: Float64Array) -> float:
-    """Return the share of the largest curvature up to which noise may feign curvature."""
-    return min(NORMAL_NOISE * normal_noise(surface, source, A), MOST_FEIGNED)
-
-
-def seen_part(form: Float64Array, A: Float64Array, t: Float64Array, model: str, ratio: float) -> Float64Array:
-    """Return the surfaces' form without what noise feigns: directions of weak curvature at (A, t) are taken out of it.
-
-    Features then lead along those directions alone.
-    """
-    J = parameter_jacobian(A, model_number(model))
-    n = J.shape[0]
-    values, vectors = np.linalg.eigh(J.T @ form[:n, :n] @ J)
-    weak = values <= ratio * values[-1]
-    if not weak.any():
-        return form
-    strong = vectors[:, ~weak]
-    keep = J @ strong @ strong.T @ np.linalg.pinv(J)
-    P = np.eye(n + 1)
-    P[:n, :n] = keep
-    P[:n, n] = (np.eye(n) - keep) @ stack(A, t)[:n]
-    return np.asarray(P.T @ form @ P)
-
-
-def surface_variance(surface: Pass, voxel_size: float) -> float:
-    """Return the variance of a residual along the normal, as far as the surfaces are from lying on each other.
-
-    Residuals of nearest pairs are small even far from the solution, where pairs are wrong; the distance between
-    partners in excess of what voxels of this size have anyway tells, and counts along with the residuals' own spread.
-    """
-    if surface.matched == 0.0:
-        return voxel_size**2
-    usual = 0.3 * voxel_size**2
-    excess = max(0.0, float(np.nanmedian(surface.distances2)) - usual)
-    return max(surface.spread**2 + 0.1 * excess, (1e-4 * voxel_size) ** 2)
-
-
 def _run_features(
     features: FeatureTerm,
     A: Float64Array,
@@ -387,12 +169,12 @@ def _run_features(
     settings: LoopSettings,
 ) -> LoopResult:
     settled = False
-    joint = fuse(None, weigh_features(features, A, t), settings.alpha, 0.0)
+    joint = fuse_features(features, A, t)
     for _ in range(settings.max_iterations):
         step = walk(joint.form, A, t, model=model, prior=prior, limits=limits, ratio=settings.observability)
         move = offsets_from(Prior(A, t), step.A, step.t, model)
         A, t = step.A, step.t
-        joint = fuse(None, weigh_features(features, A, t), settings.alpha, 0.0)
+        joint = fuse_features(features, A, t)
         if np.abs(move).max() < settings.tolerance:
             settled = True
             break

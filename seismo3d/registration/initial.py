@@ -10,7 +10,7 @@ from seismo3d.registration import quadratic
 from seismo3d.registration.solvers import Limits, Prior, solve_form
 from seismo3d.registration.terms import FeatureTerm
 
-N_DRAWS = 2000
+N_DRAWS = 10000
 REFITS = 6
 
 

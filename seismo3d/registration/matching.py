@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array
+from seismo3d.geometry._kernels_voxels import AXIS_BITS, AXIS_MASK
 from seismo3d.geometry.voxels import VoxelMap
 from seismo3d.registration import _kernels_form as form_kernels
 from seismo3d.registration import _kernels_match as kernels
@@ -19,7 +20,9 @@ from seismo3d.registration.robust import robust_scale
 MOST_UNKNOWN = 0.02
 """Share of partners without a normal yet up to which a pass counts as it is."""
 PART = 256
-PATCH_LEVELS = 1
+PATCH = 4
+LEAST_SHARE = 1e-4
+"""Share of the curvature that is added to it: a patch that alone tells of a direction must not count for ever."""
 NONE_GIVEN = np.empty(0, dtype=np.int32)
 
 
@@ -183,29 +186,52 @@ def _share_out(run: Callable[[int, int], object], n_parts: int, n_threads: int) 
         other.result()
 
 
-def surface_meat(seen: Pass, source: Float32Array, target: list[VoxelMap], cutoff: float) -> Float64Array:
+def surface_meat(seen: Pass, source: Float32Array, target: VoxelMap, cutoff: float, J: Float64Array) -> Float64Array:
     """Return the covariance of the form's half gradient, from sums of residuals over patches of the target.
 
-    Neighbouring residuals share the noise of target elements and of normals: patches of four voxels' width, two levels
-    up, are taken as independent of each other, single residuals are not.
+    Neighbouring residuals share the noise of target elements and of normals: patches of ``PATCH`` voxels' width are
+    taken as independent of each other, single residuals are not.
+
+    Parameters
+    ----------
+    seen : Pass
+    source : ndarray of shape (n, 8), float32
+        The elements of that pass.
+    target : VoxelMap
+    cutoff : float
+        Of that pass.
+    J : ndarray of shape (d(d+1), m), float64
+        From the model's parameters to [vec(A); t].
+
+    Returns
+    -------
+    ndarray of the form's shape
     """
-    level = target[0]
-    clusters = np.arange(len(level.keys), dtype=np.int32)
-    n_clusters = len(clusters)
-    for finer, coarser in pairwise(target[: PATCH_LEVELS + 1]):
-        if finer.parents is not None:
-            clusters = finer.parents[clusters]
-            n_clusters = len(coarser.keys)
-    return np.asarray(
-        kernels.clustered_scores(
-            source,
-            level.surface,
-            seen.residuals,
-            seen.partners,
-            seen.normals,
-            cutoff,
-            clusters,
-            n_clusters,
-            level.dim,
-        )
+    clusters = _patches(target, seen.partners)
+    n, m = J.shape
+    curvature = J.T @ seen.form[:n, :n] @ J
+    ridge = LEAST_SHARE * float(np.trace(curvature))
+    meat = kernels.clustered_scores(
+        source,
+        target.surface,
+        seen.residuals,
+        seen.partners,
+        seen.normals,
+        cutoff,
+        clusters,
+        int(clusters.max()) + 1,
+        J,
+        np.asarray(np.linalg.inv(curvature + ridge * np.eye(m)), dtype=np.float64),
     )
+    back = np.linalg.pinv(J)
+    out = np.zeros_like(seen.form)
+    out[:n, :n] = back.T @ meat @ back
+    return out
+
+
+def _patches(target: VoxelMap, partners: Int32Array) -> Int32Array:
+    """Return the number of the patch that each partner lies in; 0 where there is none."""
+    keys = target.keys[partners]
+    x, y, z = keys >> (2 * AXIS_BITS), (keys >> AXIS_BITS) & AXIS_MASK, keys & AXIS_MASK
+    patches = ((x // PATCH) << (2 * AXIS_BITS)) | ((y // PATCH) << AXIS_BITS) | (z // PATCH)
+    return np.unique(patches, return_inverse=True)[1].astype(np.int32)

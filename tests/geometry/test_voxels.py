@@ -39,6 +39,7 @@ def test_moments_on_every_level_are_the_sums_of_the_points(rng):
 def test_nearest_voxel_is_the_nearest_within_a_cell(d, rng):
     points = rng.uniform(-1, 1, size=(1500, d))
     level = make_levels(points, 0.1, 1)[0]
+    kernels.centroids_only(level.moments, 0.0, level.surface)  # each in its own cell
     centroids = level.surface[:, :d].astype(np.float64)
     for place in rng.uniform(-1, 1, size=(300, d)):
         x, y, z = (*place, 0.0)[:3]
@@ -93,3 +94,37 @@ def test_refusals(rng):
         downsample_points(np.zeros((0, 3)), 1.0)
     with pytest.raises(GeometryError, match="more than 3"):
         estimate_normals(rng.normal(size=(3, 3)))
+
+
+def test_a_noisy_wall_along_the_grid_keeps_its_place(rng):
+    p = np.column_stack([0.01 * rng.normal(size=20000), rng.uniform(0, 1, size=(20000, 2))])
+    level = voxel_levels(p, center=np.zeros(3), factor=1.0, voxel_size=0.03, n_levels=3, low=p.min(axis=0))[0]
+    assert len(level.keys) > 2 * (1 / 0.03) ** 2  # the wall fills more than one layer
+    own = level.moments[:, 1] / level.moments[:, 0]
+    weights = level.surface[:, 7].astype(float)
+    assert abs(weights @ own / weights.sum()) > 0.0008  # the layers' own centroids are drawn aside
+    assert abs(weights @ level.surface[:, 0].astype(float) / weights.sum()) < 0.0004
+
+
+def test_joined_layers_equal_numpy_and_leave_other_surfaces_alone(rng):
+    def sheets(gap):
+        p = np.column_stack([rng.uniform(0, 1, size=(6000, 2)), 0.1 + 0.005 * rng.normal(size=6000)])
+        p[::2, 2] += gap
+        return p
+
+    p = sheets(0.04)
+    level = voxel_levels(p, center=np.zeros(3), factor=1.0, voxel_size=0.05, n_levels=1, low=p.min(axis=0))[0]
+    number = {int(key): k for k, key in enumerate(level.keys)}
+    counts, centres = level.moments[:, 0], level.moments[:, 1:4] / level.moments[:, :1]
+    for k, (key, element) in enumerate(zip(level.keys, level.surface.astype(float))):
+        normal = element[4:7]
+        step = (1 << 42, 1 << 21, 1)[int(np.argmax(np.abs(normal)))]
+        rows = [k] + [number[other] for other in (int(key) - step, int(key) + step) if other in number]
+        gaps = (centres[rows] - centres[k]) @ normal
+        near = np.abs(gaps) < 0.75 * level.size
+        along = (counts[rows] * gaps)[near].sum() / counts[rows][near].sum()
+        np.testing.assert_allclose(element[:3], centres[k] + along * normal, atol=1e-6)
+    p = sheets(0.2)
+    level = voxel_levels(p, center=np.zeros(3), factor=1.0, voxel_size=0.05, n_levels=1, low=p.min(axis=0))[0]
+    z = level.surface[level.moments[:, 0] > 5, 2]
+    assert np.minimum(np.abs(z - 0.1), np.abs(z - 0.3)).max() < 0.01

@@ -7,9 +7,10 @@ import pytest
 
 from seismo3d.geometry.rotations import exp_rotation, make_transform, transform_points
 from seismo3d.geometry.voxels import voxel_levels
+from seismo3d.registration._kernels_newton import parameter_jacobian
 from seismo3d.registration.acceleration import Accelerator
 from seismo3d.registration.initial import poses_by_features
-from seismo3d.registration.matching import match_surface
+from seismo3d.registration.matching import PATCH, match_surface, surface_meat
 from seismo3d.registration.quadratic import plane_form
 from seismo3d.registration.robust import TUKEY, robust_scale, tukey_weights
 from seismo3d.registration.terms import FeatureTerm
@@ -53,6 +54,31 @@ def test_pass_does_not_depend_on_threads(rng):
     ]
     np.testing.assert_array_equal(runs[0], runs[1])
     np.testing.assert_array_equal(runs[0], runs[2])
+
+
+def test_meat_equals_numpy(rng):
+    target, source = ellipsoid_levels(rng, 8000)[0], ellipsoid_levels(rng, 8000)[0]
+    A, t, cutoff = exp_rotation([0.02, 0.01, -0.02]), np.full(3, 0.01), 0.03
+    seen = match_surface(source.surface, target, A, t, radius=0.06, cutoff=cutoff)
+    J = parameter_jacobian(A, 1)
+    found = J.T @ surface_meat(seen, source.surface, target, cutoff, J)[:12, :12] @ J
+    used = np.flatnonzero(np.abs(seen.residuals) < cutoff)
+    partners = target.surface[seen.partners[used]].astype(np.float64)
+    places = np.column_stack([source.surface[used, :3].astype(np.float64), np.ones(len(used))])
+    rows = np.einsum("ni,nj->nij", places, seen.normals[used]).reshape(len(used), 12) @ J
+    quality = np.where(partners[:, 3] > 0, partners[:, 3], source.surface[used, 3])
+    weights = quality * partners[:, 7] * source.surface[used, 7] * tukey_weights(seen.residuals[used], cutoff)
+    H = rows.T @ (rows * weights[:, None])
+    keys = target.keys[seen.partners[used]]
+    patches = np.stack([keys >> 42, keys >> 21 & 0x1FFFFF, keys & 0x1FFFFF], axis=1) // PATCH
+    owner = np.unique(patches, axis=0, return_inverse=True)[1]
+    meat = np.zeros((6, 6))
+    for k in range(owner.max() + 1):
+        own, w = rows[owner == k], weights[owner == k]
+        without = np.eye(6) - own.T @ (own * w[:, None]) @ np.linalg.inv(H)
+        score = np.linalg.solve(without, own.T @ (w * seen.residuals[used][owner == k]))
+        meat += np.outer(score, score)
+    np.testing.assert_allclose(found, meat, atol=0.01 * np.abs(meat).max())  # the curvature has a small share added
 
 
 def test_tukey_weights_vanish_from_the_cutoff_on():

@@ -9,8 +9,8 @@ import seismo3d
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.rotations import exp_rotation, make_transform, random_rotation, rotation_angle, transform_points
 from seismo3d.registration.constraints import Constraints
-from seismo3d.registration.icp import LoopSettings
 from seismo3d.registration.register import register
+from seismo3d.registration.settings import LoopSettings
 from seismo3d.scan import Scan
 
 SMALL = make_transform(exp_rotation([0.05, -0.08, 0.1]), [0.05, -0.03, 0.04])

@@ -12,7 +12,7 @@ PROGRAM = """
 import numpy as np
 from seismo3d.geometry.rotations import exp_rotation
 from seismo3d.registration.align import align_pairs
-from seismo3d.registration.icp import LoopSettings
+from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.register import register
 
 rng = np.random.default_rng(3)

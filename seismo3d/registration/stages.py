@@ -1,0 +1,198 @@
+"""The stages of a registration: the local loop, what matched rasters lead to, the search over poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from seismo3d._typing import Float64Array
+from seismo3d.registration.dense import DensePair
+from seismo3d.registration.feature_pairs import feature_term
+from seismo3d.registration.icp import LoopResult, run_levels
+from seismo3d.registration.initial import poses_by_features
+from seismo3d.registration.matching import match_surface
+from seismo3d.registration.projective import PixelTable
+from seismo3d.registration.raster_matches import match_rasters
+from seismo3d.registration.settings import LoopSettings
+from seismo3d.registration.shape_matches import poses_by_shape
+from seismo3d.registration.solvers import Limits, Prior
+from seismo3d.registration.terms import FeatureTerm
+from seismo3d.scan import Scan
+
+GOOD_OVERLAP = 0.8
+"""Overlap from which the local answer is taken without a global search."""
+N_POSES = 24
+N_FINALISTS = 4
+LEAST_AGREEING = 4
+"""Features that must agree with a pose for it to lead."""
+MANY_AGREEING = 20
+MOST_AGREE = 0.5
+"""Number and share of features that must agree for no other start to be tried, and no search to be made."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """All that the stages share."""
+
+    target: Scan
+    source: Scan
+    pair: DensePair
+    features: FeatureTerm | None
+    prior: Prior
+    limits: Limits
+    model: str
+    settings: LoopSettings
+    tables: list[PixelTable] | None = None
+
+
+def overlap_of(found: LoopResult) -> float:
+    """Return the share of source elements that lie on the target at the end of the loop."""
+    surface = found.joint.surface
+    if surface is None:
+        return 1.0
+    return float(np.count_nonzero(np.abs(surface.residuals) < found.cutoff)) / len(surface.residuals)
+
+
+def is_sure(task: Task, found: LoopResult) -> bool:
+    """Return whether an answer's overlap is good, or many features confirm it: nothing further is searched for then."""
+    if overlap_of(found) >= GOOD_OVERLAP:
+        return True
+    if task.features is None:
+        return False
+    agree = len(task.features.agreeing(found.A, found.t, _feature_reach(task.pair)).target)
+    return agree >= MANY_AGREEING and agree >= MOST_AGREE * len(task.features.target)
+
+
+def run(task: Task, start: Prior) -> LoopResult:
+    """Run the loop on all levels."""
+    return run_levels(
+        task.pair.target,
+        task.pair.source,
+        task.features,
+        start=start,
+        prior=task.prior,
+        limits=task.limits,
+        model=task.model,
+        settings=task.settings,
+        tables=task.tables,
+    )
+
+
+def run_local(task: Task, start: Prior) -> LoopResult:
+    """Run the loop from where most features agree, if many do; else from the start too, and keep the better answer."""
+    if task.features is None:
+        return run(task, start)
+    reach = _feature_reach(task.pair)
+    led: list[LoopResult] = []
+    for A, t in poses_by_features(task.features, n_poses=4, reach=reach):
+        agree = task.features.agreeing(A, t, 2.0 * reach)
+        share = len(agree.target) / len(task.features.target)
+        if len(agree.target) < LEAST_AGREEING:
+            continue
+        with_these = replace(task, features=agree, settings=replace(task.settings, wide_search=False))
+        led.append(run(with_these, Prior(A * scale_of(task.prior.A), t)))
+        if len(agree.target) >= MANY_AGREEING and share >= MOST_AGREE:
+            return led[-1]
+    return min([*led, run(task, start)], key=lambda found: _joint_cost(task, found))
+
+
+def _feature_reach(pair: DensePair) -> float:
+    """Return the distance in the frame up to which a feature agrees with a pose."""
+    return max(0.05, 1.5 * pair.target[0].size)
+
+
+def _joint_cost(task: Task, found: LoopResult) -> float:
+    """Return the surfaces' robust cost plus the share of features that disagree."""
+    cost = _cost(task, found, _middle_level(task.pair))
+    if task.features is None:
+        return cost
+    agree = task.features.agreeing(found.A, found.t, _feature_reach(task.pair))
+    return cost + 1.0 - len(agree.target) / len(task.features.target)
+
+
+def led_by_rasters(task: Task, first: Prior, found: LoopResult, stage: str) -> tuple[Task, LoopResult, str]:
+    """Match the grids that the scans were made from, where no matches were given; keep them where they lead further."""
+    matches = match_rasters(task.target, task.source) if task.features is None else None
+    if matches is None or len(matches) < LEAST_AGREEING:
+        return task, found, stage
+    floor = 0.05 * task.pair.voxel_size
+    led = replace(task, features=feature_term(matches, task.target, task.source, task.pair.frame, floor))
+    if led.features is None:
+        return task, found, stage
+    answer = run_local(led, first)
+    if _joint_cost(led, answer) < _joint_cost(led, found) - 1e-3:
+        return led, answer, "global"
+    return task, found, stage
+
+
+def search(task: Task, found: LoopResult, stage: str) -> tuple[LoopResult, str]:
+    """Try poses from features or shape; keep the answer with the lowest cost on a middle level."""
+    pair, settings = task.pair, task.settings
+    level = _middle_level(pair)
+    rough = level + 1 if level + 1 < len(pair.target) else level
+    poses: list[tuple[Float64Array, Float64Array]] = []
+    poses += poses_by_shape(pair.target[level], pair.source[level], n_poses=N_POSES)
+    quick = replace(settings, max_iterations=12, wide_search=False)
+    ranked: list[tuple[float, int, LoopResult]] = []
+    for A, t in poses:
+        trial = run_levels(
+            pair.target[rough : rough + 1],
+            pair.source[rough : rough + 1],
+            task.features,
+            start=Prior(A * scale_of(task.prior.A), t),
+            prior=task.prior,
+            limits=task.limits,
+            model=task.model,
+            settings=quick,
+        )
+        ranked.append((_cost(task, trial, rough), len(ranked), trial))
+    ranked.sort(key=lambda item: item[:2])
+    best, best_cost = found, _joint_cost(task, found)
+    below = replace(settings, wide_search=False)
+    for _, _, trial in ranked[:N_FINALISTS]:
+        finished = run_levels(
+            pair.target[: rough + 1],
+            pair.source[: rough + 1],
+            task.features,
+            start=Prior(trial.A, trial.t),
+            prior=task.prior,
+            limits=task.limits,
+            model=task.model,
+            settings=below,
+        )
+        cost = _joint_cost(task, finished)
+        if cost < best_cost - 1e-3:
+            best, best_cost, stage = finished, cost, "global"
+    return best, stage
+
+
+def scale_of(A: Float64Array) -> Float64Array:
+    """Return the lengths of the columns."""
+    return np.asarray(np.linalg.norm(A, axis=0))
+
+
+def _middle_level(pair: DensePair) -> int:
+    """Return the finest level with at most 2500 elements in the larger scan."""
+    for level, (q, p) in enumerate(zip(pair.target, pair.source)):
+        if max(len(q.surface), len(p.surface)) <= 2500:
+            return level
+    return len(pair.target) - 1
+
+
+def _cost(task: Task, found: LoopResult, level: int) -> float:
+    """Return the robust cost of an answer on a level, by the same measure for all answers."""
+    target = task.pair.target[level]
+    both = []
+    for q, p, A, t in (
+        (target, task.pair.source[level], found.A, found.t),
+        (task.pair.source[level], target, *_inverse(found.A, found.t)),
+    ):
+        seen = match_surface(p.surface, q, A, t, radius=q.size, cutoff=0.5 * q.size, n_threads=task.settings.n_threads)
+        both.append(seen.cost)
+    return min(both)
+
+
+def _inverse(A: Float64Array, t: Float64Array) -> tuple[Float64Array, Float64Array]:
+    back = np.linalg.inv(A)
+    return np.ascontiguousarray(back), -back @ t

@@ -1,0 +1,114 @@
+"""Which directions surfaces do not see, told apart from what noise feigns by comparing levels.
+
+Noise makes the normals of a plane waver, and wavering normals seem to hold what slides along it. Coarser voxels take
+their normals from more points, so that feigned curvature shrinks from level to level; real curvature stays. Directions
+that noise may have feigned on a level are seen where the harmonic mean of their curvature over it and the coarser
+levels, which the level that sees least rules, is more than noise can feign on the best of them, or where it is about
+the same on all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import Float32Array, Float64Array
+from seismo3d.registration._kernels_newton import parameter_jacobian, weakest_share
+from seismo3d.registration.constraints import model_number
+from seismo3d.registration.matching import Pass
+from seismo3d.registration.quadratic import stack
+
+NORMAL_NOISE = 3.0
+"""Curvature that noise of the normals feigns, in medians of the squared sine between matched normals."""
+MOST_FEIGNED = 0.004
+"""Most that one level is believed of it: far from the solution normals differ because pairs are wrong."""
+DOUBTFUL = 0.04
+"""Most of it where coarser levels are asked too."""
+LEAST_REAL = 5e-4
+"""Curvature, as a share of the largest, that edges and corners feign in coarse voxels even without noise."""
+STEADY = 0.7
+"""Share of a level's curvature that the mean over it and coarser levels has where noise feigns none."""
+LEAST_CURVATURE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """A pass over one level and the source elements that it matched."""
+
+    surface: Pass
+    source: Float32Array
+
+
+def is_weak(surface: Pass, A: Float64Array, model: str) -> bool:
+    """Return whether there are directions that noise may have feigned."""
+    return surface.weight > 0.0 and weakest_share(surface.form, A, model_number(model)) < DOUBTFUL
+
+
+def unseen_directions(looks: list[Look], A: Float64Array, model: str) -> Float64Array:
+    """Return the directions of the parameters that the surfaces do not see.
+
+    Parameters
+    ----------
+    looks : list of Look
+        At one transform, the level in question first, then coarser ones.
+    A : ndarray of shape (d, d), float64
+    model : str
+
+    Returns
+    -------
+    ndarray of shape (m, k), float64
+        Orthonormal columns.
+    """
+    noise = [NORMAL_NOISE * normal_noise(look.surface, look.source, A) for look in looks]
+    shares = [_curvature_shares(look.surface.form, A, model) for look in looks]
+    values, vectors = np.linalg.eigh(shares[0])
+    doubtful = vectors[:, values <= min(noise[0], MOST_FEIGNED if len(looks) == 1 else DOUBTFUL)]
+    if doubtful.shape[1] == 0 or len(looks) == 1:
+        return doubtful
+    least = LEAST_CURVATURE * np.eye(doubtful.shape[1])
+    inverses = [np.linalg.inv(doubtful.T @ share @ doubtful + least) for share in shares]
+    agreed, turn = np.linalg.eigh(np.linalg.inv(np.mean(inverses, axis=0)))
+    own = np.einsum("ik,ij,jk->k", doubtful @ turn, shares[0], doubtful @ turn)
+    sure = (agreed > min(MOST_FEIGNED, *noise)) | (agreed > STEADY * own)
+    return np.asarray(doubtful @ turn[:, ~sure | (agreed <= LEAST_REAL)])
+
+
+def weak_directions(surface: Pass, A: Float64Array, model: str, ratio: float) -> Float64Array:
+    """Return the directions whose curvature is at most a share of the largest; shape (m, k)."""
+    values, vectors = np.linalg.eigh(_curvature_shares(surface.form, A, model))
+    return np.asarray(vectors[:, values <= ratio])
+
+
+def without(form: Float64Array, A: Float64Array, t: Float64Array, model: str, unseen: Float64Array) -> Float64Array:
+    """Return a form that does not change along some directions (columns) at (A, t)."""
+    J = parameter_jacobian(A, model_number(model))
+    n, m = J.shape
+    keep = J @ (np.eye(m) - unseen @ unseen.T) @ np.linalg.pinv(J)
+    P = np.eye(n + 1)
+    P[:n, :n] = keep
+    P[:n, n] = (np.eye(n) - keep) @ stack(A, t)[:n]
+    return np.asarray(P.T @ form @ P)
+
+
+def normal_noise(surface: Pass, source: Float32Array, A: Float64Array) -> float:
+    """Return the median squared sine of the angle between matched normals: information that noise feigns.
+
+    A plane with noisy normals seems to hold what slides along it, by as much as its normals waver.
+    """
+    d = A.shape[0]
+    turned = source[:, 4 : 4 + d] @ A.T.astype(np.float32)
+    length2 = (turned * turned).sum(axis=1)
+    usable = np.isfinite(surface.residuals) & (length2 > 0.0)
+    if not usable.any():
+        return 0.0
+    cosine = (turned[usable] * surface.normals[usable, :d]).sum(axis=1)
+    return float(np.median(np.maximum(0.0, 1.0 - cosine * cosine / length2[usable])))
+
+
+def _curvature_shares(form: Float64Array, A: Float64Array, model: str) -> Float64Array:
+    """Return the curvature by the parameters, in shares of its largest eigenvalue."""
+    J = parameter_jacobian(A, model_number(model))
+    n = J.shape[0]
+    curvature = J.T @ form[:n, :n] @ J
+    return np.asarray(curvature / max(float(np.linalg.eigvalsh(curvature)[-1]), 1e-300))
