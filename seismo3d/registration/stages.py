@@ -103,12 +103,17 @@ def _feature_reach(pair: DensePair) -> float:
 
 
 def _joint_cost(task: Task, found: LoopResult) -> float:
-    """Return the surfaces' robust cost plus the share of features that disagree."""
+    """Return the surfaces' robust cost, plus the share of features that disagree, plus what is missing of many.
+
+    A handful of features agrees with any pose by chance, many do not: where most matches are wrong, the share alone
+    would leave the choice to surfaces that fit as well upside down.
+    """
     cost = _cost(task, found, _middle_level(task.pair))
     if task.features is None:
         return cost
-    agree = task.features.agreeing(found.A, found.t, _feature_reach(task.pair))
-    return cost + 1.0 - len(agree.target) / len(task.features.target)
+    n_all = len(task.features.target)
+    n_agree = len(task.features.agreeing(found.A, found.t, _feature_reach(task.pair)).target)
+    return cost + 1.0 - n_agree / n_all + 1.0 - min(1.0, n_agree / min(MANY_AGREEING, n_all))
 
 
 def led_by_rasters(task: Task, first: Prior, found: LoopResult, stage: str) -> tuple[Task, LoopResult, str]:
