@@ -258,4 +258,8 @@ def _nodes(sheet: Sheet) -> Float64Array:
 
 
 def _within(tree: cKDTree, nodes: Float64Array, distance: float) -> BoolArray:
+    """Tell which nodes lie within a distance of those of a tree; boxes that are apart are not searched."""
+    apart = (nodes.min(axis=0) > tree.maxes + distance) | (nodes.max(axis=0) < tree.mins - distance)
+    if apart.any():
+        return np.zeros(len(nodes), bool)
     return np.asarray(tree.query(nodes, distance_upper_bound=distance)[0] < np.inf)
