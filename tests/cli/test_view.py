@@ -21,7 +21,20 @@ def cube(tmp_path, rng):
 
 def start(*words, cwd):
     command = [sys.executable, "-m", "seismo3d", "view", *map(str, words)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd, env=_env())
+    # a shell's background jobs ignore interrupts, and so would what they start
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=cwd,
+        env=_env(),
+        preexec_fn=_may_stop,  # noqa: PLW1509 - nothing else of this process runs in between
+    )
+
+
+def _may_stop():
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _env():
