@@ -46,7 +46,7 @@ def survey(points: Float64Array, out: Float64Array) -> bool:
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _slot(key: Any, shift: int) -> Any:
+def slot(key: Any, shift: int) -> Any:
     """First place of a key in a table of 2^(64 - shift) places; four voxels along the last axis lie side by side."""
     return (np.int64((np.uint64(key >> 2) * _GOLDEN) >> np.uint64(shift)) & ~3) | (key & 3)
 
@@ -55,7 +55,7 @@ def _slot(key: Any, shift: int) -> Any:
 def find(key: Any, table_keys: Int64Array, table: Int32Array, shift: int) -> int:
     """Return the number of the voxel with a key, or -1."""
     mask = table.shape[0] - 1
-    place = _slot(key, shift)
+    place = slot(key, shift)
     while True:
         number = table[place]
         if number < 0:
@@ -76,7 +76,7 @@ def make_table(keys: Int64Array) -> tuple[Int64Array, Int32Array, int]:
     mask = (1 << bits) - 1
     shift = 64 - bits
     for i in range(keys.shape[0]):
-        place = _slot(keys[i], shift)
+        place = slot(keys[i], shift)
         while table[place] >= 0:
             place = (place + 1) & mask
         table[place] = i
@@ -122,12 +122,12 @@ def voxelise(
             table = np.full(1 << bits, -1, dtype=np.int32)
             table_keys = np.empty(1 << bits, dtype=np.int64)
             for other in range(count):
-                place = _slot(keys[other], shift)
+                place = slot(keys[other], shift)
                 while table[place] >= 0:
                     place = (place + 1) & mask
                 table[place] = other
                 table_keys[place] = keys[other]
-        place = _slot(key, shift)
+        place = slot(key, shift)
         while True:
             number = table[place]
             if number < 0:
@@ -182,7 +182,7 @@ def coarsen(keys: Int64Array, moments: Float64Array) -> tuple[Int64Array, Float6
         key = keys[i]
         x, y, z = key >> (2 * AXIS_BITS), (key >> AXIS_BITS) & AXIS_MASK, key & AXIS_MASK
         key = ((x >> 1) << (2 * AXIS_BITS)) | ((y >> 1) << AXIS_BITS) | (z >> 1)
-        place = _slot(key, shift)
+        place = slot(key, shift)
         while True:
             number = table[place]
             if number < 0:

@@ -14,44 +14,23 @@ import numba as nb
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
+from seismo3d.geometry._kernels_voxels import AXIS_BITS, AXIS_MASK, find, slot
 
 SIDE = 8
 HALF_RANGE = 1 << 20
-_BITS = 21
-_MASK = (1 << _BITS) - 1
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
 def pack(x: Any, y: Any, z: Any) -> Any:
     """Key of a block by its coordinates."""
-    return ((x + HALF_RANGE) << (2 * _BITS)) | ((y + HALF_RANGE) << _BITS) | (z + HALF_RANGE)
-
-
-@nb.njit(cache=True, nogil=True, inline="always")
-def _place(key: Any, shift: int) -> Any:
-    return np.int64((np.uint64(key) * _GOLDEN) >> np.uint64(shift))
-
-
-@nb.njit(cache=True, nogil=True)
-def find_block(key: Any, table_keys: Int64Array, table: Int32Array, shift: int) -> int:
-    """Return the number of the block with a key, or -1."""
-    mask = table.shape[0] - 1
-    place = _place(key, shift)
-    while True:
-        number = table[place]
-        if number < 0:
-            return -1
-        if table_keys[place] == key:
-            return number
-        place = (place + 1) & mask
+    return ((x + HALF_RANGE) << (2 * AXIS_BITS)) | ((y + HALF_RANGE) << AXIS_BITS) | (z + HALF_RANGE)
 
 
 @nb.njit(cache=True, nogil=True)
 def insert_block(key: Any, number: int, table_keys: Int64Array, table: Int32Array, shift: int) -> bool:
     """Enter a block under a number; return whether it was not there."""
     mask = table.shape[0] - 1
-    place = _place(key, shift)
+    place = slot(key, shift)
     while table[place] >= 0:
         if table_keys[place] == key:
             return False
@@ -76,7 +55,7 @@ def enter_keys(
         if insert_block(keys[i], count, table_keys, table, shift):
             held[count] = keys[i]
             count += 1
-        numbers[i] = find_block(keys[i], table_keys, table, shift)
+        numbers[i] = find(keys[i], table_keys, table, shift)
     return count
 
 
@@ -92,9 +71,9 @@ def unpack(keys: Int64Array) -> Int32Array:
     """Block coordinates (n, 3) of keys."""
     out = np.empty((keys.shape[0], 3), dtype=np.int32)
     for i in range(keys.shape[0]):
-        out[i, 0] = (keys[i] >> (2 * _BITS)) - HALF_RANGE
-        out[i, 1] = ((keys[i] >> _BITS) & _MASK) - HALF_RANGE
-        out[i, 2] = (keys[i] & _MASK) - HALF_RANGE
+        out[i, 0] = (keys[i] >> (2 * AXIS_BITS)) - HALF_RANGE
+        out[i, 1] = ((keys[i] >> AXIS_BITS) & AXIS_MASK) - HALF_RANGE
+        out[i, 2] = (keys[i] & AXIS_MASK) - HALF_RANGE
     return out
 
 

@@ -9,7 +9,8 @@ import numba as nb
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
-from seismo3d.robot._kernels_blocks import SIDE, find_block, pack
+from seismo3d.geometry._kernels_voxels import find
+from seismo3d.robot._kernels_blocks import SIDE, pack
 
 
 @nb.njit(cache=True, nogil=True)
@@ -48,7 +49,7 @@ def _voxel(
     shift: int,
 ) -> float:
     """Return the distance at a voxel, NaN where it is not known."""
-    number = find_block(pack(i >> 3, j >> 3, k >> 3), table_keys, table, shift)
+    number = find(pack(i >> 3, j >> 3, k >> 3), table_keys, table, shift)
     if number < 0:
         return np.nan
     index = ((i & 7) * SIDE + (j & 7)) * SIDE + (k & 7)
@@ -72,7 +73,7 @@ def sample_cell(
     fx, fy, fz = x - i0, y - j0, z - k0
     i, j, k = np.int64(i0), np.int64(j0), np.int64(k0)
     if (i & 7) < 7 and (j & 7) < 7 and (k & 7) < 7:
-        number = find_block(pack(i >> 3, j >> 3, k >> 3), table_keys, table, shift)
+        number = find(pack(i >> 3, j >> 3, k >> 3), table_keys, table, shift)
         if number < 0:
             return False
         at = ((i & 7) * SIDE + (j & 7)) * SIDE + (k & 7)
@@ -156,7 +157,7 @@ def cast_rows(
                 i, j, k = np.int64(math.floor(x + 0.5)), np.int64(math.floor(y + 0.5)), np.int64(math.floor(z + 0.5))
                 key = pack(i >> 3, j >> 3, k >> 3)
                 if key != last:
-                    number = find_block(key, table_keys, table, shift)
+                    number = find(key, table_keys, table, shift)
                     last = key
                 if number < 0:
                     before = np.nan

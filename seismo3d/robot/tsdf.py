@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
+from seismo3d.geometry._kernels_voxels import find
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import _kernels_blocks as blocks
 from seismo3d.robot import _kernels_raycast as rays
@@ -104,7 +105,7 @@ class SurfaceMap:
     def block_at(self, coordinates: Int32Array) -> int:
         """Return the number of the block at block coordinates (3,), or -1."""
         x, y, z = (int(c) for c in coordinates)
-        return int(blocks.find_block(blocks.pack(x, y, z), self._table_keys, self._table, self._shift))
+        return int(find(blocks.pack(x, y, z), self._table_keys, self._table, self._shift))
 
     def fuse(
         self,

@@ -8,9 +8,9 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from seismo3d.graph.scalars import ScalarEdges
-from seismo3d.seismic._kernels_cuts import cut_lines, match_sides, read_side
+from seismo3d.seismic._kernels_cuts import cross_edges, match_sides, read_side
 from seismo3d.seismic.faultset import FaultSurface
 
 
@@ -76,6 +76,14 @@ class SurfaceGrid:
         flat = s[..., None] * along + w[..., None] * self.across
         return np.concatenate([flat, (np.asarray(samples) + self.first[1])[..., None]], axis=-1)
 
+    def triangulate(self) -> tuple[Float64Array, Int64Array]:
+        """(inline, crossline, sample) of every node, NaN off the grid, and two triangles for each of its cells."""
+        rows, samples = np.meshgrid(*(np.arange(n) for n in self.w.shape), indexing="ij")
+        numbers = np.arange(self.w.size).reshape(self.w.shape)
+        a, b, c, d = (n.ravel() for n in (numbers[:-1, :-1], numbers[1:, :-1], numbers[:-1, 1:], numbers[1:, 1:]))
+        cells = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
+        return self.place(rows.ravel(), samples.ravel()), cells
+
 
 def grid_surface(surface: FaultSurface, *, beyond: int = 6) -> SurfaceGrid:
     """Lay a surface out on a grid, one node a trace along strike and a sample down."""
@@ -120,16 +128,46 @@ def _nearest_known(values: Float64Array, places: Float64Array, at: Float64Array)
 
 
 def cut_grid(grid: SurfaceGrid, cuts: AnyArray) -> None:
-    """Mark, in place, the grid lines of a cube that the surface, carried on beyond its edge, crosses."""
-    rows, samples = np.meshgrid(*(np.arange(n) for n in grid.w.shape), indexing="ij")
-    numbers = np.arange(grid.w.size).reshape(grid.w.shape)
-    corners = [numbers[:-1, :-1], numbers[1:, :-1], numbers[:-1, 1:], numbers[1:, 1:]]
-    a, b, c, d = (corner.ravel() for corner in corners)
-    cells = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
-    vertices = grid.place(rows.ravel(), samples.ravel())
+    """Set bit `axis` of every voxel between which and the next the surface, carried on beyond its edge, passes."""
+    vertices, cells = grid.triangulate()
     cells = cells[np.isfinite(vertices[cells]).all(axis=(1, 2))]
-    for axis in range(3):
-        cut_lines(vertices, cells, axis, cuts)
+    edges, _ = find_crossings(vertices, np.empty((len(vertices), 0)), cells, cuts.shape)
+    axis, voxel = np.divmod(edges, cuts.size)
+    np.bitwise_or.at(cuts.reshape(-1), voxel, np.left_shift(1, axis).astype(cuts.dtype))
+
+
+def find_crossings(
+    vertices: Float64Array, values: Float64Array, cells: Int64Array, shape: tuple[int, ...]
+) -> tuple[Int64Array, Float64Array]:
+    """Find the edges of a grid that triangles cross, and the values there, with the sign of the crossing.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (n, 3), float64
+        In the grid's indices.
+    values : ndarray of shape (n, m), float64
+        What is known at them.
+    cells : ndarray of shape (k, 3), int64
+        Triangles.
+    shape : tuple of int
+        The grid's.
+
+    Returns
+    -------
+    edges : ndarray of shape (e,), int64
+        ``axis * size + voxel`` for the edge from a voxel to the next along an axis; each once, increasing.
+    found : ndarray of shape (e, m), float64
+        Of the first triangle that crosses the edge.
+    """
+    room = 8 * len(cells) + 64
+    while True:
+        edges, found = np.empty(room, np.int64), np.empty((room, values.shape[1]))
+        count = cross_edges(vertices, values, cells, np.array(shape), edges, found)
+        if count <= room:
+            break
+        room = count
+    unique, first = np.unique(edges[:count], return_index=True)
+    return unique, found[first]
 
 
 def match_grid(

@@ -11,8 +11,7 @@ from scipy import fft, ndimage
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import ShapeError
-from seismo3d.seismic._kernels_unfaulting import cross_edges
-from seismo3d.seismic.fault_links import SurfaceGrid, grid_surface
+from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_surface
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 
 # traces and samples from the cube's end within which a fault that ends there is taken to leave the cube
@@ -200,12 +199,8 @@ def _lay_out(surface: FaultSurface, shape: tuple[int, ...], settings: UnfaultSet
     grid = grid_surface(surface, beyond=settings.beyond)
     if not np.isfinite(grid.throw).any():
         return None
-    rows, samples = np.meshgrid(*(np.arange(n) for n in grid.w.shape), indexing="ij")
-    nodes = grid.place(rows.ravel(), samples.ravel())
+    nodes, cells = grid.triangulate()
     slip, normals = _slip_of(grid, _from_tip(grid, nodes, shape), settings)
-    numbers = np.arange(grid.w.size).reshape(grid.w.shape)
-    a, b, c, d = (n.ravel() for n in (numbers[:-1, :-1], numbers[1:, :-1], numbers[:-1, 1:], numbers[1:, 1:]))
-    cells = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
     usable: BoolArray = np.asarray(np.isfinite(nodes).all(axis=1) & np.isfinite(slip).all(axis=1))
     cells = cells[usable[cells].all(axis=1)]
     used, numbered = np.unique(cells, return_inverse=True)
@@ -255,15 +250,7 @@ def _jumps(sheet: _SlipSheet, places: Float64Array, shape: tuple[int, ...]) -> t
     # triangles must turn about the normal into the hanging wall, and not over where a round has crumpled them
     turned = (normals * sheet.normals[sheet.cells].mean(axis=1)).sum(axis=1) < 0
     cells = np.where(turned[:, None], sheet.cells[:, ::-1], sheet.cells)
-    room = 8 * len(cells) + 64
-    while True:
-        edges, found = np.empty(room, np.int64), np.empty((room, 3))
-        count = cross_edges(places, sheet.slip, cells, np.array(shape), edges, found)
-        if count <= room:
-            break
-        room = count
-    unique, first = np.unique(edges[:count], return_index=True)
-    return unique, found[first]
+    return find_crossings(places, sheet.slip, cells, shape)
 
 
 def _join(parts: list[tuple[Int64Array, Float64Array]]) -> tuple[Int64Array, Float64Array]:

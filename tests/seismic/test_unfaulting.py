@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from seismo3d.errors import ShapeError
 from seismo3d.plot import unfaulted_section
-from seismo3d.seismic._kernels_unfaulting import cross_edges
+from seismo3d.seismic._kernels_cuts import cross_edges
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.unfaulting import UnfaultSettings, _lay_out, find_slip_field, unfault
 
