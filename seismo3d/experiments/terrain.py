@@ -127,19 +127,24 @@ def report_points(folder: Path) -> None:
     from seismo3d.registration.register import register as register_scans
 
     rng = np.random.default_rng(0)
+    angle = np.radians(5.0)
+    R = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    t = np.array([8.0, -5.0, 3.0])
     for name in ("samp11-utm", "samp53-utm", "FSite8_red2-utm"):
         points = read_points(folder / "pcl_isprs" / f"{name}.pcd").points
         points = points - np.median(points, axis=0)
         thin = points[rng.permutation(len(points))[: len(points) // 10]]
-        angle = np.radians(5.0)
-        R = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-        t = np.array([8.0, -5.0, 3.0])
-        found = register_scans(points, (thin - t) @ R)
-        error = found.T_target_source @ np.vstack([np.column_stack([R.T, -R.T @ t]), [0, 0, 0, 1]]) - np.eye(4)
-        print(f"points: {name} 1:10, {found.state}: {np.abs(error[:3, 3]).max():.4f} m")
-        start = np.diag([1.0, 1.0, 1.0, 1.0])
-        scaled = register_scans(points, ((thin - t) @ R) / 1.5, model="similarity", start=start)
-        print(f"points: {name} 1:10 and 1.5 times, {scaled.state}: scale {float(scaled.scale[0]):.5f}")
+        for scale in (1.0, 1.5, 1 / 1.5):
+            truth = np.eye(4)
+            truth[:3, :3], truth[:3, 3] = scale * R, t
+            model = "rigid" if scale == 1.0 else "similarity"
+            found = register_scans(points, ((thin - t) @ R) / scale, model=model)
+            miss = thin @ (found.T_target_source @ np.linalg.inv(truth))[:3, :3].T - thin
+            miss += (found.T_target_source @ np.linalg.inv(truth))[:3, 3]
+            print(
+                f"points: {name}, 1:10, {scale:.3f} times, {found.state}: scale off by "
+                f"{float(found.scale[0]) / scale - 1.0:+.5f}, points by {np.median(np.linalg.norm(miss, axis=1)):.3f} m"
+            )
 
 
 def report_lineaments(folder: Path) -> None:

@@ -133,7 +133,8 @@ def poses_from_pairs(
             lt += dt[k] * dt[k]
             ls += ds[k] * ds[k]
         lt, ls = math.sqrt(lt), math.sqrt(ls)
-        if ls < least_distance or abs(lt - ls) > tolerance:
+        # two matches may share their target
+        if ls < least_distance or lt <= 0.0 or abs(lt - ls) > tolerance:
             continue
         a_t = b_t = c_t = a_s = b_s = c_s = 0.0
         for k in range(3):

@@ -49,6 +49,7 @@ def prepare_pair(
     voxel_size: float | None,
     n_threads: int,
     symmetric: bool,
+    target_scale: float = 1.0,
 ) -> DensePair:
     """Voxelise both scans on as many levels as it takes to reach coarse voxels.
 
@@ -61,6 +62,8 @@ def prepare_pair(
         With more than one the scans are prepared side by side.
     symmetric : bool
         Estimate the source's normals on its finest level too.
+    target_scale : float
+        Size of the target's voxels over the source's: the scale between both, where it is known.
     """
     d = source.dim
     tables = _both(survey, (target.points, "target"), (source.points, "source"), n_threads)
@@ -69,16 +72,16 @@ def prepare_pair(
         raise GeometryError("all source points coincide; expected points that are apart.")
     frame = Frame(tables[1][2], tables[0][2], size)
     edge = default_voxel_size(len(source), d, size) if voxel_size is None else voxel_size
-    for table in tables:
-        check_voxel_size(edge, float((table[1] - table[0]).max()))
+    for table, scale in zip(tables, (target_scale, 1.0)):
+        check_voxel_size(scale * edge, float((table[1] - table[0]).max()))
     n_levels = max(1, math.ceil(math.log2(max(COARSEST * size / edge, 1.0))) + 1)
 
-    def levels(scan: Scan, table: Float64Array, fine: str) -> list[VoxelMap]:
+    def levels(scan: Scan, table: Float64Array, fine: str, scale: float) -> list[VoxelMap]:
         return voxel_levels(
             scan.points,
             center=table[2],
             factor=1.0 / size,
-            voxel_size=edge / size,
+            voxel_size=scale * edge / size,
             n_levels=n_levels,
             low=(table[0] - table[2]) / size,
             fine_normals=fine,
@@ -88,8 +91,8 @@ def prepare_pair(
 
     maps = _both(
         levels,
-        (target, tables[0], "asked"),
-        (source, tables[1], "all" if symmetric else "parents"),
+        (target, tables[0], "asked", target_scale),
+        (source, tables[1], "all" if symmetric else "parents", 1.0),
         n_threads,
     )
     if voxel_size is None:

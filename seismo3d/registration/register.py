@@ -20,6 +20,7 @@ from seismo3d.registration.feature_pairs import feature_term
 from seismo3d.registration.polish import polish
 from seismo3d.registration.projective import PixelTable, pixel_tables
 from seismo3d.registration.result import Registration
+from seismo3d.registration.scale_starts import led_by_extent
 from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.solvers import Limits, Prior
 from seismo3d.registration.stages import Task, is_sure, led_by_rasters, run_local, search
@@ -51,8 +52,9 @@ def register(
     surface elements, robust weights, the exact solve of the joint error of Eq. (16) of [1]_, Anderson acceleration.
     ``global``, only where the local answer's overlap is not good and few features confirm it: poses from matched
     features, those of :func:`seismo3d.match` on the scans' images or volumes where none are given, and from local
-    shape, run through the same loop; the best of all answers wins. ``polish``, only where both scans hold the same
-    samples: exact pairs of points.
+    shape, run through the same loop; the best of all answers wins. Where the size is free and no matches tell it, a
+    start at the scale of both scans' extents, settled rigidly first, competes with the local answer. ``polish``, only
+    where both scans hold the same samples: exact pairs of points.
 
     Parameters
     ----------
@@ -117,7 +119,10 @@ def register(
     )
     task = replace(task, tables=_tables(task, correspondences))
     found, stage = run_local(task, first), "local"
-    if "global" in stages and (not is_sure(task, found) or "local" not in stages):
+    if "global" in stages:
+        task, found, stage = led_by_extent(task, found, stage)
+    # what the extents led to was searched for at its size
+    if "global" in stages and stage == "local" and (not is_sure(task, found) or "local" not in stages):
         task, found, stage = led_by_rasters(task, first, found, stage)
         if not is_sure(task, found) or stage == "local":
             found, stage = search(task, found, stage)

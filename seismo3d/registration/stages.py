@@ -108,7 +108,7 @@ def _joint_cost(task: Task, found: LoopResult) -> float:
     A handful of features agrees with any pose by chance, many do not: where most matches are wrong, the share alone
     would leave the choice to surfaces that fit as well upside down.
     """
-    cost = _cost(task, found, _middle_level(task.pair))
+    cost = surface_cost(task, found)
     if task.features is None:
         return cost
     n_all = len(task.features.target)
@@ -185,8 +185,16 @@ def _middle_level(pair: DensePair) -> int:
     return len(pair.target) - 1
 
 
+def surface_cost(task: Task, found: LoopResult) -> float:
+    """Return the robust cost of an answer on a middle level, by the same measure for all answers of a task."""
+    return _cost(task, found, _middle_level(task.pair))
+
+
 def _cost(task: Task, found: LoopResult, level: int) -> float:
-    """Return the robust cost of an answer on a level, by the same measure for all answers."""
+    """Return the robust cost of an answer on a level: of the scan that fits better, of both where the size is free.
+
+    A part fits into the whole, and its size says which of both it is; a source of free size could shrink onto anything.
+    """
     target = task.pair.target[level]
     both = []
     for q, p, A, t in (
@@ -195,7 +203,7 @@ def _cost(task: Task, found: LoopResult, level: int) -> float:
     ):
         seen = match_surface(p.surface, q, A, t, radius=q.size, cutoff=0.5 * q.size, n_threads=task.settings.n_threads)
         both.append(seen.cost)
-    return min(both)
+    return min(both) if task.model in ("rigid", "translation") else 0.5 * sum(both)
 
 
 def _inverse(A: Float64Array, t: Float64Array) -> tuple[Float64Array, Float64Array]:

@@ -1,0 +1,125 @@
+"""Where to start when the size is free: the scale that both scans' extents suggest, settled rigidly first.
+
+Far from the answer a free scale runs away: nearest partners on a slope are nearer to a scan that shrinks onto it, or
+grows past it. So the source is brought to the size of the target, aligned rigidly at that size, and only then freed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from seismo3d._typing import Float64Array
+from seismo3d.registration.constraints import Constraints
+from seismo3d.registration.dense import prepare_pair
+from seismo3d.registration.icp import LoopResult
+from seismo3d.registration.solvers import Limits, Prior
+from seismo3d.registration.stages import Task, is_sure, run, run_local, scale_of, search, surface_cost
+
+SIZE_IS_FREE = ("similarity", "scaled", "affine")
+NEARBY = (1.0, 0.97, 1.03)
+"""Scales that are settled rigidly, over that of the extents."""
+SAME_SCALE = math.log(1.1)
+"""Logarithm of the ratio up to which two scales are alike."""
+
+
+def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, LoopResult, str]:
+    """Start again from the scale of both scans' extents where that is another; keep the better of both answers.
+
+    Extent is the median distance from the median point, which far-off points hardly move. Where the scans overlap in
+    part the extents mislead, and the cost, measured both ways, keeps the answer that was found before.
+
+    Parameters
+    ----------
+    task : Task
+        Without matches: those tell the scale better.
+    found : LoopResult
+        Answer of the local stage.
+    stage : str
+        Its stage.
+
+    Returns
+    -------
+    (Task, LoopResult, str)
+        The task has voxels that suit the scale, if that answer won.
+    """
+    if task.model not in SIZE_IS_FREE or task.features is not None:
+        return task, found, stage
+    target_middle, target_extent = _extent(task.target.points)
+    source_middle, source_extent = _extent(task.source.points)
+    if not source_extent > 0.0 or not target_extent > 0.0:
+        return task, found, stage
+    scale = target_extent / source_extent
+    before = float(np.exp(np.log(np.maximum(scale_of(found.A), 1e-12)).mean()))
+    is_near = abs(math.log(scale / before)) < SAME_SCALE
+    if (is_near and is_sure(task, found)) or not _allowed(task, scale):
+        return task, found, stage
+    # the target's voxels are to be as fine as the source's at its true size
+    pair = prepare_pair(
+        task.target,
+        task.source,
+        voxel_size=None,
+        n_threads=task.settings.n_threads,
+        symmetric=task.settings.symmetric,
+        target_scale=scale,
+    )
+
+    def enter(A: Float64Array, t: Float64Array) -> Prior:
+        return Prior(*pair.frame.enter(task.pair.frame.leave(A, t)))
+
+    settings = replace(task.settings, wide_search=False)
+    sized_task = replace(task, pair=pair, prior=enter(task.prior.A, task.prior.t), settings=settings)
+    finest = replace(sized_task, pair=replace(pair, target=pair.target[:1], source=pair.source[:1]))
+    turn = task.prior.A / scale_of(task.prior.A)
+    answers = []
+    for factor in NEARBY:
+        to_size = np.eye(task.source.dim + 1)
+        to_size[:-1, :-1] = factor * scale * turn
+        to_size[:-1, -1] = target_middle - factor * scale * turn @ source_middle
+        settled = Prior(*pair.frame.enter(_settle_rigidly(task, to_size) @ to_size))
+        # on smooth ground coarse voxels lead away again, and the finest alone may not reach
+        answers += [run(sized_task, settled), run(finest, settled)]
+    answer = min(answers, key=lambda one: surface_cost(sized_task, one))
+    other = enter(found.A, found.t)
+    if surface_cost(sized_task, answer) < surface_cost(sized_task, replace(found, A=other.A, t=other.t)) - 1e-3:
+        return sized_task, answer, "global"
+    return task, found, stage
+
+
+def _settle_rigidly(task: Task, to_size: Float64Array) -> Float64Array:
+    """Return the rigid transform that aligns the source, brought to size, with the target."""
+    d = task.source.dim
+    points = task.source.points @ to_size[:d, :d].T + to_size[:d, d]
+    turn = to_size[:d, :d] / scale_of(to_size[:d, :d])
+    normals = None if task.source.normals is None else (task.source.normals @ turn.T).astype(np.float32)
+    source = replace(task.source, points=points, normals=normals, features=None, raster=None)
+    pair = prepare_pair(
+        task.target,
+        source,
+        voxel_size=None,
+        n_threads=task.settings.n_threads,
+        symmetric=task.settings.symmetric,
+    )
+    start = Prior(*pair.frame.enter(np.eye(d + 1)))
+    limits = Limits(*Constraints().limits("rigid", d, pair.frame.size))
+    rigid = Task(task.target, source, pair, None, start, limits, "rigid", task.settings)
+    # smooth ground overlaps itself a little aside: a good overlap does not end the search
+    found, _ = search(rigid, run_local(rigid, start), "local")
+    return pair.frame.leave(found.A, found.t)
+
+
+def _extent(points: Float64Array) -> tuple[Float64Array, float]:
+    """Return the median point, and the median distance from it."""
+    middle = np.median(points, axis=0)
+    return middle, float(np.median(np.linalg.norm(points - middle, axis=1)))
+
+
+def _allowed(task: Task, scale: float) -> bool:
+    """Return whether the bounds, which are relative to the start, admit a scale."""
+    if task.model == "affine":
+        return True
+    n_scale = 1 if task.model == "similarity" else task.source.dim
+    offset = np.log(scale / scale_of(task.prior.A)[:n_scale])
+    return bool((offset >= task.limits.low[-n_scale:]).all() and (offset <= task.limits.high[-n_scale:]).all())
