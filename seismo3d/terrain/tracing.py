@@ -16,6 +16,8 @@ from seismo3d.terrain.support import LineSupport
 
 _LINK = LinkSettings(fragment=8, contacts=4, closing=6, gap=6, smoothing=3.0, off_plane=1.6)
 
+_STRAIGHT = 32
+"""Cells along a line in which it moves aside by half a cell at most: faults are straighter than their worn scarps."""
 _END = 36
 """Places at a line's end that its direction there is taken from."""
 
@@ -304,7 +306,7 @@ def snap_line(line: TracedLine, score: Float32Array, *, stiffness: float, reach:
     grid = places[:, None, :] + moves[None, :, None] * normal[:, None, :]
     gain = ndimage.map_coordinates(score, grid.reshape(-1, 2).T, order=1, mode="nearest").reshape(grid.shape[:2])
     gain = ndimage.gaussian_filter1d(gain.astype(np.float64), stiffness, axis=0, mode="nearest")
-    path = _best_path(gain, every=8)
+    path = _best_path(gain, every=_STRAIGHT)
     moved = places + ndimage.gaussian_filter1d(moves[path], 8.0, mode="nearest")[:, None] * normal
     return TracedLine(moved, np.interp(at, arc, line.score), line.kind, line.factor)
 
