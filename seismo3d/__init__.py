@@ -26,8 +26,9 @@ Every name is imported when it is first used, so that ``import seismo3d`` stays 
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from seismo3d._lazy import lazily
 
 __version__ = "0.1.0"
 
@@ -130,17 +131,4 @@ __all__ = [
     "write_segy",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name in _PUBLIC:
-        value = getattr(importlib.import_module(_PUBLIC[name]), name)
-    elif name in _MODULES:
-        value = importlib.import_module(f"seismo3d.{name}")
-    else:
-        raise AttributeError(f"module 'seismo3d' has no attribute {name!r}")
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazily(__name__, _PUBLIC, _MODULES)

@@ -6,8 +6,9 @@ make a pyplot figure, to be shown with ``matplotlib.pyplot.show()`` and closed b
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from seismo3d._lazy import lazily
 
 if TYPE_CHECKING:
     from seismo3d.plot.distributions import strike_rose, throw_histogram
@@ -27,31 +28,31 @@ if TYPE_CHECKING:
     from seismo3d.plot.unfaulted_sections import unfaulted_section
 
 _PUBLIC = {
-    "change_map": "terrain_maps",
-    "cube": "scenes",
-    "density_map": "network_pictures",
-    "flow_path_views": "network_pictures",
-    "likelihood": "sections",
-    "lineament_rose": "terrain_maps",
-    "matches": "match_pictures",
-    "occupancy_map": "robot_maps",
-    "network_map": "network_pictures",
-    "pick_distance_map": "pick_pictures",
-    "picked_faults_map": "pick_pictures",
-    "save_scene": "rendering",
-    "scarp_profile": "terrain_maps",
-    "section": "sections",
-    "stereonet": "stereonets",
-    "strike_rose": "distributions",
-    "terrain": "terrain_maps",
-    "throw_histogram": "distributions",
-    "throw_map": "maps",
-    "time_lapse_section": "time_lapse_sections",
-    "time_slice": "maps",
-    "track_map": "track_pictures",
-    "track_section": "track_pictures",
-    "unfaulted_section": "unfaulted_sections",
-    "write_report": "reports",
+    "change_map": "seismo3d.plot.terrain_maps",
+    "cube": "seismo3d.plot.scenes",
+    "density_map": "seismo3d.plot.network_pictures",
+    "flow_path_views": "seismo3d.plot.network_pictures",
+    "likelihood": "seismo3d.plot.sections",
+    "lineament_rose": "seismo3d.plot.terrain_maps",
+    "matches": "seismo3d.plot.match_pictures",
+    "occupancy_map": "seismo3d.plot.robot_maps",
+    "network_map": "seismo3d.plot.network_pictures",
+    "pick_distance_map": "seismo3d.plot.pick_pictures",
+    "picked_faults_map": "seismo3d.plot.pick_pictures",
+    "save_scene": "seismo3d.plot.rendering",
+    "scarp_profile": "seismo3d.plot.terrain_maps",
+    "section": "seismo3d.plot.sections",
+    "stereonet": "seismo3d.plot.stereonets",
+    "strike_rose": "seismo3d.plot.distributions",
+    "terrain": "seismo3d.plot.terrain_maps",
+    "throw_histogram": "seismo3d.plot.distributions",
+    "throw_map": "seismo3d.plot.maps",
+    "time_lapse_section": "seismo3d.plot.time_lapse_sections",
+    "time_slice": "seismo3d.plot.maps",
+    "track_map": "seismo3d.plot.track_pictures",
+    "track_section": "seismo3d.plot.track_pictures",
+    "unfaulted_section": "seismo3d.plot.unfaulted_sections",
+    "write_report": "seismo3d.plot.reports",
 }
 
 __all__ = [
@@ -82,14 +83,4 @@ __all__ = [
     "write_report",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _PUBLIC:
-        raise AttributeError(f"module 'seismo3d.plot' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"seismo3d.plot.{_PUBLIC[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazily(__name__, _PUBLIC)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from seismo3d._lazy import lazily
 
 if TYPE_CHECKING:
     from seismo3d.robot.calibration import calibrate_timing
@@ -16,21 +17,21 @@ if TYPE_CHECKING:
     from seismo3d.robot.trajectory import Trajectory
 
 _PUBLIC = {
-    "Camera": "camera",
-    "Closed": "results",
-    "Mapper": "mapper",
-    "MapperSettings": "results",
-    "Occupancy": "occupancy",
-    "Path": "planning",
-    "Planner": "planning",
-    "RgbdFrame": "camera",
-    "RgbdSequence": "sequence",
-    "RobotLimits": "planning",
-    "Tracked": "results",
-    "Trajectory": "trajectory",
-    "calibrate_timing": "calibration",
-    "plan_path": "planning",
-    "read_sequence": "sequence",
+    "Camera": "seismo3d.robot.camera",
+    "Closed": "seismo3d.robot.results",
+    "Mapper": "seismo3d.robot.mapper",
+    "MapperSettings": "seismo3d.robot.results",
+    "Occupancy": "seismo3d.robot.occupancy",
+    "Path": "seismo3d.robot.planning",
+    "Planner": "seismo3d.robot.planning",
+    "RgbdFrame": "seismo3d.robot.camera",
+    "RgbdSequence": "seismo3d.robot.sequence",
+    "RobotLimits": "seismo3d.robot.planning",
+    "Tracked": "seismo3d.robot.results",
+    "Trajectory": "seismo3d.robot.trajectory",
+    "calibrate_timing": "seismo3d.robot.calibration",
+    "plan_path": "seismo3d.robot.planning",
+    "read_sequence": "seismo3d.robot.sequence",
 }
 
 __all__ = [
@@ -51,14 +52,4 @@ __all__ = [
     "read_sequence",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _PUBLIC:
-        raise AttributeError(f"module 'seismo3d.robot' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"seismo3d.robot.{_PUBLIC[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazily(__name__, _PUBLIC)

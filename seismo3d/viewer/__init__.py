@@ -5,25 +5,21 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from seismo3d._lazy import lazily
 
 if TYPE_CHECKING:
     from seismo3d.viewer.opening import Widget, show, widget
     from seismo3d.viewer.session import Session
 
-_PUBLIC = {"Session": "session", "Widget": "opening", "show": "opening", "widget": "opening"}
+_PUBLIC = {
+    "Session": "seismo3d.viewer.session",
+    "Widget": "seismo3d.viewer.opening",
+    "show": "seismo3d.viewer.opening",
+    "widget": "seismo3d.viewer.opening",
+}
 
 __all__ = ["Session", "Widget", "show", "widget"]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _PUBLIC:
-        raise AttributeError(f"module 'seismo3d.viewer' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"seismo3d.viewer.{_PUBLIC[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazily(__name__, _PUBLIC)
