@@ -15,6 +15,7 @@ import numpy as np
 
 import seismo3d as s3
 from seismo3d.errors import Seismo3dError
+from seismo3d.graph.poses import read_g2o
 from seismo3d.io.archive import read_archive
 from seismo3d.io.elevation import make_elevation, read_elevation, write_elevation
 from seismo3d.io.grids import read_grid
@@ -294,6 +295,62 @@ def _archive(path: Path) -> None:
     write_archive(path, {"depth": np.ones((4, 5), np.float32), "seeds": np.arange(6).reshape(2, 3)}, meta=meta)
 
 
+def _graph(path: Path) -> None:
+    from seismo3d.geometry.rotations import exp_rotation, make_transform
+    from seismo3d.graph.poses import PoseGraph, write_g2o
+
+    steps = [make_transform(exp_rotation([0.0, 0.1, 0.2]), [0.3, 0.0, 0.1])] * 3
+    poses = [np.eye(4)]
+    for step in steps:
+        poses.append(poses[-1] @ step)
+    edges = [(k, k + 1, step, np.eye(6) * 50.0, False) for k, step in enumerate(steps)]
+    write_g2o(path, PoseGraph.of(poses, [*edges, (0, 3, poses[3], np.eye(6), True)]))
+
+
+def _occupancy(path: Path) -> None:
+    from seismo3d.robot import Occupancy
+
+    cells = np.random.default_rng(6).integers(0, 3, (20, 24)).astype(np.uint8)
+    Occupancy(cells, np.zeros((20, 24), np.float32), 0.05, (-0.5, 1.0), np.eye(4)).save(path)
+
+
+def _read_occupancy(path: Path) -> Any:
+    from seismo3d.robot import Occupancy
+
+    return Occupancy.load(path)
+
+
+def _frames(path: Path) -> None:
+    s3.synthetic.rgbd_sequence("room", frames=3, size=(32, 24)).write(path)
+
+
+def _read_frames(path: Path) -> Any:
+    return list(s3.robot.read_sequence(path))
+
+
+def _sticks(kind: str) -> Callable[[Path], Any]:
+    from seismo3d.io.fault_sticks import FaultStick, write_charisma_sticks, write_opendtect_sticks
+
+    def make(path: Path) -> None:
+        nodes = np.column_stack([np.full(5, 3e5), np.full(5, 6e6), np.linspace(800, 1200, 5)])
+        lines = np.column_stack([np.full(5, 100.0), 200.0 + np.arange(5)])
+        sticks = [FaultStick("A", number, nodes + number, lines + number) for number in (1, 2, 3)]
+        (write_opendtect_sticks if kind == "opendtect" else write_charisma_sticks)(path, sticks)
+
+    return make
+
+
+def _horizon(kind: str) -> Callable[[Path], Any]:
+    from seismo3d.io import horizons
+
+    def make(path: Path) -> None:
+        i, j = np.meshgrid(np.arange(5.0), np.arange(6.0), indexing="ij")
+        grid = horizons.HorizonGrid(3e5 + 25 * i, 6e6 + 25 * j, 900 + i * j, 100 + np.arange(5.0), 200 + np.arange(6.0))
+        getattr(horizons, f"write_{kind}")(path, grid)
+
+    return make
+
+
 FORMATS = (
     Format("SEG-Y IEEE", "a.sgy", _segy(5), _read_cube),
     Format("SEG-Y IBM", "a.segy", _segy(1), _read_cube),
@@ -322,5 +379,13 @@ FORMATS = (
     Format("ESRI ASCII", "a.asc", _map, read_elevation),
     Format("archive", "a.npz", _archive, _read_archive),
     Format("fault set", "faults", _faultset, s3.FaultSet.load, is_folder=True),
+    Format("g2o", "a.g2o", _graph, read_g2o),
+    Format("occupancy", "a.npz", _occupancy, _read_occupancy),
+    Format("RGB-D sequence", "frames", _frames, _read_frames, is_folder=True),
+    Format("OpendTect sticks", "a.dat", _sticks("opendtect"), s3.read_sticks),
+    Format("CHARISMA sticks", "a.dat", _sticks("charisma"), s3.read_sticks),
+    Format("XYZ horizon", "a.xyz", _horizon("xyz_horizon"), s3.read_horizon),
+    Format("CHARISMA horizon", "a.dat", _horizon("charisma_horizon"), s3.read_horizon),
+    Format("IRAP horizon", "a.irap", _horizon("irap_classic"), s3.read_horizon),
     Format("Zarr", "a.zarr", lambda path: write_zarr(path, _cube(), brick=8), _read_cube, is_folder=True),
 )

@@ -26,7 +26,7 @@ import numpy as np
 
 from seismo3d._typing import BoolArray, Float64Array, Int64Array
 from seismo3d._validate import as_number, freeze
-from seismo3d.errors import FormatError, GeometryError, ShapeError
+from seismo3d.errors import FormatError, GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.rotations import (
     exp_rotation,
     left_jacobian,
@@ -236,18 +236,18 @@ def read_g2o(path: str | Path) -> PoseGraph:
         words = line.split()
         if not words or words[0] in ("FIX", "#"):
             continue
+        if (words[0], len(words)) not in (("VERTEX_SE3:QUAT", 9), ("EDGE_SE3:QUAT", 31)):
+            raise FormatError(
+                f"{file.name}, line {number}: {line[:60]!r}; expected VERTEX_SE3:QUAT, EDGE_SE3:QUAT or FIX."
+            )
         try:
-            if words[0] == "VERTEX_SE3:QUAT" and len(words) == 9:
+            if words[0] == "VERTEX_SE3:QUAT":
                 vertices[int(words[1])] = _from_words(words[2:])
-            elif words[0] == "EDGE_SE3:QUAT" and len(words) == 31:
+            else:
                 W = np.zeros((6, 6))
                 W[upper] = [float(w) for w in words[10:]]
                 W = W + np.triu(W, 1).T
                 edges.append((int(words[1]), int(words[2]), _from_words(words[3:10]), _from_g2o(W)))
-            else:
-                raise FormatError(
-                    f"{file.name}, line {number}: {line[:60]!r}; expected VERTEX_SE3:QUAT, EDGE_SE3:QUAT or FIX."
-                )
         except ValueError as error:
             raise FormatError(f"{file.name}, line {number}: {error}") from error
     order = {name: k for k, name in enumerate(sorted(vertices))}
@@ -255,7 +255,10 @@ def read_g2o(path: str | Path) -> PoseGraph:
     if missing is not None:
         raise FormatError(f"{file.name} has an edge to vertex {missing}, which it does not list.")
     placed = [(order[i], order[j], T, W, abs(order[i] - order[j]) != 1) for i, j, T, W in edges]
-    return PoseGraph.of([vertices[name] for name in sorted(vertices)], placed)
+    try:
+        return PoseGraph.of([vertices[name] for name in sorted(vertices)], placed)
+    except (ShapeError, ParameterError) as error:
+        raise FormatError(f"{file.name} is no graph of poses: {error}") from error
 
 
 def _inverse(T: Float64Array) -> Float64Array:

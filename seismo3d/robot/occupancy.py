@@ -9,8 +9,9 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float32Array, Float64Array
 from seismo3d._validate import as_number, as_points, as_real_array, freeze
-from seismo3d.errors import FileAccessError, FormatError, ShapeError
+from seismo3d.errors import FormatError, ParameterError, ShapeError
 from seismo3d.geometry.rotations import transform_points
+from seismo3d.io.numpy_files import read_npz
 
 FREE, OCCUPIED, UNKNOWN = 0, 1, 2
 _ARRAYS = ("cells", "height", "cell", "origin", "T_world_map")
@@ -129,17 +130,9 @@ class Occupancy:
         FormatError
             If it is not such a file.
         """
-        import zipfile
-        import zlib
-
-        from seismo3d.io._files import as_readable_file
-
-        file = as_readable_file(path)
+        held = read_npz(path, _ARRAYS)
+        cells, height, cell, origin, T = (held[name] for name in _ARRAYS)
         try:
-            with file.open("rb") as opened, np.load(opened, allow_pickle=False) as held:
-                cells, height, cell, origin, T = (held[name] for name in _ARRAYS)
             return cls(cells, height, float(cell), (float(origin[0]), float(origin[1])), T)
-        except OSError as error:
-            raise FileAccessError(f"{file} cannot be read: {error}.") from error
-        except (ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-            raise FormatError(f"{file} is not an occupancy map ({error}); expected {', '.join(_ARRAYS)}.") from error
+        except (ShapeError, ParameterError, ValueError, TypeError, IndexError) as error:
+            raise FormatError(f"{Path(path).name} is not an occupancy map: {error}") from error

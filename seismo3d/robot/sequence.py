@@ -30,6 +30,7 @@ from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import as_number
 from seismo3d.errors import FileAccessError, FormatError, Seismo3dError
 from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.io._files import refuse_os_errors
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
 
 _RATE = 1.0 / 30.0
@@ -215,7 +216,7 @@ def _by_time(
 def _sorted(entries: list[_Entry], folder: Path) -> list[_Entry]:
     if not entries:
         raise FormatError(f"{folder} holds no pair of a colour and a depth image.")
-    missing = next((p for e in entries for p in (e.rgb, e.depth) if not p.is_file()), None)
+    missing = next((p for e in entries for p in (e.rgb, e.depth) if not _is_there(p)), None)
     if missing is not None:
         raise FileAccessError(f"{missing} is listed but not there; expected an image. Check the sequence's lists.")
     return sorted(entries, key=lambda e: e.time)
@@ -231,6 +232,8 @@ def _find_camera(folder: Path, layout: str) -> Camera:
             continue
         if "intrinsic_matrix" in fields:
             m = fields["intrinsic_matrix"]
+            if not isinstance(m, list) or len(m) != 9:
+                raise FormatError(f"{path} has the intrinsic_matrix {m!r:.60}; expected nine numbers, by columns.")
             fields = {**fields, "fx": m[0], "fy": m[4], "cx": m[6], "cy": m[7]}
         if {"fx", "fy", "cx", "cy"} <= set(fields):
             return _as_camera({"depth_scale": scale, **fields}, path)
@@ -273,16 +276,26 @@ def _read_rig(folder: Path, max_difference: float) -> RgbdSequence:
 
 
 def _read_rows(path: Path, n_columns: int) -> list[list[str]]:
+    with refuse_os_errors(path, "read"):
+        raw = path.read_bytes()
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise FileAccessError(f"{path} cannot be read: {error}.") from error
+        lines = raw.decode("utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise FormatError(f"{path} is not text ({error}); expected a time and a file a line.") from error
     rows = [line.replace(",", " ").split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
     for number, row in enumerate(rows, start=1):
         times = row[0::2]
         if len(row) != n_columns or any(_as_number(t) is None for t in times):
             raise FormatError(f"{path}, row {number}: {' '.join(row)!r}; expected {n_columns} columns, time and file.")
     return rows
+
+
+def _is_there(path: Path) -> bool:
+    # a list may name what is no name of a file, as one too long
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _read_json(path: Path) -> Any:
