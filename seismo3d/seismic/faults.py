@@ -17,7 +17,7 @@ from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_s
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
-from seismo3d.seismic.misfit import Evidence, MisfitSettings, measure_misfit
+from seismo3d.seismic.misfit import MisfitSettings, measure_misfit
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
@@ -124,16 +124,10 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     report("scan", 0.0)
     support = scan_planes(evidence, settings=settings.scan, progress=progress)
     ridges = thin(support, evidence, least=0.0)
-    strong = ridges.select(ridges.score >= _at_noise(settings.least_score, evidence))
+    strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, evidence.noise))
     del support
     report("link", 0.0)
-    least_area = min(settings.choice.company_area, settings.choice.least_area)
-    sheets = link_sheets(
-        strong, evidence.along_inlines.shape, step=evidence.step,
-        least_points=max(4, int(0.5 * least_area / evidence.step)),
-        end_score=_at_noise(settings.end_score, evidence), settings=settings.link,
-    )  # fmt: skip
-    sheets = may_be_faults(sheets, is_section, settings.choice)
+    sheets = find_candidates(strong, evidence.known.shape, evidence.noise, settings)
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
@@ -142,9 +136,9 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     report("surfaces", 0.0)
     chosen = choose_faults(moving, settings.choice)
     sheets, throws = [sheet for sheet, _ in chosen], [throw for _, throw in chosen]
-    surfaces = _surfaces(sheets, throws, geometry, sampling)
-    labels, throw = _draw(sheets, throws, (volume.shape[0], volume.shape[1], volume.shape[2]))
-    likelihood = _draw_likelihood(ridges, evidence, volume.shape)
+    surfaces = build_surfaces(sheets, throws, geometry, sampling)
+    labels, throw = draw_sheets(sheets, throws, volume.shape)
+    likelihood = draw_ridges(ridges, evidence.step, volume.shape)
     report("surfaces", 1.0)
     return FaultSet(
         surfaces=surfaces,
@@ -159,8 +153,9 @@ def _unheard(stage: str, share: float) -> None:
     """Take reports of progress where nobody asked for them."""
 
 
-def _at_noise(scores: tuple[float, float, float], evidence: Evidence) -> float:
-    return float(np.interp(evidence.noise, _NOISES, scores))
+def score_at_noise(scores: tuple[float, float, float], noise: float) -> float:
+    """Return the threshold between those without noise, in mild noise and in noise that a cube's own asks for."""
+    return float(np.interp(noise, _NOISES, scores))
 
 
 def to_likelihood(score: Float32Array) -> Float32Array:
@@ -168,24 +163,38 @@ def to_likelihood(score: Float32Array) -> Float32Array:
     return (1.0 - np.exp2(-np.maximum(score, 0.0))).astype(np.float32)
 
 
-def _surfaces(
+def find_candidates(
+    strong: RidgePoints, shape: tuple[int, ...], noise: float, settings: FaultSettings
+) -> list[Sheet]:
+    """Link the strong ridges of a cube, whose evidence has this shape and noise, into sheets that may be faults."""
+    least_area = min(settings.choice.company_area, settings.choice.least_area)
+    sheets = link_sheets(
+        strong, (shape[0], shape[1], shape[2]), step=settings.misfit.step,
+        least_points=max(4, int(0.5 * least_area / settings.misfit.step)),
+        end_score=score_at_noise(settings.end_score, noise), settings=settings.link,
+    )  # fmt: skip
+    return may_be_faults(sheets, 1 in shape[:2], settings.choice)
+
+
+def build_surfaces(
     sheets: list[Sheet], throws: list[SheetThrow], geometry: SurveyGeometry | None, sampling: tuple[float, str]
 ) -> tuple[FaultSurface, ...]:
+    """Turn sheets, with their throws, into surfaces."""
     return tuple(
         build_surface(sheet, throw, to_likelihood(sheet.score), geometry=geometry, sampling=sampling)
         for sheet, throw in zip(sheets, throws, strict=True)
     )
 
 
-def _draw(
-    sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, int, int]
+def draw_sheets(
+    sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, ...], *, corner: tuple[int, int] = (0, 0)
 ) -> tuple[Int32Array, Float32Array]:
-    """Draw labels and throws; where surfaces cross, the voxel belongs to the likelier one."""
+    """Draw labels and throws into a block; where surfaces cross, the voxel belongs to the likelier one."""
     labels = np.zeros(shape, np.int32)
     throw_volume = np.full(shape, np.nan, np.float32)
     strongest = np.zeros(shape, np.float32)
     for number, (sheet, throw) in enumerate(zip(sheets, throws, strict=True), start=1):
-        voxels, places = sheet_voxels(sheet, shape)
+        voxels, places = sheet_voxels(sheet, (shape[0], shape[1], shape[2]), corner=corner)
         score = np.maximum(sample_grid(sheet.score, places), 1e-6)
         at = tuple(voxels.T)
         wins = score > strongest[at]
@@ -196,16 +205,18 @@ def _draw(
     return labels, throw_volume
 
 
-def _draw_likelihood(ridges: RidgePoints, evidence: Evidence, shape: tuple[int, ...]) -> Float32Array:
+def draw_ridges(
+    ridges: RidgePoints, step: int, shape: tuple[int, ...], *, corner: tuple[int, int] = (0, 0)
+) -> Float32Array:
     """Put the ridges' likelihood at the voxels nearest to them, at every sample a step of the evidence stands for."""
     likelihood = np.zeros(shape, np.float32)
     value = to_likelihood(ridges.score)
-    for k in range(evidence.step):
+    for k in range(step):
         cotangent = ridges.planes[:, 2]
         at = ridges.positions.copy()
         at[:, :2] += k * cotangent[:, None] * ridges.planes[:, :2]
         at[:, 2] += k
-        voxels = np.rint(at).astype(np.int64)
+        voxels = np.rint(at).astype(np.int64) - np.array((*corner, 0))
         inside = ((voxels >= 0) & (voxels < np.array(shape))).all(axis=1)
         np.maximum.at(likelihood, tuple(voxels[inside].T), value[inside])
     return likelihood

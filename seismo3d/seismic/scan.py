@@ -278,12 +278,12 @@ def thin_region(
     keep &= known > 0.0
     voxels = np.argwhere(keep).astype(np.int32)
     at = tuple(voxels.T)
-    planes = support.planes[support.orientation[at]]
+    planes, off, score = support.planes[support.orientation[at]], offset[at], support.score[at]
     voxels[:, :2] += np.asarray(corner, np.int32)
     positions = voxels.astype(np.float32)
-    positions[:, :2] += offset[at][:, None] * planes[:, :2]
+    positions[:, :2] += off[:, None] * planes[:, :2]
     positions[:, 2] *= step
-    return RidgePoints(voxels, positions, planes, support.score[at])
+    return RidgePoints(voxels, positions, planes, score)
 
 
 def _between(pair: tuple[float, float], share: float) -> float:

@@ -1,0 +1,150 @@
+"""Fault tracing in blocks, from the first look at the cube to its surfaces."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from seismo3d._typing import Progress
+from seismo3d.errors import FileAccessError
+from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.seismic.blocks.plan import BlockPlan
+from seismo3d.seismic.blocks.results import make_result, open_result
+from seismo3d.seismic.blocks.run import BlockRun, describe_source
+from seismo3d.seismic.blocks.scheduling import InThisProcess, Piece, Scheduler
+from seismo3d.seismic.blocks.sheets import chosen_faults
+from seismo3d.seismic.blocks.stages import STAGES, count_blocks, find_piece, producer
+from seismo3d.seismic.blocks.store import DamagedBlock
+from seismo3d.seismic.faults import build_surfaces
+from seismo3d.seismic.faultset import FaultSet
+from seismo3d.seismic.preparing import describe_volume
+
+# how often one block may be found damaged before the disk is blamed
+_MOST_REPAIRS = 3
+
+
+def trace_in_blocks(
+    cube: Any,
+    plan: BlockPlan,
+    settings: Any,
+    *,
+    folder: Path,
+    scheduler: Scheduler | None = None,
+    progress: Progress,
+) -> FaultSet:
+    """Trace the faults of a cube in blocks; going on where an earlier run in the folder was stopped.
+
+    Parameters
+    ----------
+    cube : DataArray or array
+        In memory or lazy, of three axes.
+    plan : BlockPlan
+        The blocks; a run that was begun keeps its own.
+    settings : FaultSettings
+        Settings of the stages.
+    folder : Path
+        Gets the volumes, as Zarr, and, until all is done, what is needed to go on.
+    scheduler : Scheduler, optional
+        Who works on the blocks; this process without one.
+    progress : callable
+        Called with the stage's name and the share of it that is done.
+
+    Returns
+    -------
+    FaultSet
+        Its volumes are read when they are asked for.
+    """
+    sampling = describe_volume(cube)
+    run = BlockRun.begin(folder, plan, settings, source=describe_source(cube))
+    with run.lock():
+        for name in ("likelihood", "labels", "throw"):
+            make_result(run, name, cube)
+        worker = _Worker(run, scheduler or InThisProcess(), find_piece(run, cube))
+        for stage in STAGES:
+            worker.run_stage(stage, progress)
+        sheets, throws = chosen_faults(run)
+    geometry = SurveyGeometry.from_cube(cube)
+    progress("surfaces", 1.0)
+    return FaultSet(
+        surfaces=build_surfaces(sheets, throws, geometry, sampling),
+        likelihood=open_result(run, "likelihood", cube),
+        labels=open_result(run, "labels", cube),
+        throw=open_result(run, "throw", cube),
+        settings=_plain_settings(settings),
+    )
+
+
+def forget_work(folder: Path) -> None:
+    """Remove from a run's folder what was needed to go on; the results stay."""
+    shutil.rmtree(folder / "work", ignore_errors=True)
+
+
+def _plain_settings(settings: Any) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return asdict(settings)
+
+
+class _Worker:
+    """Takes a run through its stages, and has blocks that are found damaged computed again."""
+
+    def __init__(self, run: BlockRun, scheduler: Scheduler, piece: Piece) -> None:
+        self._run, self._scheduler, self._piece = run, scheduler, piece
+        self._repairs: dict[tuple[str, int], int] = {}
+
+    def run_stage(self, stage: str, progress: Progress) -> None:
+        """Bring a stage to its end, unless it is there."""
+        run, described = self._run, STAGES[stage]
+        if run.knows(f"done_{stage}") or not described.wanted(run):
+            return
+        progress(described.shown, 0.0)
+        described.make(run)
+        self._work(stage, progress)
+        self._repairing(lambda: described.find(run), again=lambda: self._work(stage, progress))
+        run.write_fact(f"done_{stage}")
+        run.store.remove(*described.leaves)
+
+    def _work(self, stage: str, progress: Progress) -> None:
+        """Work on the blocks that are not done."""
+        run, described = self._run, STAGES[stage]
+        n_blocks = count_blocks(run, stage)
+        while todo := sorted(set(range(n_blocks)) - run.done(stage)):
+            n_done = n_blocks - len(todo)
+            for _, damage in self._scheduler.work(run, stage, todo, self._piece if described.reads_input else None):
+                if damage is not None:
+                    self._repair(damage)
+                    continue
+                n_done += 1
+                progress(described.shown, n_done / n_blocks)
+
+    def _repairing(self, find: Callable[[], None], *, again: Callable[[], None]) -> None:
+        """Do something about the whole cube; where it meets a damaged block, have that computed again first."""
+        while True:
+            try:
+                find()
+            except DamagedBlock as damage:
+                self._repair(damage)
+                again()
+            else:
+                return
+
+    def _repair(self, damage: DamagedBlock) -> None:
+        """Compute a damaged block again, and first what that needs."""
+        run = self._run
+        stage, number = producer(run, damage.name, damage.place)
+        self._repairs[stage, number] = self._repairs.get((stage, number), 0) + 1
+        if self._repairs[stage, number] > _MOST_REPAIRS:
+            raise FileAccessError(
+                f"{run.work}: {damage}, again after it was computed anew. Check the disk, or take another folder."
+            )
+        described = STAGES[stage]
+        run.forget_part(stage, number)
+        described.make(run)
+        piece = self._piece if described.reads_input else None
+        for _, next_damage in InThisProcess().work(run, stage, [number], piece):
+            if next_damage is not None:
+                self._repair(next_damage)
+                self._repair(damage)
+
