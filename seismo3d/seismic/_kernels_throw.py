@@ -31,7 +31,9 @@ def _read(volume, valid, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def read_sides(volume, valid, p, q, w, origin, along, across, first_s, first_sample, near, far, clear, corner, sides, known):  # type: ignore[no-untyped-def]
+def read_sides(  # type: ignore[no-untyped-def]
+    volume, valid, p, q, w, origin, along, across, first_s, first_sample, near, far, clear, corner, sides, known
+):
     """Write both sides of a sheet, one value a sample: the mean of traces `near` to `far` off, along their dips.
 
     `w` holds the sheet's position at every (row, sample); sides[0] lies against `across`, sides[1] along it.

@@ -6,6 +6,7 @@ slopes -> misfit -> planar support -> ridges -> sheets -> throws -> surfaces, la
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,15 @@ class FaultSettings:
         )
 
 
-def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: Progress | None = None) -> FaultSet:
+def trace_faults(
+    cube: Any,
+    *,
+    settings: FaultSettings | None = None,
+    progress: Progress | None = None,
+    memory: int | str | None = None,
+    folder: str | Path | None = None,
+    scheduler: str | None = None,
+) -> FaultSet:
     """Trace the faults of a cube or section: surfaces with likelihood, strike, dip and throw.
 
     Reflector slopes come from the structure tensor. What does not fit across a voxel after both sides are carried to it
@@ -91,6 +100,14 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
         section.
     progress : callable, optional
         Called with the stage's name and the share of it that is done.
+    memory : int or str, optional
+        Bytes that a process may take, such as ``"2GB"``. A cube that needs more in one piece is worked on in blocks,
+        with the same result, to the bit; without it, always in one piece.
+    folder : str or Path, optional
+        Needed for work in blocks: gets the volumes as Zarr, and what it takes to go on after the run is killed; give
+        the same call again for that.
+    scheduler : str, optional
+        Address of a dask cluster, which then works on the blocks; its workers must see the folder and the input.
 
     Returns
     -------
@@ -102,10 +119,16 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     ------
     ShapeError
         If the input has another number of axes than 2 or 3, or is too small to hold a fault.
+    ParameterError
+        If the memory is too little, there is no folder for work in blocks, or the folder holds a run of another input
+        or with other settings.
+    FileAccessError
+        If the folder cannot be written, or the cluster does not answer.
 
     Notes
     -----
-    Memory at its peak is about eleven times the cube as float32, the cube itself included. Orientations are those of
+    Memory at its peak, in one piece, is about eleven times the cube as float32, the cube itself included. In blocks,
+    what is held of the whole cube is sparse: see :mod:`seismo3d.seismic.blocks`. Orientations are those of
     the index grid: in a time cube a dip is in samples a trace until a velocity is given.
 
     References
@@ -113,6 +136,13 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
     """
     report = progress or _unheard
+    if memory is not None or folder is not None or scheduler is not None:
+        from seismo3d.seismic.blocks.tracing import asks_for_blocks, trace_larger
+
+        if asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler):
+            return trace_larger(
+                cube, memory, folder=folder, scheduler=scheduler, settings=settings or FaultSettings(), progress=report
+            )
     amplitudes, geometry, sampling = as_volume(cube)
     is_section = 1 in amplitudes.shape[:2]
     settings = settings or (FaultSettings.for_section() if is_section else FaultSettings())
@@ -163,9 +193,7 @@ def to_likelihood(score: Float32Array) -> Float32Array:
     return (1.0 - np.exp2(-np.maximum(score, 0.0))).astype(np.float32)
 
 
-def find_candidates(
-    strong: RidgePoints, shape: tuple[int, ...], noise: float, settings: FaultSettings
-) -> list[Sheet]:
+def find_candidates(strong: RidgePoints, shape: tuple[int, ...], noise: float, settings: FaultSettings) -> list[Sheet]:
     """Link the strong ridges of a cube, whose evidence has this shape and noise, into sheets that may be faults."""
     least_area = min(settings.choice.company_area, settings.choice.least_area)
     sheets = link_sheets(

@@ -14,7 +14,8 @@ def sheet_voxels(
 ) -> tuple[Int32Array, Float64Array]:
     """Return the voxels of a block that a sheet passes through, and the grid place (row, column) of each.
 
-    The block's first inline and crossline are the corner's, and voxels are counted from there. The sheet is sampled every half trace along strike and every sample down, and every voxel entered is taken once.
+    The block's first inline and crossline are the corner's, and voxels are counted from there. The sheet is sampled
+    every half trace along strike and every sample down, and every voxel entered is taken once.
     """
     rows, columns, w = _dense_grid(sheet)
     points = sheet.points(rows, columns, w)

@@ -142,7 +142,8 @@ def gather_sides(
 ) -> tuple[Float32Array, Float32Array]:
     """Read both sides of a sheet, one value a sample, where its position `w` at every sample is known.
 
-    The volumes may be a block of the cube that begins at a corner. Returns the sides, the first against the sheet's ``across``, and where each is known (1) or not (0).
+    The volumes may be a block of the cube that begins at a corner. Returns the sides, the first against the sheet's
+    ``across``, and where each is known (1) or not (0).
     """
     w = every_sample(sheet) if w is None else w
     sides, known = np.zeros((2, *w.shape), np.float32), np.zeros((2, *w.shape), np.float32)

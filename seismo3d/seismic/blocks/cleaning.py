@@ -28,7 +28,7 @@ def raw_box(run: BlockRun, number: int) -> Box:
 
 def survey(run: BlockRun, number: int, piece: Any) -> None:
     """Look at a block's amplitudes and at which of its traces are complete."""
-    box, wide, inner = _boxes(run, number)
+    box, _, inner = _boxes(run, number)
     amplitudes = _read(piece)
     valid = find_valid(amplitudes)[inner]
     amplitudes = np.abs(amplitudes[inner])
@@ -59,7 +59,11 @@ def pairs(run: BlockRun, number: int, piece: Any) -> None:
     i, j = run.fact("survey")["pairs"].T
     mine = np.flatnonzero((i >= box.i0) & (i < box.i1) & (j >= box.j0) & (j < box.j1))
     n2 = run.plan.shape[2]
-    found = {"first": np.empty((0, n2), np.float32), "second": np.empty((0, n2), np.float32), "mine": mine}
+    found: dict[str, AnyArray] = {
+        "first": np.empty((0, n2), np.float32),
+        "second": np.empty((0, n2), np.float32),
+        "mine": mine,
+    }
     if len(mine):
         amplitudes, _ = _scaled(run, piece)
         rows, columns = i[mine] - wide.i0, j[mine] - wide.j0

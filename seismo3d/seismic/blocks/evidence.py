@@ -61,14 +61,14 @@ def dip_facts(run: BlockRun) -> None:
     run.write_fact("dip", floor=float(energy_floor(energies, run.fact("survey")["n_valid"])))
 
 
-def ratio_names(run: BlockRun, attempt: str) -> tuple[str, str, str, str]:
+def ratio_names(attempt: str) -> tuple[str, str, str, str]:
     """Return the arrays of the misfit ratios of the first attempt, or of the one for the cube's noise."""
     return f"ratio0_{attempt}", f"ratio1_{attempt}", f"known0_{attempt}", f"known1_{attempt}"
 
 
 def make_ratio_arrays(run: BlockRun, attempt: str) -> None:
     """Make the arrays that :func:`misfit` writes to."""
-    for k, name in enumerate(ratio_names(run, attempt)):
+    for k, name in enumerate(ratio_names(attempt)):
         run.store.make(name, thinned_shape(run), np.float32, packed=k > 1)
 
 
@@ -91,9 +91,9 @@ def misfit(run: BlockRun, number: int, attempt: str) -> None:
     block_ratios(
         volume, valid, slopes, reach, floor, settings, box.within(wide), found[:2], found[2:]
     )  # fmt: skip
-    for name, values in zip(ratio_names(run, attempt), found, strict=True):
+    for name, values in zip(ratio_names(attempt), found, strict=True):
         run.store.write(name, box, values)
-    counts = sum(count_high(_where_known(found[k], found[k + 2])) for k in range(2))
+    counts = count_high(_where_known(found[0], found[2])) + count_high(_where_known(found[1], found[3]))
     run.write_part(f"misfit_{attempt}", number, {"counts": counts})
 
 
@@ -107,7 +107,7 @@ def noise(run: BlockRun, number: int, attempt: str) -> None:
     """Count a block's misfit ratios near the median."""
     box = run.plan.tiling("misfit").box(number)
     high = run.fact(f"misfit_{attempt}")["high"]
-    first, second, first_known, second_known = (run.store.read(name, box) for name in ratio_names(run, attempt))
+    first, second, first_known, second_known = (run.store.read(name, box) for name in ratio_names(attempt))
     low = count_low(_where_known(first, first_known), high) + count_low(_where_known(second, second_known), high)
     run.write_part(f"noise_{attempt}", number, {"low": low})
 
@@ -230,7 +230,7 @@ def medians_facts(run: BlockRun) -> None:
 def _filled(run: BlockRun, box: Box):  # type: ignore[no-untyped-def]
     """Give, for both ways, a box's evidence, how far it is known, and the evidence bridged where it is not."""
     ratio, _, softness = final_noise(run)
-    first, second, first_known, second_known = ratio_names(run, last_attempt(run))
+    first, second, first_known, second_known = ratio_names(last_attempt(run))
     for name, known_name in ((first, first_known), (second, second_known)):
         values, known = run.store.read(name, box), run.store.read(known_name, box)
         log_ratio(values, softness)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Int64Array
@@ -9,7 +11,7 @@ from seismo3d._typing import AnyArray, Float32Array, Int64Array
 _HALF = 1 << 16
 
 
-def count_high(values: Float32Array) -> Int64Array:
+def count_high(values: Iterable[Float32Array]) -> Int64Array:
     """Count values by the upper half of their bits, in their order; shape (65536,)."""
     counts = np.zeros(_HALF, np.int64)
     for line in values:
@@ -17,7 +19,7 @@ def count_high(values: Float32Array) -> Int64Array:
     return counts
 
 
-def count_low(values: Float32Array, high: Int64Array) -> Int64Array:
+def count_low(values: Iterable[Float32Array], high: Int64Array) -> Int64Array:
     """Count values with each of the given upper halves by their lower half; shape (len(high), 65536)."""
     counts = np.zeros((len(high), _HALF), np.int64)
     for line in values:

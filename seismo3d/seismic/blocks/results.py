@@ -54,7 +54,11 @@ def write_result(run: BlockRun, name: str, box: Box, values: AnyArray) -> None:
 
 def open_result(run: BlockRun, name: str, cube: Any) -> Any:
     """Return a finished volume, lazy: a DataArray with the cube's coordinates where the cube is one."""
-    found = read_zarr(run.folder / f"{name}.zarr", lazy_above=-1)
+    store = run.folder / f"{name}.zarr"
+    found = read_zarr(store, lazy_above=-1)
     if not hasattr(cube, "dims"):
         return found.data
-    return cube.copy(data=found.data).rename(name)
+    made = cube.copy(data=found.data).rename(name)
+    # so that saving the faults in this folder leaves the store as it is
+    made.encoding["source"] = str(store.resolve())
+    return made

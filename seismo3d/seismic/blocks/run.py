@@ -220,7 +220,8 @@ def pack_settings(settings: Any) -> dict[str, Any]:
     """Return settings of stages as plain values."""
     from dataclasses import asdict
 
-    return json.loads(json.dumps(asdict(settings)))  # type: ignore[no-any-return]
+    found: dict[str, Any] = json.loads(json.dumps(asdict(settings)))
+    return found
 
 
 def unpack_settings(found: Mapping[str, Any]) -> Any:
@@ -264,4 +265,3 @@ def _differing(old: Any, new: Any, name: str = "") -> list[str]:
 def _short(value: Any) -> str:
     text = str(value)
     return text if len(text) <= 16 else text[:13] + "..."
-

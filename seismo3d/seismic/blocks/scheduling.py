@@ -77,7 +77,7 @@ class OnCluster(AbstractContextManager["OnCluster"]):
             self._client = Client(address, timeout="15s", set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise FileAccessError(
-                f"no dask scheduler answers at {address}. Start one (dask scheduler), and workers, or leave --scheduler."
+                f"no dask scheduler answers at {address}. Start one (dask scheduler) and workers, or leave it out."
             ) from error
 
     def __exit__(self, *_: object) -> None:
@@ -158,4 +158,4 @@ def _use_own_threads() -> None:
     from distributed import get_worker
 
     given = int(get_worker().state.nthreads)
-    numba.set_num_threads(max(1, min(given, numba.config.NUMBA_NUM_THREADS)))
+    numba.set_num_threads(max(1, min(given, int(getattr(numba.config, "NUMBA_NUM_THREADS", given)))))

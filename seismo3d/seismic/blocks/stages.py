@@ -62,17 +62,13 @@ class Stage:
         return self.tiling == "raw"
 
 
-def _ratios(attempt: str) -> tuple[str, ...]:
-    return f"ratio0_{attempt}", f"ratio1_{attempt}", f"known0_{attempt}", f"known1_{attempt}"
-
-
 def _misfit_stages(attempt: str, wanted: Callable[[BlockRun], bool]) -> dict[str, Stage]:
     return {
         f"misfit_{attempt}": Stage(
             "misfit", "misfit", partial(_attempt, evidence.misfit, attempt),
             find=partial(evidence.misfit_facts, attempt=attempt),
-            make=partial(evidence.make_ratio_arrays, attempt=attempt), writes=_ratios(attempt),
-            leaves=_ratios("near") if attempt == "far" else (), wanted=wanted,
+            make=partial(evidence.make_ratio_arrays, attempt=attempt), writes=evidence.ratio_names(attempt),
+            leaves=evidence.ratio_names("near") if attempt == "far" else (), wanted=wanted,
         ),
         f"noise_{attempt}": Stage(
             "misfit", "misfit", partial(_attempt, evidence.noise, attempt),
@@ -104,7 +100,8 @@ STAGES: dict[str, Stage] = {
     "moments": Stage("misfit", "evidence", evidence.moments, find=evidence.moments_facts),
     "evidence": Stage(
         "misfit", "evidence", evidence.evidence, find=evidence.evidence_facts, make=evidence.make_evidence_arrays,
-        writes=("evidence0", "evidence1", "known"), leaves=(*_ratios("near"), *_ratios("far")),
+        writes=("evidence0", "evidence1", "known"),
+        leaves=(*evidence.ratio_names("near"), *evidence.ratio_names("far")),
     ),
     "prior": Stage("misfit", "evidence", evidence.prior, find=evidence.prior_facts),
     "medians": Stage("misfit", "evidence", evidence.medians, find=evidence.medians_facts),

@@ -95,9 +95,7 @@ class BrickStore:
             if not (self.folder / name / "zarr.json").is_file():
                 raise DamagedBlock(name, (0, 0))
             # each brick is written as it is, be it all zeros: an absent one is a lost one
-            self._open[name] = zarr.open_array(
-                str(self.folder / name), mode="r+", config={"write_empty_chunks": True}
-            )
+            self._open[name] = zarr.open_array(str(self.folder / name), mode="r+", config={"write_empty_chunks": True})
         return self._open[name]
 
     def _bricks(self, box: Box) -> list[tuple[int, int]]:

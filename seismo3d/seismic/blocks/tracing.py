@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from seismo3d._typing import Progress
-from seismo3d.errors import FileAccessError
+from seismo3d.errors import FileAccessError, ParameterError
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic.blocks.plan import BlockPlan
+from seismo3d.seismic.blocks.plan import BlockPlan, parse_memory, plan_blocks, whole_cube_bytes
 from seismo3d.seismic.blocks.results import make_result, open_result
 from seismo3d.seismic.blocks.run import BlockRun, describe_source
-from seismo3d.seismic.blocks.scheduling import InThisProcess, Piece, Scheduler
+from seismo3d.seismic.blocks.scheduling import InThisProcess, OnCluster, Piece, Scheduler
 from seismo3d.seismic.blocks.sheets import chosen_faults
 from seismo3d.seismic.blocks.stages import STAGES, count_blocks, find_piece, producer
 from seismo3d.seismic.blocks.store import DamagedBlock
-from seismo3d.seismic.faults import build_surfaces
+from seismo3d.seismic.faults import FaultSettings, build_surfaces
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.preparing import describe_volume
 
@@ -25,10 +28,61 @@ from seismo3d.seismic.preparing import describe_volume
 _MOST_REPAIRS = 3
 
 
+_MEMORY = "4GB"
+# blocks that each worker should have at least, so that none waits long for the others
+_BLOCKS_A_WORKER = 4
+
+
+def asks_for_blocks(cube: Any, memory: int | str | None, *, folder: str | Path | None, scheduler: str | None) -> bool:
+    """Tell whether a cube is to be worked on in blocks: it does not fit, or a cluster is asked for.
+
+    Raises
+    ------
+    ParameterError
+        If there is no folder for that, or a folder and nothing that asks for blocks.
+    """
+    values = cube if hasattr(cube, "dtype") else np.asarray(cube)
+    describe_volume(values)
+    if memory is None and scheduler is None:
+        raise ParameterError("folder is given without memory or scheduler; it is for work in blocks. Add memory.")
+    room = parse_memory(_MEMORY if memory is None else memory)
+    if values.ndim == 2 or (scheduler is None and whole_cube_bytes(values.shape) <= room):
+        return False
+    if folder is None:
+        raise ParameterError(
+            f"cube of shape {tuple(values.shape)} is to be worked on in blocks and folder is not given; expected one "
+            "for its results. Give folder, or more memory."
+        )
+    return True
+
+
+def trace_larger(
+    cube: Any,
+    memory: int | str | None,
+    *,
+    folder: str | Path | None,
+    scheduler: str | None,
+    settings: FaultSettings,
+    progress: Progress,
+) -> FaultSet:
+    """Trace the faults of a cube that :func:`asks_for_blocks`, and keep its result in the folder.
+
+    A finished run of the same input with the same settings is not done again.
+    """
+    room = parse_memory(_MEMORY if memory is None else memory)
+    shape = (cube.shape[0], cube.shape[1], cube.shape[2])
+    if scheduler is None:
+        plan = plan_blocks(shape, room, settings)
+        return trace_in_blocks(cube, plan, settings, folder=Path(str(folder)), progress=progress)
+    with OnCluster(scheduler) as cluster:
+        plan = plan_blocks(shape, room, settings, least_blocks=_BLOCKS_A_WORKER * max(2, cluster.n_workers))
+        return trace_in_blocks(cube, plan, settings, folder=Path(str(folder)), scheduler=cluster, progress=progress)
+
+
 def trace_in_blocks(
     cube: Any,
     plan: BlockPlan,
-    settings: Any,
+    settings: FaultSettings,
     *,
     folder: Path,
     scheduler: Scheduler | None = None,
@@ -72,19 +126,13 @@ def trace_in_blocks(
         likelihood=open_result(run, "likelihood", cube),
         labels=open_result(run, "labels", cube),
         throw=open_result(run, "throw", cube),
-        settings=_plain_settings(settings),
+        settings=asdict(settings),
     )
 
 
 def forget_work(folder: Path) -> None:
     """Remove from a run's folder what was needed to go on; the results stay."""
     shutil.rmtree(folder / "work", ignore_errors=True)
-
-
-def _plain_settings(settings: Any) -> dict[str, Any]:
-    from dataclasses import asdict
-
-    return asdict(settings)
 
 
 class _Worker:
@@ -147,4 +195,3 @@ class _Worker:
             if next_damage is not None:
                 self._repair(next_damage)
                 self._repair(damage)
-
