@@ -20,7 +20,7 @@ from seismo3d.seismic.blocks.store import BrickStore, DamagedBlock
 
 _PLAN = "plan.json"
 _VERSION = 1
-_NAMES = {"input": "input", "settings": "settings", "memory": "--memory", "version": "version of seismo3d's format"}
+_NAMES = {"input": "input", "settings": "setting", "memory": "memory", "version": "format"}
 
 
 class BlockRun:
@@ -249,8 +249,8 @@ def _refuse_change(folder: Path, found: Mapping[str, Any], wanted: Mapping[str, 
             continue
         names = _differing(found.get(key), wanted[key])
         raise ParameterError(
-            f"{folder} holds a run whose {words} was another one ({', '.join(names)}). Give what it was begun with, "
-            "choose another folder, or remove this one to begin anew."
+            f"the {words} of the run in {folder} has changed: {', '.join(names)}. Give what it was begun with, choose "
+            "another folder, or remove this one to begin anew."
         )
 
 
@@ -259,7 +259,7 @@ def _differing(old: Any, new: Any, name: str = "") -> list[str]:
         keys: Iterable[str] = dict.fromkeys([*old, *new])
         parts = [_differing(old.get(key), new.get(key), f"{name}.{key}".lstrip(".")) for key in keys]
         return [word for part in parts for word in part]
-    return [] if old == new else [f"{name or 'was'} {_short(old)}, now {_short(new)}"]
+    return [] if old == new else [f"{name} was {_short(old)}, now {_short(new)}".strip()]
 
 
 def _short(value: Any) -> str:

@@ -152,7 +152,8 @@ class _Worker:
         self._work(stage, progress)
         self._repairing(lambda: described.find(run), again=lambda: self._work(stage, progress))
         run.write_fact(f"done_{stage}")
-        run.store.remove(*described.leaves)
+        # also what was made again since, to repair a block
+        run.store.remove(*(name for key in STAGES if run.knows(f"done_{key}") for name in STAGES[key].leaves))
 
     def _work(self, stage: str, progress: Progress) -> None:
         """Work on the blocks that are not done."""
@@ -191,7 +192,7 @@ class _Worker:
         run.forget_part(stage, number)
         described.make(run)
         piece = self._piece if described.reads_input else None
-        for _, next_damage in InThisProcess().work(run, stage, [number], piece):
-            if next_damage is not None:
-                self._repair(next_damage)
-                self._repair(damage)
+        while number not in run.done(stage):
+            for _, deeper in InThisProcess().work(run, stage, [number], piece):
+                if deeper is not None:
+                    self._repair(deeper)
