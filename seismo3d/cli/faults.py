@@ -80,8 +80,8 @@ def run(
         if opened.chunks is not None:
             clock("live traces", 0.0)
             opened = opened.assign_coords(live=opened["live"].compute())
-        larger = {"memory": memory, "scheduler": scheduler} if in_blocks else {}
-        faults = _trace(opened, aside, clock, larger)
+        larger: dict[str, Any] = {"memory": memory, "scheduler": scheduler, "folder": aside} if in_blocks else {}
+        faults = _trace(opened, aside, clock=clock, larger=larger)
         if attributes:
             _write_attributes(opened, aside, smooth_tv, clock)
         if unfault:
@@ -123,19 +123,19 @@ def _kept_aside(out: Path) -> Iterator[Path]:
         replace_path(aside, out, folder=True)
 
 
-def _trace(cube: Any, folder: Path, clock: Progress, larger: dict[str, Any]) -> Any:
+def _trace(cube: Any, out: Path, *, clock: Progress, larger: dict[str, Any]) -> Any:
     """Trace the faults and write everything that follows from them alone; `larger` says how a cube beyond memory is."""
     from seismo3d.io.segy import write_segy
     from seismo3d.seismic.exports import write_faults
     from seismo3d.seismic.faults import trace_faults
 
-    faults = trace_faults(cube, progress=clock, **larger, **({"folder": folder} if larger else {}))
+    faults = trace_faults(cube, progress=clock, **larger)
     clock("export", 0.0)
-    faults.save(folder)
-    write_faults(faults, cube, directory=folder)
+    faults.save(out)
+    write_faults(faults, cube, directory=out)
     for number, name in enumerate(("likelihood", "labels"), start=1):
         values = getattr(faults, name)
-        write_segy(folder / f"{name}.sgy", cube.copy(data=getattr(values, "data", values)))
+        write_segy(out / f"{name}.sgy", cube.copy(data=getattr(values, "data", values)))
         clock("export", number / 2)
     return faults
 
