@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +18,8 @@ EXAMPLES = (
     "seismo3d faults f3.sgy -o f3-faults",
     "seismo3d faults f3.sgy -o f3-faults --inline-byte 9 --crossline-byte 21 --attributes",
     "seismo3d faults line.sgy -o line-faults --json",
+    "seismo3d faults large.zarr -o large-faults --memory 8GB",
+    "seismo3d faults large.zarr -o large-faults --memory 8GB --scheduler tcp://node1:8786",
 )
 
 
@@ -30,6 +34,12 @@ def run(
     unfault: bool = typer.Option(
         False, "--unfault", help="Write the cube with the slip taken out, and a picture of it."
     ),
+    memory: str | None = typer.Option(
+        None, help="Memory to keep to, such as 8GB; a larger cube is worked on in blocks. [default: one piece]"
+    ),
+    scheduler: str | None = typer.Option(
+        None, help="Address of a dask cluster to work on the blocks, such as tcp://node1:8786."
+    ),
     overwrite: Overwrite = False,
     json: Json = False,
     *,
@@ -40,6 +50,10 @@ def run(
     The folder gets surfaces.vtp (VTK), surfaces.ts (GOCAD), sticks_opendtect.txt, sticks_petrel.txt, faults.csv,
     likelihood.sgy and labels.sgy on the input's own geometry, PNG pictures, report.html, run.json and faultset.npz;
     with --unfault, unfaulted.sgy. It appears when all is done, or not at all.
+
+    Work in blocks (--memory, --scheduler) goes on in a folder beside it, whose name ends in .unfinished: after a
+    crash the same command goes on where it was. The volumes are Zarr too then: likelihood.zarr, labels.zarr and
+    throw.zarr.
     """
     from seismo3d.cli._run_folder import check_run_folder
     from seismo3d.cli._stages import StageClock, say_timings
@@ -54,13 +68,20 @@ def run(
     opened = open_cube(cube, **reading)
     if unfault and opened.ndim != 3:
         raise ParameterError("--unfault is given for a 2D line; it takes the slip out of cubes. Leave it out.")
-    with written_aside(out, folder=True) as aside, shown_progress() as show:
-        aside.mkdir()
+    if memory is not None or scheduler is not None:
+        in_blocks = _asks_for_blocks(opened, memory, scheduler, out)
+        refuse_whole(in_blocks, attributes=attributes, unfault=unfault)
+    else:
+        in_blocks = False
+    folder = _kept_aside(out) if in_blocks else written_aside(out, folder=True)
+    with folder as aside, shown_progress() as show:
+        aside.mkdir(exist_ok=in_blocks)
         clock = StageClock(show)
         if opened.chunks is not None:
             clock("live traces", 0.0)
             opened = opened.assign_coords(live=opened["live"].compute())
-        faults = _trace(opened, aside, clock)
+        larger: dict[str, Any] = {"memory": memory, "scheduler": scheduler, "folder": aside} if in_blocks else {}
+        faults = _trace(opened, aside, clock=clock, larger=larger)
         if attributes:
             _write_attributes(opened, aside, smooth_tv, clock)
         if unfault:
@@ -68,24 +89,53 @@ def run(
         asked = {**reading, "attributes": attributes, "smooth_tv": smooth_tv}
         if unfault:
             asked["unfault"] = True
+        asked |= {name: value for name, value in (("memory", memory), ("scheduler", scheduler)) if value is not None}
         timings = _report(opened, faults, aside, clock, path=cube, asked=asked)
     (_print_json if json else _say)(out, faults, opened, timings)
     say_timings(timings)
 
 
-def _trace(cube: Any, folder: Path, clock: Progress) -> Any:
-    """Trace the faults and write everything that follows from them alone."""
+def _asks_for_blocks(cube: Any, memory: str | None, scheduler: str | None, out: Path) -> bool:
+    from seismo3d.seismic.blocks.tracing import asks_for_blocks
+
+    return asks_for_blocks(cube, memory, folder=out, scheduler=scheduler)
+
+
+def refuse_whole(in_blocks: bool, *, attributes: bool, unfault: bool) -> None:
+    """Refuse what takes the cube in one piece, where that is worked on in blocks."""
+    from seismo3d.errors import ParameterError
+
+    for asked, name in ((attributes, "--attributes"), (unfault, "--unfault")):
+        if in_blocks and asked:
+            raise ParameterError(f"{name} takes the cube in one piece, which needs more memory. Leave it out.")
+
+
+@contextmanager
+def _kept_aside(out: Path) -> Iterator[Path]:
+    """Give a folder beside ``out`` that stays until all is done, and then takes its place."""
+    from seismo3d.io._files import refuse_os_errors, replace_path
+    from seismo3d.seismic.blocks.tracing import forget_work
+
+    aside = out.parent / f"{out.name}.unfinished"
+    with refuse_os_errors(out, "write"):
+        yield aside
+        forget_work(aside)
+        replace_path(aside, out, folder=True)
+
+
+def _trace(cube: Any, out: Path, *, clock: Progress, larger: dict[str, Any]) -> Any:
+    """Trace the faults and write everything that follows from them alone; `larger` says how a cube beyond memory is."""
     from seismo3d.io.segy import write_segy
     from seismo3d.seismic.exports import write_faults
     from seismo3d.seismic.faults import trace_faults
 
-    faults = trace_faults(cube, progress=clock)
+    faults = trace_faults(cube, progress=clock, **larger)
     clock("export", 0.0)
-    faults.save(folder)
-    write_faults(faults, cube, directory=folder)
+    faults.save(out)
+    write_faults(faults, cube, directory=out)
     for number, name in enumerate(("likelihood", "labels"), start=1):
         values = getattr(faults, name)
-        write_segy(folder / f"{name}.sgy", cube.copy(data=getattr(values, "data", values)))
+        write_segy(out / f"{name}.sgy", cube.copy(data=getattr(values, "data", values)))
         clock("export", number / 2)
     return faults
 

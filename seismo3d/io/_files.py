@@ -72,12 +72,13 @@ def written_aside(path: str | os.PathLike[str], *, folder: bool = False) -> Iter
     try:
         with refuse_os_errors(final, "write"):
             yield aside
-            _replace(aside, final, folder=folder)
+            replace_path(aside, final, folder=folder)
     finally:
         _remove(aside)
 
 
-def _replace(aside: Path, final: Path, *, folder: bool) -> None:
+def replace_path(aside: Path, final: Path, *, folder: bool) -> None:
+    """Move what was written aside into its place; a folder that is there goes only once the new one is in place."""
     if not folder or not final.exists():
         aside.replace(final)
         return

@@ -56,13 +56,15 @@ def write_archive(path: str | Path, arrays: Mapping[str, AnyArray], *, meta: Map
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
 
 
-def read_archive(path: str | Path) -> tuple[dict[str, AnyArray], dict[str, Any]]:
+def read_archive(path: str | Path, *, prefix: str = "") -> tuple[dict[str, AnyArray], dict[str, Any]]:
     """Read what :func:`write_archive` wrote.
 
     Parameters
     ----------
     path : str or Path
         The file.
+    prefix : str
+        Read only the arrays whose names begin like this.
 
     Returns
     -------
@@ -87,8 +89,17 @@ def read_archive(path: str | Path) -> tuple[dict[str, AnyArray], dict[str, Any]]
         meta = _decode(json.loads(archive.read(_META)))
         if not isinstance(meta, dict):
             raise FormatError(f"{path} has a description that is no mapping. Write it again.")
-        names = [name for name in archive.namelist() if name.endswith(".npy")]
+        names = [name for name in archive.namelist() if name.endswith(".npy") and name.startswith(prefix)]
         return {name.removesuffix(".npy"): read_member(archive, name, path) for name in names}, meta
+
+
+def list_archive(path: str | Path) -> list[str]:
+    """Return the names of the arrays in a file that :func:`write_archive` wrote; errors as :func:`read_archive`."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileAccessError(f"{path} cannot be read: it is no file. Check the name and the permissions.")
+    with refuse_damage(path, "seismo3d archive"), zipfile.ZipFile(path) as archive:
+        return [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
 
 
 def _encode(value: Any, place: str) -> Any:

@@ -50,7 +50,7 @@ def write_zarr(path: Any, cube: Any, *, brick: int = _BRICK, progress: Progress 
     edge = int(max(1, min(brick, volume.shape[0], _SLAB_BYTES // max(1, slab_bytes))))
     chunks = (edge, *(min(brick, n) for n in volume.shape[1:]))
     with written_aside(out, folder=True) as aside:
-        _make_group(aside, volume, name, chunks)
+        make_group(aside, volume, name, chunks)
         first_dim = str(volume.dims[0])
         for start in range(0, volume.shape[0], edge):
             part = volume[start : start + edge].compute()
@@ -135,8 +135,8 @@ def _stored_bytes(store: Path, enough: int) -> int:
     return total
 
 
-def _make_group(aside: Path, volume: Any, name: str, chunks: tuple[int, ...]) -> None:
-    """Write everything but the samples and the coordinates that vary along the first axis."""
+def make_group(aside: Path, volume: Any, name: str, chunks: tuple[int, ...]) -> None:
+    """Write everything but the samples and the coordinates that vary along the first axis; `chunks` are the bricks."""
     import dask.array as da
     import xarray as xr
 

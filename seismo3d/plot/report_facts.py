@@ -10,6 +10,7 @@ import numpy as np
 from seismo3d.errors import GeometryError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.plot.pictures import axis_coordinates, axis_label, live_traces, name_axes
+from seismo3d.plot.sections import count_fault_voxels
 from seismo3d.seismic.fault_table import mean_strike_deg
 
 _HEADINGS = {
@@ -67,9 +68,16 @@ def key_numbers(faults: Any, cube: Any, rows: list[dict[str, Any]]) -> list[tupl
         doubled = mean_strike_deg(2 * np.array([row["strike_deg"] for row in rows]), weights) / 2
         if math.isfinite(doubled):
             numbers.append((f"{doubled:.0f}° / {doubled + 180:.0f}°", "mean strike"))
-    share = float((np.asarray(faults.labels) > 0).mean())
+    share = _fault_share(faults)
     numbers.append((_percent(share), "of all voxels lie on a fault"))
     return numbers
+
+
+def _fault_share(faults: Any) -> float:
+    """Share of the voxels that lie on a fault."""
+    if np.ndim(faults.labels) == 2:
+        return float((np.asarray(faults.labels) > 0).mean())
+    return float(count_fault_voxels(faults)[0].sum() / np.prod(np.shape(faults.labels), dtype=np.float64))
 
 
 def table_columns(rows: list[dict[str, Any]]) -> list[tuple[str, str]]:

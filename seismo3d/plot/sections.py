@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._typing import Float64Array
 from seismo3d.plot.drawing import draw_amplitudes, draw_faults, new_axes
 from seismo3d.plot.pictures import Picture, axis_coordinates, live_traces, name_axes, take_picture
 from seismo3d.plot.traces_of_faults import check_colour, check_faults, cut_faults
@@ -139,12 +140,11 @@ def most_faulted_lines(faults: Any, cube: Any) -> dict[str, float]:
     dict of str to float
         Coordinate by axis name.
     """
-    labels = np.asarray(faults.labels)
     names = name_axes(cube)
     found = {}
+    counts = count_fault_voxels(faults)
     for axis, name in enumerate(names):
-        others = tuple(k for k in range(3) if k != axis)
-        count = (labels > 0).sum(axis=others).astype(np.float64)
+        count = counts[axis]
         if axis < 2:
             count[~live_traces(cube).any(axis=1 - axis)] = -1.0
         else:
@@ -153,6 +153,21 @@ def most_faulted_lines(faults: Any, cube: Any) -> dict[str, float]:
         middle = np.abs(np.arange(len(count)) - (len(count) - 1) / 2)
         found[name] = float(axis_coordinates(cube, axis)[np.lexsort((middle, -count))[0]])
     return found
+
+
+def count_fault_voxels(faults: Any) -> list[Float64Array]:
+    """Count the fault voxels on every inline, on every crossline and at every sample; lazy labels a slab at a time."""
+    labels = getattr(faults.labels, "data", faults.labels)
+    shape = labels.shape
+    counts = [np.zeros(n) for n in shape]
+    slab = shape[0] if isinstance(labels, np.ndarray) else labels.chunks[0][0]
+    for start in range(0, shape[0], slab):
+        drawn = np.asarray(labels[start : start + slab]) > 0
+        for axis, count in enumerate(counts):
+            others = tuple(k for k in range(3) if k != axis)
+            into = count[start : start + slab] if axis == 0 else count
+            into += drawn.sum(axis=others)
+    return counts
 
 
 def _axes_for(picture: Picture) -> Any:

@@ -11,11 +11,32 @@ from numba.typed import Dict
 
 @njit(cache=True, nogil=True)
 def index_points(voxels, n0, n1, n2):  # type: ignore[no-untyped-def]
-    """Write the number of each point into a volume that is -1 elsewhere."""
-    where = np.full((n0, n1, n2), -1, np.int32)
+    """Index points by their voxels, in memory that grows with their number: cells of 4 x 4 x 4 voxels that hold some.
+
+    Returns the number of each cell, -1 where it is empty, and for every cell the number of the point in each of its
+    voxels, -1 where there is none.
+    """
+    cells = np.full(((n0 + 3) >> 2, (n1 + 3) >> 2, (n2 + 3) >> 2), -1, np.int32)
+    count = 0
     for a in range(len(voxels)):
-        where[voxels[a, 0], voxels[a, 1], voxels[a, 2]] = a
-    return where
+        i, j, k = voxels[a, 0] >> 2, voxels[a, 1] >> 2, voxels[a, 2] >> 2
+        if cells[i, j, k] < 0:
+            cells[i, j, k] = count
+            count += 1
+    points = np.full((count, 64), -1, np.int32)
+    for a in range(len(voxels)):
+        i, j, k = voxels[a, 0], voxels[a, 1], voxels[a, 2]
+        points[cells[i >> 2, j >> 2, k >> 2], ((i & 3) << 4) | ((j & 3) << 2) | (k & 3)] = a
+    return cells, points
+
+
+@njit(cache=True, nogil=True, inline="always")
+def find_point(cells, points, i, j, k):  # type: ignore[no-untyped-def]
+    """Return the number of the point in a voxel, -1 where there is none."""
+    cell = cells[i >> 2, j >> 2, k >> 2]
+    if cell < 0:
+        return np.int32(-1)
+    return points[cell, ((i & 3) << 4) | ((j & 3) << 2) | (k & 3)]
 
 
 @njit(cache=True, nogil=True)
@@ -41,7 +62,9 @@ def _carried(voxels, normals, a, down):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def grow_surfaces(voxels, positions, normals, score, order, where, step, reach, least_cosine, off_plane, fold, widest):  # type: ignore[no-untyped-def]
+def grow_surfaces(  # type: ignore[no-untyped-def]
+    voxels, positions, normals, score, order, shape, index, step, reach, least_cosine, off_plane, fold, widest
+):
     """Return the surface number of every point, growing each surface from the best point that is still free.
 
     A surface takes the best free point beside it that lies on the plane of the point it is reached from; beside means
@@ -50,7 +73,8 @@ def grow_surfaces(voxels, positions, normals, score, order, where, step, reach, 
     first), or whose plane turns away too far from the seed's (cosine below `widest`), stays free.
     """
     n = len(voxels)
-    n0, n1, n2 = where.shape
+    n0, n1, n2 = shape
+    cells, points = index
     label = np.full(n, -1, np.int32)
     span = n0 + n1
     height = np.zeros((2 * span + 1, n2), np.float32)
@@ -91,7 +115,7 @@ def grow_surfaces(voxels, positions, normals, score, order, where, step, reach, 
                 i, j = _carried(voxels, normals, a, (kk - k) * step)
                 for ii in range(max(0, i - reach), min(n0, i + reach + 1)):
                     for jj in range(max(0, j - reach), min(n1, j + reach + 1)):
-                        b = where[ii, jj, kk]
+                        b = find_point(cells, points, ii, jj, kk)
                         if b < 0 or label[b] >= 0:
                             continue
                         turned = (
@@ -108,9 +132,12 @@ def grow_surfaces(voxels, positions, normals, score, order, where, step, reach, 
 
 
 @njit(cache=True, nogil=True)
-def count_contacts(voxels, positions, normals, label, n_surfaces, where, step, reach, least_cosine, off_plane):  # type: ignore[no-untyped-def]
+def count_contacts(  # type: ignore[no-untyped-def]
+    voxels, positions, normals, label, n_surfaces, shape, index, step, reach, least_cosine, off_plane
+):
     """Return a row (surface, surface, pairs of near points, those of them that agree) for every two in touch."""
-    n0, n1, n2 = where.shape
+    n0, n1, n2 = shape
+    cells, points = index
     near = Dict.empty(types.int64, types.int64)
     along = Dict.empty(types.int64, types.int64)
     for a in range(len(voxels)):
@@ -122,7 +149,7 @@ def count_contacts(voxels, positions, normals, label, n_surfaces, where, step, r
             i, j = _carried(voxels, normals, a, (kk - k) * step)
             for ii in range(max(0, i - reach), min(n0, i + reach + 1)):
                 for jj in range(max(0, j - reach), min(n1, j + reach + 1)):
-                    b = where[ii, jj, kk]
+                    b = find_point(cells, points, ii, jj, kk)
                     if b < 0 or label[b] < 0 or label[b] == la:
                         continue
                     lb = np.int64(label[b])

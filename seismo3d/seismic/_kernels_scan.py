@@ -9,19 +9,23 @@ from numba import njit, prange
 
 
 @njit(cache=True, nogil=True, parallel=True, fastmath=True)
-def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, out):  # type: ignore[no-untyped-def]
+def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, corner, out):  # type: ignore[no-untyped-def]
     """Write the weighted mean of w_first * first + w_second * second along a line in the time slice.
 
     The axes are (across the plane, along its strike, sample): the line runs along the second axis and moves by `shear`
-    along the first. What lies outside the cube is left out of the mean. Rows of `out` carry `pad` zeros at either end.
+    along the first. What lies outside the cube is left out of the mean. Rows of `out` carry `pad` zeros at either end;
+    its first row is that of `first` at `corner`.
     """
     n0, n1, n2 = first.shape
     half = len(taps) // 2
-    for line in prange(n0):
-        i = np.int64(line)
-        for j in range(n1):
+    for line in prange(out.shape[0]):
+        row = np.int64(line)
+        i = row + corner[0]
+        for column in range(out.shape[1]):
+            j = column + corner[1]
+            values = out[row, column]
             for k in range(n2 + 2 * pad):
-                out[i, j, k] = 0.0
+                values[k] = 0.0
             total = np.float32(0.0)
             for t in range(-half, half + 1):
                 jj = j + t
@@ -36,28 +40,31 @@ def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, out):  
                         a = weight * w_first
                         b = weight * w_second
                         for k in range(n2):
-                            out[i, j, k + pad] += a * first[ii, jj, k] + b * second[ii, jj, k]
+                            values[k + pad] += a * first[ii, jj, k] + b * second[ii, jj, k]
             scale = np.float32(1.0) / max(total, np.float32(0.2))
             for k in range(n2):
-                out[i, j, k + pad] *= scale
+                values[k + pad] *= scale
 
 
 @njit(cache=True, nogil=True, parallel=True, fastmath=True)
-def keep_best_dip(lines, shears, taps, prior, prior_weight, evenness, code, best, arg):  # type: ignore[no-untyped-def]
+def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, code, best, arg):  # type: ignore[no-untyped-def]
     """Sum the lines down every dip; keep the largest mean and the number of its orientation.
 
     A plane's mean is drawn towards that of its poorer half, above or below, by `evenness`: a bright patch beside an
     empty one is no plane. What lies outside the cube counts as the prior, with a small weight. Rows are worked on in
-    batches, laid end to end with their padding between them, so that one shift serves them all.
+    batches, laid end to end with their padding between them, so that one shift serves them all. The first row of `best`
+    is that of `lines` at `first`.
     """
-    n0, n1, n2 = best.shape
+    n1, n2 = best.shape[1], best.shape[2]
+    n0 = lines.shape[0]
     half = len(taps) // 2
     width = n2 + 2 * half
     flat = lines.reshape(n0, n1 * width)
     whole = np.float32(1.0) - evenness
     batch = 16
-    for line in prange(n0):
-        i = np.int64(line)
+    for line in prange(best.shape[0]):
+        r = np.int64(line)
+        i = r + first
         sums = np.empty((2, batch * width), np.float32)
         weights = np.empty((2, n2), np.float32)
         for j0 in range(0, n1, batch):
@@ -97,7 +104,7 @@ def keep_best_dip(lines, shears, taps, prior, prior_weight, evenness, code, best
                 for row in range(n_rows):
                     above = sums[0, row * width : row * width + n2]
                     below = sums[1, row * width : row * width + n2]
-                    top, top_arg = best[i, j0 + row], arg[i, j0 + row]
+                    top, top_arg = best[r, j0 + row], arg[r, j0 + row]
                     for k in range(n2):
                         mean = (above[k] + below[k]) / (weights[0, k] + weights[1, k])
                         poorer = min(above[k] / weights[0, k], below[k] / weights[1, k])

@@ -31,10 +31,13 @@ def _read(volume, valid, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def read_sides(volume, valid, p, q, w, origin, along, across, first_s, first_sample, near, far, clear, sides, known):  # type: ignore[no-untyped-def]
+def read_sides(  # type: ignore[no-untyped-def]
+    volume, valid, p, q, w, origin, along, across, first_s, first_sample, near, far, clear, corner, sides, known
+):
     """Write both sides of a sheet, one value a sample: the mean of traces `near` to `far` off, along their dips.
 
     `w` holds the sheet's position at every (row, sample); sides[0] lies against `across`, sides[1] along it.
+    The volumes' first inline and crossline are the corner's.
     """
     n_rows, n_samples = w.shape
     n0, n1, n2 = volume.shape
@@ -52,8 +55,8 @@ def read_sides(volume, valid, p, q, w, origin, along, across, first_s, first_sam
                 count = np.float32(0.0)
                 for distance in range(near, far + 1):
                     d = float(distance) if side == 1 else -float(distance)
-                    x = origin[0] + s * along[0] + (w[r, k] + d) * across[0]
-                    y = origin[1] + s * along[1] + (w[r, k] + d) * across[1]
+                    x = origin[0] + s * along[0] + (w[r, k] + d) * across[0] - corner[0]
+                    y = origin[1] + s * along[1] + (w[r, k] + d) * across[1] - corner[1]
                     z = float(first_sample + k)
                     if x < 0.0 or y < 0.0 or x > n0 - 1 or y > n1 - 1:
                         continue

@@ -74,16 +74,32 @@ def estimate_slopes(
     """
     settings = settings or DipSettings()
     p, q = np.empty_like(volume), np.empty_like(volume)
-    reach = int(np.ceil(3.0 * settings.derivative)) + int(np.ceil(2.5 * settings.lateral)) + 1
+    reach = dip_reach(settings)
     for start in range(0, len(volume), settings.slab):
         stop = min(start + settings.slab, len(volume))
         low, high = max(0, start - reach), min(len(volume), stop + reach)
-        weight = _trusted(valid[low:high], int(np.ceil(1.5 * settings.derivative)))
-        _weigh_rim(weight, settings, (low == 0, high == len(volume)))
-        slab_p, slab_q = _slab_slopes(volume[low:high], weight, settings)
+        ends = ((low == 0, high == len(volume)), (True, True))
+        slab_p, slab_q = block_slopes(volume[low:high], valid[low:high], ends, settings)
         p[start:stop] = slab_p[start - low : stop - low]
         q[start:stop] = slab_q[start - low : stop - low]
     return p, q
+
+
+def dip_reach(settings: DipSettings) -> int:
+    """Return how many traces off a slope depends on."""
+    return int(np.ceil(3.0 * settings.derivative)) + int(np.ceil(2.5 * settings.lateral)) + 1
+
+
+def block_slopes(
+    volume: Float32Array, valid: BoolArray, ends: tuple[tuple[bool, bool], tuple[bool, bool]], settings: DipSettings
+) -> tuple[Float32Array, Float32Array]:
+    """Return the slopes of a block of whole traces, right where its `dip_reach` lies in it or beyond the cube.
+
+    `ends` says, for inlines and for crosslines, whether the block's first and last are the cube's.
+    """
+    weight = _trusted(valid, int(np.ceil(1.5 * settings.derivative)))
+    _weigh_rim(weight, settings, (*ends, (True, True)))
+    return _slab_slopes(volume, weight, settings)
 
 
 def _slab_slopes(
@@ -132,12 +148,12 @@ def _trusted(valid: BoolArray, reach: int) -> Float32Array:
     return weight
 
 
-def _weigh_rim(weight: Float32Array, settings: DipSettings, ends: tuple[bool, bool]) -> None:
-    """Multiply the weights of gradients that reach beyond the cube; `ends` says where a slab's inlines end with it."""
+def _weigh_rim(weight: Float32Array, settings: DipSettings, ends: tuple[tuple[bool, bool], ...]) -> None:
+    """Multiply the weights of gradients that reach beyond the cube; `ends` says where each axis ends with it."""
     reach = int(np.ceil(2.0 * settings.derivative))
     if settings.rim == 1.0:
         return
-    for axis, (first, last) in enumerate((ends, (True, True), (True, True))):
+    for axis, (first, last) in enumerate(ends):
         along = np.moveaxis(weight, axis, 0)
         if len(along) <= 2 * reach:
             continue

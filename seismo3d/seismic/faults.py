@@ -6,6 +6,7 @@ slopes -> misfit -> planar support -> ridges -> sheets -> throws -> surfaces, la
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_s
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
-from seismo3d.seismic.misfit import Evidence, MisfitSettings, measure_misfit
+from seismo3d.seismic.misfit import MisfitSettings, measure_misfit
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
@@ -72,7 +73,15 @@ class FaultSettings:
         )
 
 
-def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: Progress | None = None) -> FaultSet:
+def trace_faults(
+    cube: Any,
+    *,
+    settings: FaultSettings | None = None,
+    progress: Progress | None = None,
+    memory: int | str | None = None,
+    folder: str | Path | None = None,
+    scheduler: str | None = None,
+) -> FaultSet:
     """Trace the faults of a cube or section: surfaces with likelihood, strike, dip and throw.
 
     Reflector slopes come from the structure tensor. What does not fit across a voxel after both sides are carried to it
@@ -91,6 +100,14 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
         section.
     progress : callable, optional
         Called with the stage's name and the share of it that is done.
+    memory : int or str, optional
+        Bytes that a process may take, such as ``"2GB"``. A cube that needs more in one piece is worked on in blocks,
+        with the same result, to the bit; without it, always in one piece.
+    folder : str or Path, optional
+        Needed for work in blocks: gets the volumes as Zarr, and what it takes to go on after the run is killed; give
+        the same call again for that.
+    scheduler : str, optional
+        Address of a dask cluster, which then works on the blocks; its workers must see the folder and the input.
 
     Returns
     -------
@@ -102,10 +119,16 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     ------
     ShapeError
         If the input has another number of axes than 2 or 3, or is too small to hold a fault.
+    ParameterError
+        If the memory is too little, there is no folder for work in blocks, or the folder holds a run of another input
+        or with other settings.
+    FileAccessError
+        If the folder cannot be written, or the cluster does not answer.
 
     Notes
     -----
-    Memory at its peak is about eleven times the cube as float32, the cube itself included. Orientations are those of
+    Memory at its peak, in one piece, is about eleven times the cube as float32, the cube itself included. In blocks,
+    what is held of the whole cube is sparse: see :mod:`seismo3d.seismic.blocks`. Orientations are those of
     the index grid: in a time cube a dip is in samples a trace until a velocity is given.
 
     References
@@ -113,6 +136,13 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
     """
     report = progress or _unheard
+    if memory is not None or folder is not None or scheduler is not None:
+        from seismo3d.seismic.blocks.tracing import asks_for_blocks, trace_larger
+
+        if asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler):
+            return trace_larger(
+                cube, memory, folder=folder, scheduler=scheduler, settings=settings or FaultSettings(), progress=report
+            )
     amplitudes, geometry, sampling = as_volume(cube)
     is_section = 1 in amplitudes.shape[:2]
     settings = settings or (FaultSettings.for_section() if is_section else FaultSettings())
@@ -124,16 +154,10 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     report("scan", 0.0)
     support = scan_planes(evidence, settings=settings.scan, progress=progress)
     ridges = thin(support, evidence, least=0.0)
-    strong = ridges.select(ridges.score >= _at_noise(settings.least_score, evidence))
+    strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, evidence.noise))
     del support
     report("link", 0.0)
-    least_area = min(settings.choice.company_area, settings.choice.least_area)
-    sheets = link_sheets(
-        strong, evidence.along_inlines.shape, step=evidence.step,
-        least_points=max(4, int(0.5 * least_area / evidence.step)),
-        end_score=_at_noise(settings.end_score, evidence), settings=settings.link,
-    )  # fmt: skip
-    sheets = may_be_faults(sheets, is_section, settings.choice)
+    sheets = find_candidates(strong, evidence.known.shape, evidence.noise, settings)
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
@@ -142,9 +166,9 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     report("surfaces", 0.0)
     chosen = choose_faults(moving, settings.choice)
     sheets, throws = [sheet for sheet, _ in chosen], [throw for _, throw in chosen]
-    surfaces = _surfaces(sheets, throws, geometry, sampling)
-    labels, throw = _draw(sheets, throws, (volume.shape[0], volume.shape[1], volume.shape[2]))
-    likelihood = _draw_likelihood(ridges, evidence, volume.shape)
+    surfaces = build_surfaces(sheets, throws, geometry, sampling)
+    labels, throw = draw_sheets(sheets, throws, volume.shape)
+    likelihood = draw_ridges(ridges, evidence.step, volume.shape)
     report("surfaces", 1.0)
     return FaultSet(
         surfaces=surfaces,
@@ -159,8 +183,9 @@ def _unheard(stage: str, share: float) -> None:
     """Take reports of progress where nobody asked for them."""
 
 
-def _at_noise(scores: tuple[float, float, float], evidence: Evidence) -> float:
-    return float(np.interp(evidence.noise, _NOISES, scores))
+def score_at_noise(scores: tuple[float, float, float], noise: float) -> float:
+    """Return the threshold between those without noise, in mild noise and in noise that a cube's own asks for."""
+    return float(np.interp(noise, _NOISES, scores))
 
 
 def to_likelihood(score: Float32Array) -> Float32Array:
@@ -168,24 +193,36 @@ def to_likelihood(score: Float32Array) -> Float32Array:
     return (1.0 - np.exp2(-np.maximum(score, 0.0))).astype(np.float32)
 
 
-def _surfaces(
+def find_candidates(strong: RidgePoints, shape: tuple[int, ...], noise: float, settings: FaultSettings) -> list[Sheet]:
+    """Link the strong ridges of a cube, whose evidence has this shape and noise, into sheets that may be faults."""
+    least_area = min(settings.choice.company_area, settings.choice.least_area)
+    sheets = link_sheets(
+        strong, (shape[0], shape[1], shape[2]), step=settings.misfit.step,
+        least_points=max(4, int(0.5 * least_area / settings.misfit.step)),
+        end_score=score_at_noise(settings.end_score, noise), settings=settings.link,
+    )  # fmt: skip
+    return may_be_faults(sheets, 1 in shape[:2], settings.choice)
+
+
+def build_surfaces(
     sheets: list[Sheet], throws: list[SheetThrow], geometry: SurveyGeometry | None, sampling: tuple[float, str]
 ) -> tuple[FaultSurface, ...]:
+    """Turn sheets, with their throws, into surfaces."""
     return tuple(
         build_surface(sheet, throw, to_likelihood(sheet.score), geometry=geometry, sampling=sampling)
         for sheet, throw in zip(sheets, throws, strict=True)
     )
 
 
-def _draw(
-    sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, int, int]
+def draw_sheets(
+    sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, ...], *, corner: tuple[int, int] = (0, 0)
 ) -> tuple[Int32Array, Float32Array]:
-    """Draw labels and throws; where surfaces cross, the voxel belongs to the likelier one."""
+    """Draw labels and throws into a block; where surfaces cross, the voxel belongs to the likelier one."""
     labels = np.zeros(shape, np.int32)
     throw_volume = np.full(shape, np.nan, np.float32)
     strongest = np.zeros(shape, np.float32)
     for number, (sheet, throw) in enumerate(zip(sheets, throws, strict=True), start=1):
-        voxels, places = sheet_voxels(sheet, shape)
+        voxels, places = sheet_voxels(sheet, (shape[0], shape[1], shape[2]), corner=corner)
         score = np.maximum(sample_grid(sheet.score, places), 1e-6)
         at = tuple(voxels.T)
         wins = score > strongest[at]
@@ -196,16 +233,18 @@ def _draw(
     return labels, throw_volume
 
 
-def _draw_likelihood(ridges: RidgePoints, evidence: Evidence, shape: tuple[int, ...]) -> Float32Array:
+def draw_ridges(
+    ridges: RidgePoints, step: int, shape: tuple[int, ...], *, corner: tuple[int, int] = (0, 0)
+) -> Float32Array:
     """Put the ridges' likelihood at the voxels nearest to them, at every sample a step of the evidence stands for."""
     likelihood = np.zeros(shape, np.float32)
     value = to_likelihood(ridges.score)
-    for k in range(evidence.step):
+    for k in range(step):
         cotangent = ridges.planes[:, 2]
         at = ridges.positions.copy()
         at[:, :2] += k * cotangent[:, None] * ridges.planes[:, :2]
         at[:, 2] += k
-        voxels = np.rint(at).astype(np.int64)
+        voxels = np.rint(at).astype(np.int64) - np.array((*corner, 0))
         inside = ((voxels >= 0) & (voxels < np.array(shape))).all(axis=1)
         np.maximum.at(likelihood, tuple(voxels[inside].T), value[inside])
     return likelihood

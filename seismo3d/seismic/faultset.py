@@ -134,6 +134,9 @@ class FaultSet:
     def save(self, directory: str | Path) -> Path:
         """Write everything to ``faultset.npz`` in a folder, to be read back with :meth:`load`.
 
+        Lazy volumes, those of a cube larger than memory, go to ``likelihood.zarr`` and so on beside it, unless they
+        are read from there.
+
         The file is written aside and renamed, so that an interrupted save leaves the old one as it was. It holds no
         pickle: arrays as in any ``.npz`` file, the rest as JSON.
 
@@ -165,7 +168,11 @@ class FaultSet:
         arrays, scalars = _pack_surfaces(self.surfaces)
         meta: dict[str, Any] = {"format": "seismo3d faults", "version": _VERSION, "surfaces": scalars, "volumes": {}}
         for name in _VOLUMES:
-            volume, meta["volumes"][name] = pack_labelled(getattr(self, name), name)
+            values = getattr(self, name)
+            if getattr(values, "chunks", None) is not None:
+                meta["volumes"][name] = _keep_lazy(values, directory / f"{name}.zarr")
+                continue
+            volume, meta["volumes"][name] = pack_labelled(values, name)
             arrays |= volume
         write_archive(directory / _FILE, arrays, meta=meta | {"settings": self.settings})
         return directory / _FILE
@@ -207,10 +214,36 @@ class FaultSet:
             )
         try:
             surfaces = _unpack_surfaces(arrays, meta["surfaces"])
-            volumes = {name: unpack_labelled(arrays, name, description=meta["volumes"][name]) for name in _VOLUMES}
+            volumes = {
+                name: _open_lazy(path.parent, meta["volumes"][name])
+                if "zarr" in meta["volumes"][name]
+                else unpack_labelled(arrays, name, description=meta["volumes"][name])
+                for name in _VOLUMES
+            }
         except KeyError as error:
             raise FormatError(f"{path} lacks {error}: it is damaged. Trace the faults again.") from error
         return cls(surfaces=surfaces, settings=meta["settings"], **volumes)
+
+
+def _keep_lazy(values: Any, store: Path) -> dict[str, Any]:
+    """Put a lazy volume into a store, unless it is read from there; return how to open it."""
+    from seismo3d.io.zarr_store import write_zarr
+
+    is_labelled = hasattr(values, "dims")
+    if not (is_labelled and values.encoding.get("source") == str(store.resolve())):
+        write_zarr(store, values)
+    return {"zarr": store.name, "labelled": is_labelled}
+
+
+def _open_lazy(folder: Path, description: dict[str, Any]) -> Any:
+    from seismo3d.io.zarr_store import read_zarr
+
+    store = folder / str(description["zarr"])
+    found = read_zarr(store, lazy_above=-1)
+    if not description["labelled"]:
+        return found.data
+    found.encoding["source"] = str(store.resolve())
+    return found
 
 
 _SCALARS = ("sample_interval", "sample_unit", "confidence", "area")

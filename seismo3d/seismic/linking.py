@@ -179,11 +179,11 @@ def _grow(ridges: RidgePoints, shape: tuple[int, int, int], step: int, settings:
     if len(ridges.score) == 0:
         return []
     normals = _unit_normals(ridges.planes)
-    where = index_points(ridges.voxels, *shape)
+    index = index_points(ridges.voxels, *shape)
     order = np.argsort(-ridges.score, kind="stable")
     cosine = np.float32(np.cos(np.radians(settings.angle_deg)))
     label = grow_surfaces(
-        ridges.voxels, ridges.positions, normals, ridges.score, order, where, step, settings.reach, cosine,
+        ridges.voxels, ridges.positions, normals, ridges.score, order, shape, index, step, settings.reach, cosine,
         np.float32(settings.off_plane), np.float32(settings.fold), np.float32(np.cos(np.radians(settings.turn_deg))),
     )  # fmt: skip
     label[np.bincount(label)[label] < settings.fragment] = -1
@@ -191,7 +191,7 @@ def _grow(ridges: RidgePoints, shape: tuple[int, int, int], step: int, settings:
     if n_surfaces == 0:
         return []
     contacts = count_contacts(
-        ridges.voxels, ridges.positions, normals, label, n_surfaces, where, step, settings.gap,
+        ridges.voxels, ridges.positions, normals, label, n_surfaces, shape, index, step, settings.gap,
         np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(settings.off_plane),
     )  # fmt: skip
     group = _join(n_surfaces, contacts, settings.contacts)

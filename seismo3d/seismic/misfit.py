@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import BoolArray, Float32Array
+from seismo3d._typing import BoolArray, Float32Array, Float64Array
 from seismo3d.seismic._kernels_filters import filter_crosslines, filter_inlines, filter_samples, gaussian_taps, smooth
 from seismo3d.seismic._kernels_misfit import clear_unknown, divide_thinned, log_ratio, side_misfit
 
@@ -116,44 +116,61 @@ def measure_misfit(
     Evidence
     """
     settings = settings or MisfitSettings()
-    least, most = settings.reach
-    ratios, known = _ratios(volume, valid, p, q, least, settings)
+    least = settings.reach[0]
+    floor = energy_floor(trace_energies(volume, valid), int(valid.sum()))
+    ratios, known = _ratios(volume, valid, p, q, least, floor, settings)
     noise = _median_ratio(ratios, known)
-    noisiness = float(np.clip((noise - 0.05) / 0.4, 0.0, 1.0))
-    reach = round(least + noisiness * (most - least))
+    noisiness, reach = judge_noise(noise, settings)
     if reach != least:
-        ratios, known = _ratios(volume, valid, p, q, reach, settings)
+        ratios, known = _ratios(volume, valid, p, q, reach, floor, settings)
         noise = _median_ratio(ratios, known)
-    softness = np.float32(max(settings.softness, 0.8 * noise))
+    softness = find_softness(noise, settings)
     for ratio in ratios:
         log_ratio(ratio, softness)
-    mean, spread = _moments(ratios, known)
-    # where there is next to no evidence, its own scatter must not be taken for faults
-    mean, spread = max(mean, _LEAST_MEAN), max(spread, _LEAST_SPREAD * (1.0 - noisiness))
-    background = float(np.log1p(noise / softness))
-    filled = [_fill_unknown(ratio, weight, background) for ratio, weight in zip(ratios, known, strict=True)]
+    sums = [trace_moments(ratio, weight) for ratio, weight in zip(ratios, known, strict=True)]
+    mean, spread = find_moments(sums, noisiness)
+    filled = [fill_unknown(ratio, weight, noise, softness) for ratio, weight in zip(ratios, known, strict=True)]
     for axis, values in enumerate(filled):
-        _remove_footprint(values, axis, settings.footprint * min(1.0, noise / 0.05))
-        _spread_laterally(values, settings.lateral)
-        _level(values, settings)
+        take_out_lines(values, find_footprint(np.median(values, axis=2), axis, noise, settings), axis)
+        spread_laterally(values, settings.lateral)
+        values += level_mean(level(values, settings), values.shape, settings)
     return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
 
 
-def _remove_footprint(evidence: Float32Array, axis: int, most: float) -> None:
-    """Take out what an acquisition footprint adds: evidence that a whole line has more of than its neighbours.
+def judge_noise(noise: float, settings: MisfitSettings) -> tuple[float, int]:
+    """Return how noisy a cube is, 0 to 1, by its median misfit ratio, and how many traces to average for that."""
+    least, most = settings.reach
+    noisiness = float(np.clip((noise - 0.05) / 0.4, 0.0, 1.0))
+    return noisiness, round(least + noisiness * (most - least))
+
+
+def find_softness(noise: float, settings: MisfitSettings) -> np.float32:
+    """Return the misfit ratio below which differences count no more, given the cube's median one."""
+    return np.float32(max(settings.softness, 0.8 * noise))
+
+
+def find_footprint(medians: Float32Array, axis: int, noise: float, settings: MisfitSettings) -> Float32Array | None:
+    """Find what an acquisition footprint adds: evidence that a whole line has more of than its neighbours.
 
     The median over a line and all its samples does not see a fault, which crosses the line somewhere or leaves it with
-    depth, and at most `footprint` is taken out, a fraction of what a fault shows.
+    depth, and at most `footprint` is taken out, a fraction of what a fault shows. `medians` are those of the traces;
+    None where lines are too short to tell.
     """
-    n_along = evidence.shape[1 - axis]
-    if n_along < _LEAST_LINE:
-        return
-    median = np.median(np.median(evidence, axis=2), axis=1 - axis)
+    most = settings.footprint * min(1.0, noise / 0.05)
+    if medians.shape[1 - axis] < _LEAST_LINE:
+        return None
+    median = np.median(medians, axis=1 - axis)
     excess = np.clip(median - ndimage.gaussian_filter1d(median, 8.0), -most, most)
-    evidence -= excess.astype(np.float32).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
+    return np.asarray(excess, np.float32)
 
 
-def _spread_laterally(evidence: Float32Array, sigma: float) -> None:
+def take_out_lines(evidence: Float32Array, excess: Float32Array | None, axis: int) -> None:
+    """Subtract each line's excess, in place."""
+    if excess is not None:
+        evidence -= excess.reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
+
+
+def spread_laterally(evidence: Float32Array, sigma: float) -> None:
     """Smooth over neighbouring traces: a wavelet ties samples of a trace together, and nothing else ties traces."""
     taps = gaussian_taps(sigma)
     other = np.empty_like(evidence)
@@ -161,24 +178,43 @@ def _spread_laterally(evidence: Float32Array, sigma: float) -> None:
     filter_inlines(other, taps, evidence)
 
 
-def _level(evidence: Float32Array, settings: MisfitSettings) -> None:
-    """Take out part of the wide local mean: chaotic and noisy zones have more evidence everywhere."""
+def level(evidence: Float32Array, settings: MisfitSettings) -> Float64Array:
+    """Take out part of the wide local mean, in place: chaotic and noisy zones have more evidence everywhere.
+
+    Returns the sums over every trace of what was the local mean, for :func:`level_mean` to put its own mean back.
+    """
     lateral, vertical = settings.background
     mean = smooth(evidence, (lateral, lateral, vertical / settings.step))
-    mean -= mean.mean()
+    sums = np.stack([line.astype(np.float64).sum(axis=1) for line in mean])
     mean *= np.float32(settings.levelling)
     evidence -= mean
+    return sums
 
 
-def _moments(ratios: list[Float32Array], known: list[Float32Array]) -> tuple[float, float]:
-    """Mean and standard deviation of the evidence where it is known."""
-    count = total = square = 0.0
-    for ratio, weight in zip(ratios, known, strict=True):
-        values = ratio[weight > 0.5].astype(np.float64)
-        count, total, square = count + values.size, total + values.sum(), square + (values**2).sum()
+def level_mean(sums: Float64Array, shape: tuple[int, ...], settings: MisfitSettings) -> np.float32:
+    """Return what levelling has to give back, so that the evidence's mean stays: from the sums of all traces."""
+    return np.float32(settings.levelling * sums.sum() / np.prod(shape, dtype=np.float64))
+
+
+def trace_moments(ratio: Float32Array, weight: Float32Array) -> Float64Array:
+    """Return count, sum and sum of squares of every trace's evidence where it is known: shape (3, inline, crossline).
+
+    Added up in the order of the traces they give the same however a cube is cut.
+    """
+    sums = np.empty((3, *ratio.shape[:2]))
+    for line, (values, known) in enumerate(zip(ratio, weight > 0.5, strict=True)):
+        counted = np.where(known, values, np.float32(0.0)).astype(np.float64)
+        sums[:, line] = known.sum(axis=1), counted.sum(axis=1), (counted**2).sum(axis=1)
+    return sums
+
+
+def find_moments(sums: list[Float64Array], noisiness: float) -> tuple[float, float]:
+    """Mean and standard deviation of a cube's evidence where it is known, from its traces' sums."""
+    count, total, square = (float(sum(part[k].sum() for part in sums)) for k in range(3))
     mean = total / max(count, 1.0)
-    spread = float(np.sqrt(max(square / max(count, 1.0) - mean**2, 0.0)))
-    return mean, max(spread, 1e-6)
+    spread = max(float(np.sqrt(max(square / max(count, 1.0) - mean**2, 0.0))), 1e-6)
+    # where there is next to no evidence, its own scatter must not be taken for faults
+    return max(mean, _LEAST_MEAN), max(spread, _LEAST_SPREAD * (1.0 - noisiness))
 
 
 def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> float:
@@ -188,36 +224,47 @@ def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> floa
 
 
 def _ratios(
-    volume: Float32Array, valid: BoolArray, p: Float32Array, q: Float32Array, reach: int, settings: MisfitSettings
+    volume: Float32Array,
+    valid: BoolArray,
+    p: Float32Array,
+    q: Float32Array,
+    reach: int,
+    floor: np.float32,
+    settings: MisfitSettings,
 ) -> tuple[list[Float32Array], list[Float32Array]]:
     shape = (*volume.shape[:2], -(-volume.shape[2] // settings.step))
     ratios = [np.zeros(shape, np.float32) for _ in range(2)]
     known = [np.zeros(shape, np.float32) for _ in range(2)]
-    floor = np.float32(max(0.01 * _mean_energy(volume, valid), 1e-20))
-    halo = reach + len(gaussian_taps(settings.energy[0])) // 2 + 1
+    halo = misfit_reach(reach, settings)
     for start in range(0, len(volume), settings.slab):
         stop = min(start + settings.slab, len(volume))
         low, high = max(0, start - halo), min(len(volume), stop + halo)
         cut = slice(low, high)
         inner = slice(start - low, stop - low)
-        _slab_ratios(
-            volume[cut], valid[cut], (p[cut], q[cut]), reach, floor, settings, inner,
+        block_ratios(
+            volume[cut], valid[cut], (p[cut], q[cut]), reach, floor, settings, (inner, slice(None)),
             [r[start:stop] for r in ratios], [w[start:stop] for w in known],
         )  # fmt: skip
     return ratios, known
 
 
-def _slab_ratios(
+def misfit_reach(reach: int, settings: MisfitSettings) -> int:
+    """Return how many traces off the misfit depends on, besides the slopes there."""
+    return reach + len(gaussian_taps(settings.energy[0])) // 2 + 1
+
+
+def block_ratios(
     volume: Float32Array,
     valid: BoolArray,
     slopes: tuple[Float32Array, Float32Array],
     reach: int,
     floor: np.float32,
     settings: MisfitSettings,
-    inner: slice,
+    inner: tuple[slice, slice],
     ratios: list[Float32Array],
     known: list[Float32Array],
 ) -> None:
+    """Write the misfit ratios of the inner traces of a block, both ways, and how far they are known."""
     taps = gaussian_taps(settings.vertical)
     total = np.zeros_like(volume)
     weights = np.zeros_like(volume)
@@ -238,9 +285,9 @@ def _slab_ratios(
     total /= np.maximum(smooth(weights, (lateral, lateral, vertical)), np.float32(1e-3))
     for axis, (smoothed, weight) in enumerate(parts):
         divide_thinned(
-            smoothed[inner],
-            total[inner],
-            weight[inner],
+            np.ascontiguousarray(smoothed[inner]),
+            np.ascontiguousarray(total[inner]),
+            np.ascontiguousarray(weight[inner]),
             settings.step,
             floor,
             np.float32(settings.most),
@@ -249,21 +296,33 @@ def _slab_ratios(
         )
 
 
-def _mean_energy(volume: Float32Array, valid: BoolArray) -> float:
-    """Twice the mean square where there are data: the energy that two sides have together."""
-    total = sum(
-        float(np.square(line, dtype=np.float64)[known].sum()) for line, known in zip(volume, valid, strict=True)
+def trace_energies(volume: Float32Array, valid: BoolArray) -> Float64Array:
+    """Return the sum of squares of every trace where there are data."""
+    return np.stack(
+        [
+            np.where(known, np.square(line, dtype=np.float64), 0.0).sum(axis=1)
+            for line, known in zip(volume, valid, strict=True)
+        ]
     )
-    return 2.0 * total / max(int(valid.sum()), 1)
 
 
-def _fill_unknown(evidence: Float32Array, weight: Float32Array, background: float) -> Float32Array:
-    """Bridge what is not known by its neighbours' evidence, or by the background where they are far."""
+def energy_floor(energies: Float64Array, n_valid: int) -> np.float32:
+    """Return the energy that the ratios are kept from dividing by less of: a hundredth of two sides' mean."""
+    return np.float32(max(0.01 * 2.0 * float(energies.sum()) / max(n_valid, 1), 1e-20))
+
+
+FILL_WIDTH = 2.0
+"""Width of the window over which unknown evidence is bridged, in traces and in steps of the samples."""
+
+
+def fill_unknown(evidence: Float32Array, weight: Float32Array, noise: float, softness: np.float32) -> Float32Array:
+    """Bridge what is not known by its neighbours' evidence, or by the cube's background where they are far."""
     unknown = weight < 0.5
     if not unknown.any():
         return evidence
+    background = float(np.log1p(noise / softness))
     near = np.where(unknown, np.float32(0.0), np.float32(1.0))
-    sigma = (2.0, 2.0, 2.0)
+    sigma = (FILL_WIDTH, FILL_WIDTH, FILL_WIDTH)
     share = smooth(near, sigma)
     mean = smooth(evidence * near, sigma)
     filled = np.where(share > 0.1, mean / np.maximum(share, np.float32(0.1)), np.float32(background))

@@ -40,22 +40,28 @@ def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[flo
     ShapeError
         If the elements are no real numbers, or the array has other axes or is too small to hold a fault.
     """
-    values = np.asarray(getattr(cube, "values", cube))
-    if values.dtype.kind not in "fiu":
-        raise ShapeError(f"cube has elements of type {values.dtype}; expected real numbers. Convert it first.")
-    if values.ndim not in (2, 3):
-        raise ShapeError(f"cube has shape {values.shape}; expected (inline, crossline, sample) or (trace, sample).")
-    least = (8,) * (values.ndim - 1) + (16,)
-    if any(n < m for n, m in zip(values.shape, least, strict=True)):
-        raise ShapeError(f"cube has shape {values.shape}; expected at least {least}. A fault needs both its sides.")
-    dims = getattr(cube, "dims", None)
-    sampling = (1.0, "samples")
-    if dims is not None and dims[-1] in ("time", "depth") and dims[-1] in cube.coords:
-        coordinate = cube[dims[-1]].values
-        sampling = (float(coordinate[1] - coordinate[0]), "ms" if dims[-1] == "time" else "m")
+    values = cube if hasattr(cube, "dims") else np.asarray(cube)
+    sampling = describe_volume(values)
+    values = np.asarray(getattr(values, "values", values))
     if values.ndim == 2:
         return values[None].astype(np.float32), None, sampling
     return values.astype(np.float32), SurveyGeometry.from_cube(cube), sampling
+
+
+def describe_volume(cube: Any) -> tuple[float, str]:
+    """Refuse what cannot hold a fault, without reading a sample; return the sample interval and its unit."""
+    if cube.dtype.kind not in "fiu":
+        raise ShapeError(f"cube has elements of type {cube.dtype}; expected real numbers. Convert it first.")
+    if cube.ndim not in (2, 3):
+        raise ShapeError(f"cube has shape {cube.shape}; expected (inline, crossline, sample) or (trace, sample).")
+    least = (8,) * (cube.ndim - 1) + (16,)
+    if any(n < m for n, m in zip(cube.shape, least, strict=True)):
+        raise ShapeError(f"cube has shape {cube.shape}; expected at least {least}. A fault needs both its sides.")
+    dims = getattr(cube, "dims", None)
+    if dims is not None and dims[-1] in ("time", "depth") and dims[-1] in cube.coords:
+        coordinate = cube[dims[-1]].values
+        return float(coordinate[1] - coordinate[0]), "ms" if dims[-1] == "time" else "m"
+    return 1.0, "samples"
 
 
 def clean_volume(amplitudes: Float32Array) -> tuple[Float32Array, BoolArray]:
@@ -73,17 +79,37 @@ def clean_volume(amplitudes: Float32Array) -> tuple[Float32Array, BoolArray]:
     valid : ndarray of the same shape, bool
         Where there are: NaN, constant runs and repeated traces are none.
     """
+    valid = find_valid(amplitudes)
+    step = sampling_step(amplitudes.size)
+    sample = np.abs(amplitudes.ravel()[::step][valid.ravel()[::step]])
+    scale_amplitudes(amplitudes, find_strength(sample))
+    return whiten(amplitudes, valid), valid
+
+
+def find_valid(amplitudes: Float32Array) -> BoolArray:
+    """Mark where there are data, and put zero elsewhere; inlines are independent of each other."""
     valid = np.empty(amplitudes.shape, bool)
     mark_valid(amplitudes, _LONGEST_RUN, valid)
     valid[_repeated(amplitudes, valid)] = False
     amplitudes[~valid] = 0.0
-    step = max(1, amplitudes.size // 1_000_000)
-    sample = np.abs(amplitudes.ravel()[::step][valid.ravel()[::step]])
-    strength = float(np.percentile(sample, 90.0)) if sample.size else 0.0
+    return valid
+
+
+def sampling_step(size: int) -> int:
+    """Return every how many samples a cube's amplitudes are looked at for their strength."""
+    return max(1, size // 1_000_000)
+
+
+def find_strength(sample: Float32Array) -> float:
+    """Return the amplitude that nine tenths of a cube's stay below; 0 without any."""
+    return float(np.percentile(sample, 90.0)) if sample.size else 0.0
+
+
+def scale_amplitudes(amplitudes: Float32Array, strength: float) -> None:
+    """Divide by the strength and clip spikes, in place."""
     if strength > 0.0:
         amplitudes /= np.float32(strength)
         np.clip(amplitudes, -8.0, 8.0, out=amplitudes)
-    return whiten(amplitudes, valid), valid
 
 
 def _repeated(amplitudes: Float32Array, valid: BoolArray) -> BoolArray:

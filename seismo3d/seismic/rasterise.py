@@ -9,14 +9,17 @@ from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d.seismic.linking import Sheet
 
 
-def sheet_voxels(sheet: Sheet, shape: tuple[int, int, int]) -> tuple[Int32Array, Float64Array]:
-    """Return the voxels that a sheet passes through, and the grid place (row, column) of each.
+def sheet_voxels(
+    sheet: Sheet, shape: tuple[int, int, int], *, corner: tuple[int, int] = (0, 0)
+) -> tuple[Int32Array, Float64Array]:
+    """Return the voxels of a block that a sheet passes through, and the grid place (row, column) of each.
 
-    The sheet is sampled every half trace along strike and every sample down, and every voxel entered is taken once.
+    The block's first inline and crossline are the corner's, and voxels are counted from there. The sheet is sampled
+    every half trace along strike and every sample down, and every voxel entered is taken once.
     """
     rows, columns, w = _dense_grid(sheet)
     points = sheet.points(rows, columns, w)
-    voxels = np.rint(points).astype(np.int32)
+    voxels = np.rint(points).astype(np.int32) - np.array((*corner, 0), np.int32)
     inside = ((voxels >= 0) & (voxels < np.array(shape))).all(axis=1)
     voxels, places = voxels[inside], np.column_stack([rows, columns])[inside]
     flat = np.ravel_multi_index(tuple(voxels.T), shape) if len(voxels) else np.empty(0, np.int64)

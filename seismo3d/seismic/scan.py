@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from seismo3d._typing import BoolArray, Float32Array, Progress
+from seismo3d._typing import BoolArray, Float32Array, Float64Array, Progress
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_scan import find_ridges, keep_best_dip, merge_best, sum_strike_lines
 from seismo3d.seismic.misfit import Evidence
@@ -111,60 +112,178 @@ def scan_planes(
     -------
     PlanarSupport
     """
-    settings = settings or ScanSettings()
-    noisiness = evidence.noisiness
+    shape = (evidence.known.shape[0], evidence.known.shape[1], evidence.known.shape[2])
+    plan = plan_scan(shape, evidence.noisiness, evidence.step, settings=settings or ScanSettings())
+    prior = find_prior(float(np.median(evidence.along_inlines)), float(np.median(evidence.along_crosslines)))
+
+    def take(across: int) -> ScanRegion:
+        both = (evidence.along_inlines, evidence.along_crosslines)
+        return ScanRegion.turned(both, across, (0, 0), (shape[0], shape[1]))
+
+    best, arg = scan_region(take, plan, prior, progress=progress)
+    return PlanarSupport(in_spreads(best, evidence.mean, evidence.spread), arg, plan.planes)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanPlan:
+    """Which planes are tried, and over how many neighbours each is summed.
+
+    Attributes
+    ----------
+    strike_taps, dip_taps : ndarray, float32
+        Weights along strike, by trace, and down the dip, by step of the evidence.
+    cotangents : ndarray, float64
+        Move per sample down the plane of each dip.
+    families : list of (int, list of float)
+        The axis that planes lie across, and the shears of their strikes.
+    planes : ndarray of shape (m, 3), float32
+        Unit horizontal normal and cotangent of every plane.
+    step : int
+        Samples a step of the evidence.
+    settings : ScanSettings
+    """
+
+    strike_taps: Float32Array
+    dip_taps: Float32Array
+    cotangents: Float64Array
+    families: list[tuple[int, list[float]]]
+    planes: Float32Array
+    step: int
+    settings: ScanSettings
+
+    @property
+    def dip_reach(self) -> int:
+        """Traces across a plane, at most, from a voxel to the ends of the plane down the dip."""
+        steepest = max(float(np.hypot(1.0, shear)) for _, shears in self.families for shear in shears)
+        half = len(self.dip_taps) // 2
+        return int(np.ceil(half * steepest * float(np.abs(self.cotangents).max()) * self.step)) + 1
+
+    @property
+    def reach(self) -> tuple[int, int]:
+        """Traces, at most, from a voxel to what it depends on: across a plane, and along its strike."""
+        half = len(self.strike_taps) // 2
+        return self.dip_reach + half + 1, half
+
+
+def plan_scan(shape: tuple[int, int, int], noisiness: float, step: int, *, settings: ScanSettings) -> ScanPlan:
+    """Choose planes and patches for the evidence of a whole cube: its shape, its noisiness and its step."""
     # a section is one trace thick: nothing lies along its strike, and a patch's full weight is that of its one trace
-    along_strike = 0.0 if 1 in evidence.known.shape[:2] else _between(settings.along_strike, noisiness)
-    strike_taps = gaussian_taps(along_strike)
-    dip_taps = gaussian_taps(_between(settings.along_dip, noisiness) / evidence.step)
+    along_strike = 0.0 if 1 in shape[:2] else _between(settings.along_strike, noisiness)
     n_dips = round(_between((float(settings.n_dips[0]), float(settings.n_dips[1])), noisiness))
     cotangents = np.linspace(-1.0, 1.0, n_dips) / np.tan(np.radians(settings.lowest_dip_deg))
-    first, second = evidence.along_inlines, evidence.along_crosslines
-    prior = np.float32(0.5 * (np.median(first) + np.median(second)))
-    families = _families(first.shape, settings.n_strikes)
-    n_done, n_all = 0, sum(len(shears) for _, shears in families)
-    planes: list[tuple[float, float, float]] = []
-    kept: list[tuple[Float32Array, np.ndarray]] = []
+    families = _families(shape, settings.n_strikes)
+    planes = []
     for across, shears in families:
+        for shear in shears:
+            length = float(np.hypot(1.0, shear))
+            normal = (1.0 / length, -shear / length) if across == 0 else (-shear / length, 1.0 / length)
+            planes += [(*normal, float(cot)) for cot in cotangents]
+    return ScanPlan(
+        gaussian_taps(along_strike), gaussian_taps(_between(settings.along_dip, noisiness) / step), cotangents,
+        families, np.asarray(planes, np.float32), step, settings,
+    )  # fmt: skip
+
+
+def find_prior(first: float, second: float) -> np.float32:
+    """Return what counts where there is no cube: the mean of the medians of the evidence, both ways."""
+    return np.float32(0.5 * (first + second))
+
+
+def in_spreads(best: Float32Array, mean: float, spread: float) -> Float32Array:
+    """Turn the means of planes, in place, into standard deviations above the mean of the cube's evidence."""
+    best -= np.float32(mean)
+    best /= np.float32(spread)
+    return best
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanRegion:
+    """Evidence around the traces that are to be scanned, the axis across the planes first.
+
+    Attributes
+    ----------
+    facing, sideways : ndarray of three axes, float32
+        Evidence across that axis, and across the other one.
+    corner : tuple of (int, int)
+        Where in them the traces begin.
+    size : tuple of (int, int)
+        How many there are.
+    """
+
+    facing: Float32Array
+    sideways: Float32Array
+    corner: tuple[int, int]
+    size: tuple[int, int]
+
+    @classmethod
+    def turned(
+        cls, both: tuple[Float32Array, Float32Array], across: int, corner: tuple[int, int], size: tuple[int, int]
+    ) -> ScanRegion:
+        """Return the region with its axes as a family of planes needs them, from those of the cube."""
         turn = (0, 1, 2) if across == 0 else (1, 0, 2)
-        facing = np.ascontiguousarray((first if across == 0 else second).transpose(turn))
-        sideways = np.ascontiguousarray((second if across == 0 else first).transpose(turn))
-        pad = len(dip_taps) // 2
-        lines = np.empty((*facing.shape[:2], facing.shape[2] + 2 * pad), np.float32)
-        best = np.full(facing.shape, -1.0, np.float32)
-        arg = np.zeros(facing.shape, np.int16)
+        facing, sideways = (np.ascontiguousarray(both[k].transpose(turn)) for k in (across, 1 - across))
+        return cls(facing, sideways, (corner[turn[0]], corner[turn[1]]), (size[turn[0]], size[turn[1]]))
+
+
+def scan_region(
+    take: Callable[[int], ScanRegion], plan: ScanPlan, prior: np.float32, *, progress: Progress | None = None
+) -> tuple[Float32Array, np.ndarray]:
+    """Return the best plane's mean evidence and number at every trace of a region, which may be all of a cube.
+
+    `take` gives the region for planes across an axis: what lies beyond its ends, where they are nearer than the plan's
+    reach, counts as outside the cube.
+    """
+    settings = plan.settings
+    n_done, n_all = 0, sum(len(shears) for _, shears in plan.families)
+    kept: list[tuple[Float32Array, np.ndarray]] = []
+    for across, shears in plan.families:
+        region = take(across)
+        pad, n_samples = len(plan.dip_taps) // 2, region.facing.shape[2]
+        row, column = region.corner
+        low = max(0, row - plan.dip_reach)
+        high = min(len(region.facing), row + region.size[0] + plan.dip_reach)
+        lines = np.empty((high - low, region.size[1], n_samples + 2 * pad), np.float32)
+        best = np.full((*region.size, n_samples), -1.0, np.float32)
+        arg = np.zeros(best.shape, np.int16)
         for shear in shears:
             length = float(np.hypot(1.0, shear))
             shares = (np.float32(1.0 / length**2), np.float32(shear**2 / length**2))
-            sum_strike_lines(facing, sideways, *shares, shear, strike_taps, pad, lines)
+            sum_strike_lines(
+                region.facing, region.sideways, *shares, shear, plan.strike_taps, pad, (low, column), lines
+            )
             keep_best_dip(
-                lines, cotangents * length * evidence.step, dip_taps, prior, np.float32(settings.prior_weight),
-                np.float32(settings.evenness), len(planes), best, arg,
+                lines, row - low, plan.cotangents * length * plan.step, plan.dip_taps, prior,
+                np.float32(settings.prior_weight), np.float32(settings.evenness), n_done * len(plan.cotangents),
+                best, arg,
             )  # fmt: skip
-            normal = (1.0 / length, -shear / length) if across == 0 else (-shear / length, 1.0 / length)
-            planes += [(*normal, float(cot)) for cot in cotangents]
             n_done += 1
             if progress is not None:
                 progress("scan", n_done / n_all)
         kept.append((best, arg))
-    best, arg = _merge(families, kept)
-    best -= np.float32(evidence.mean)
-    best /= np.float32(evidence.spread)
-    return PlanarSupport(best, arg, np.asarray(planes, np.float32))
+        del region, lines
+    return _merge(plan.families, kept)
 
 
 def thin(support: PlanarSupport, evidence: Evidence, *, least: float) -> RidgePoints:
     """Keep the crests of the support, across each voxel's own best plane, where the score is at least `least`."""
+    return thin_region(support, evidence.known, evidence.step, least=least)
+
+
+def thin_region(
+    support: PlanarSupport, known: Float32Array, step: int, *, least: float, corner: tuple[int, int] = (0, 0)
+) -> RidgePoints:
+    """Keep the crests of the support of a region, whose first inline and crossline are the corner's."""
     offset = np.zeros_like(support.score)
     keep = find_ridges(support.score, support.orientation, support.planes, np.float32(least), offset)
-    keep &= evidence.known > 0.0
+    keep &= known > 0.0
     voxels = np.argwhere(keep).astype(np.int32)
     at = tuple(voxels.T)
-    planes = support.planes[support.orientation[at]]
+    planes, off, score = support.planes[support.orientation[at]], offset[at], support.score[at]
+    voxels[:, :2] += np.asarray(corner, np.int32)
     positions = voxels.astype(np.float32)
-    positions[:, :2] += offset[at][:, None] * planes[:, :2]
-    positions[:, 2] *= evidence.step
-    return RidgePoints(voxels, positions, planes, support.score[at])
+    positions[:, :2] += off[:, None] * planes[:, :2]
+    positions[:, 2] *= step
+    return RidgePoints(voxels, positions, planes, score)
 
 
 def _between(pair: tuple[float, float], share: float) -> float:

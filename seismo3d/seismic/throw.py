@@ -127,9 +127,39 @@ def measure_throw(
     .. [1] H. Hirschmueller, IEEE TPAMI 30(2), 328-341, 2008. :doi:`10.1109/TPAMI.2007.1166`
     """
     settings = settings or ThrowSettings()
-    w = _every_sample(sheet)
+    return match_sides(sheet, *gather_sides(volume, valid, slopes, sheet, settings=settings), settings=settings)
+
+
+def gather_sides(
+    volume: Float32Array,
+    valid: BoolArray,
+    slopes: tuple[Float32Array, Float32Array],
+    sheet: Sheet,
+    *,
+    settings: ThrowSettings,
+    w: Float32Array | None = None,
+    corner: tuple[int, int] = (0, 0),
+) -> tuple[Float32Array, Float32Array]:
+    """Read both sides of a sheet, one value a sample, where its position `w` at every sample is known.
+
+    The volumes may be a block of the cube that begins at a corner. Returns the sides, the first against the sheet's
+    ``across``, and where each is known (1) or not (0).
+    """
+    w = every_sample(sheet) if w is None else w
+    sides, known = np.zeros((2, *w.shape), np.float32), np.zeros((2, *w.shape), np.float32)
+    read_sides(
+        volume, valid, *slopes, w, sheet.origin, sheet.along, sheet.across, sheet.first_s, sheet.first_sample,
+        settings.near, settings.far, settings.clear, corner, sides, known,
+    )  # fmt: skip
+    return sides, known
+
+
+def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settings: ThrowSettings) -> SheetThrow:
+    """Find a sheet's throw from its two sides, as :func:`gather_sides` gives them."""
+    w = every_sample(sheet)
     hanging_side = 1 if np.nanmean(np.gradient(sheet.w, axis=1)) >= 0 else -1 if sheet.w.shape[1] > 1 else 1
-    sides = _read(volume, valid, slopes, sheet, w, hanging_side, settings)
+    up = 1 if hanging_side > 0 else 0
+    sides = _Sides(both[up], both[1 - up], known[up], known[1 - up])
     columns = np.arange(sheet.w.shape[1]) * sheet.step
     if not (sides.in_hanging.any() and sides.in_foot.any()):
         return SheetThrow(np.full(sheet.w.shape, np.nan, np.float32), np.zeros_like(sheet.w), hanging_side)
@@ -139,7 +169,7 @@ def measure_throw(
     return SheetThrow(throw, fit, hanging_side)
 
 
-def _every_sample(sheet: Sheet) -> Float32Array:
+def every_sample(sheet: Sheet) -> Float32Array:
     """Return the sheet's position at every sample in place of every step-th."""
     n_columns = sheet.w.shape[1]
     if n_columns == 1:
@@ -149,24 +179,6 @@ def _every_sample(sheet: Sheet) -> Float32Array:
     share = (at - low).astype(np.float32)
     between = sheet.w[:, low] * (1 - share) + sheet.w[:, low + 1] * share
     return np.where(np.isfinite(between), between, sheet.w[:, np.rint(at).astype(np.int64)]).astype(np.float32)
-
-
-def _read(
-    volume: Float32Array,
-    valid: BoolArray,
-    slopes: tuple[Float32Array, Float32Array],
-    sheet: Sheet,
-    w: Float32Array,
-    hanging_side: int,
-    settings: ThrowSettings,
-) -> _Sides:
-    sides, known = np.zeros((2, *w.shape), np.float32), np.zeros((2, *w.shape), np.float32)
-    read_sides(
-        volume, valid, *slopes, w, sheet.origin, sheet.along, sheet.across, sheet.first_s, sheet.first_sample,
-        settings.near, settings.far, settings.clear, sides, known,
-    )  # fmt: skip
-    up = 1 if hanging_side > 0 else 0
-    return _Sides(sides[up], sides[1 - up], known[up], known[1 - up])
 
 
 def _match(sides: _Sides, inside: BoolArray, settings: ThrowSettings) -> tuple[Float32Array, Float32Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_filters import filter_samples
 
 _MOST_TRACES = 4096
@@ -35,24 +35,60 @@ def whiten(volume: Float32Array, valid: BoolArray) -> Float32Array:
     ndarray of the same shape, float32
         Filtered amplitudes, scaled to a root-mean-square of about 1 and clipped at 8; zero where not valid.
     """
-    taps = whitening_taps(volume, valid)
+    out = filter_valid(volume, valid, whitening_taps(volume, valid))
+    scale_to_unit(out, find_rms(trace_powers(out), int(valid.sum())))
+    return out
+
+
+def filter_valid(volume: Float32Array, valid: BoolArray, taps: Float32Array) -> Float32Array:
+    """Return the traces filtered; zero where not valid."""
     out = np.empty_like(volume)
     filter_samples(volume, taps, out)
     out[~valid] = 0.0
-    count = max(int(valid.sum()), 1)
-    power = sum(float(np.square(line, dtype=np.float64).sum()) for line in out)
-    if power > 0.0:
-        out /= np.float32(np.sqrt(power / count))
-        np.clip(out, -8.0, 8.0, out=out)
     return out
+
+
+def trace_powers(volume: Float32Array) -> Float64Array:
+    """Return the sum of squares of every trace: added up, they give the same however a cube is cut."""
+    return np.stack([np.square(line, dtype=np.float64).sum(axis=1) for line in volume])
+
+
+def find_rms(powers: Float64Array, n_valid: int) -> float:
+    """Return the root-mean-square of a cube from its traces' sums of squares."""
+    return float(np.sqrt(powers.sum() / max(n_valid, 1)))
+
+
+def scale_to_unit(volume: Float32Array, rms: float) -> None:
+    """Scale to a root-mean-square of 1, in place, and clip at 8."""
+    if rms > 0.0:
+        volume /= np.float32(rms)
+        np.clip(volume, -8.0, 8.0, out=volume)
 
 
 def whitening_taps(volume: Float32Array, valid: BoolArray) -> Float32Array:
     """Return the whitening filter's weights, an odd number of them, symmetric."""
-    half = min(_HALF_LENGTH, max(1, volume.shape[2] // 4))
+    if volume.shape[1] < 2:
+        volume, valid = volume.transpose(1, 0, 2), valid.transpose(1, 0, 2)
+    i, j = choose_pairs(is_complete(valid)).T
+    return design_taps(volume[i, j].astype(np.float64), volume[i, j + 1].astype(np.float64), volume.shape[2])
+
+
+def is_complete(valid: BoolArray) -> BoolArray:
+    """Tell which traces are complete, but for a tenth."""
+    return np.asarray(valid.mean(axis=2) > 0.9)
+
+
+def choose_pairs(complete: BoolArray) -> IntArray:
+    """Return evenly spread pairs of complete neighbouring traces: the indices of the first of each."""
+    pairs = np.argwhere(complete[:, :-1] & complete[:, 1:])
+    return pairs[:: max(1, len(pairs) // _MOST_TRACES)]
+
+
+def design_taps(first: Float64Array, second: Float64Array, n_samples: int) -> Float32Array:
+    """Return the filter's weights from pairs of neighbouring traces, one a row."""
+    half = min(_HALF_LENGTH, max(1, n_samples // 4))
     identity = np.zeros(2 * half + 1, np.float32)
     identity[half] = 1.0
-    first, second = _neighbours(volume, valid)
     if len(first) == 0:
         return identity
     n_fft = 4 * (2 * half + 1)
@@ -74,17 +110,6 @@ def whitening_taps(volume: Float32Array, valid: BoolArray) -> Float32Array:
     taps = impulse[centre - half : centre + half + 1] * window
     peak = np.abs(np.fft.rfft(taps, n_fft)).max()
     return (taps / peak).astype(np.float32) if peak > 0.0 else identity
-
-
-def _neighbours(volume: Float32Array, valid: BoolArray) -> tuple[Float64Array, Float64Array]:
-    """Return evenly spread pairs of complete neighbouring traces."""
-    if volume.shape[1] < 2:
-        volume, valid = volume.transpose(1, 0, 2), valid.transpose(1, 0, 2)
-    complete = valid.mean(axis=2) > 0.9
-    pairs = np.argwhere(complete[:, :-1] & complete[:, 1:])
-    pairs = pairs[:: max(1, len(pairs) // _MOST_TRACES)]
-    i, j = pairs.T
-    return volume[i, j].astype(np.float64), volume[i, j + 1].astype(np.float64)
 
 
 def _short_spectra(traces: Float64Array, n_fft: int) -> np.ndarray:

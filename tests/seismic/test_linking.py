@@ -56,10 +56,11 @@ def off(points, normal_deg, cotangent, centre=(20.0, 20.0, 32.0)):
 
 def test_points_are_indexed():
     voxels = np.array([[0, 1, 2], [3, 0, 1]], np.int32)
-    where = kernels.index_points(voxels, 4, 3, 5)
-    assert where[0, 1, 2] == 0
-    assert where[3, 0, 1] == 1
-    assert (where == -1).sum() == where.size - 2
+    cells, points = kernels.index_points(voxels, 4, 3, 5)
+    found = np.array([kernels.find_point(cells, points, *at) for at in np.ndindex(4, 3, 5)]).reshape(4, 3, 5)
+    assert found[0, 1, 2] == 0
+    assert found[3, 0, 1] == 1
+    assert (found == -1).sum() == found.size - 2
 
 
 @pytest.mark.parametrize(

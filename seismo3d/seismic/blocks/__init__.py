@@ -1,0 +1,1 @@
+"""Fault tracing in blocks: cubes larger than memory, in threads or on a cluster, resumed where they were stopped."""

@@ -1,0 +1,130 @@
+"""Blocks of amplitudes made ready: cleaned, scaled and whitened as the whole cube asks for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, Float32Array
+from seismo3d.seismic.blocks.plan import RAW_REACH, Box
+from seismo3d.seismic.blocks.run import BlockRun
+from seismo3d.seismic.preparing import find_strength, find_valid, sampling_step, scale_amplitudes
+from seismo3d.seismic.whitening import (
+    choose_pairs,
+    design_taps,
+    filter_valid,
+    find_rms,
+    is_complete,
+    scale_to_unit,
+    trace_powers,
+)
+
+
+def raw_box(run: BlockRun, number: int) -> Box:
+    """Return what is read of the input for a block: whether a trace repeats its neighbours is told by these."""
+    return run.plan.tiling("raw").box(number).grown((0, RAW_REACH), run.plan.shape)
+
+
+def survey(run: BlockRun, number: int, piece: Any) -> None:
+    """Look at a block's amplitudes and at which of its traces are complete."""
+    box, _, inner = _boxes(run, number)
+    amplitudes = _read(piece)
+    valid = find_valid(amplitudes)[inner]
+    amplitudes = np.abs(amplitudes[inner])
+    n0, n1, n2 = run.plan.shape
+    step = sampling_step(n0 * n1 * n2)
+    looked_at = []
+    for line, i in enumerate(range(box.i0, box.i1)):
+        chosen = slice(-((i * n1 + box.j0) * n2) % step, None, step)
+        looked_at.append(amplitudes[line].ravel()[chosen][valid[line].ravel()[chosen]])
+    run.write_part(
+        "survey", number,
+        {"sample": np.concatenate(looked_at), "complete": is_complete(valid), "count": valid.sum(axis=2)},
+    )  # fmt: skip
+
+
+def survey_facts(run: BlockRun) -> None:
+    """Find the cube's strength, and the traces that its wavelet is read from."""
+    blocks = range(len(run.plan.tiling("raw")))
+    sample = np.concatenate([run.read_part("survey", number)[0]["sample"] for number in blocks])
+    complete = run.gather("survey", "complete", "raw")
+    n_valid = int(run.gather("survey", "count", "raw").sum())
+    run.write_fact("survey", strength=find_strength(sample), pairs=choose_pairs(complete), n_valid=n_valid)
+
+
+def pairs(run: BlockRun, number: int, piece: Any) -> None:
+    """Take a block's share of the pairs of traces that the wavelet is read from."""
+    box, wide, _ = _boxes(run, number)
+    i, j = run.fact("survey")["pairs"].T
+    mine = np.flatnonzero((i >= box.i0) & (i < box.i1) & (j >= box.j0) & (j < box.j1))
+    n2 = run.plan.shape[2]
+    found: dict[str, AnyArray] = {
+        "first": np.empty((0, n2), np.float32),
+        "second": np.empty((0, n2), np.float32),
+        "mine": mine,
+    }
+    if len(mine):
+        amplitudes, _ = _scaled(run, piece)
+        rows, columns = i[mine] - wide.i0, j[mine] - wide.j0
+        found |= {"first": amplitudes[rows, columns], "second": amplitudes[rows, columns + 1]}
+    run.write_part("pairs", number, found)
+
+
+def pairs_facts(run: BlockRun) -> None:
+    """Design the whitening filter."""
+    n_pairs, n2 = len(run.fact("survey")["pairs"]), run.plan.shape[2]
+    first, second = np.empty((n_pairs, n2)), np.empty((n_pairs, n2))
+    for number in range(len(run.plan.tiling("raw"))):
+        part, _ = run.read_part("pairs", number)
+        first[part["mine"]], second[part["mine"]] = part["first"], part["second"]
+    run.write_fact("pairs", taps=design_taps(first, second, n2))
+
+
+def make_clean_arrays(run: BlockRun) -> None:
+    """Make the arrays that :func:`whiten` writes to."""
+    run.store.make("white", run.plan.shape, np.float32)
+    run.store.make("valid", run.plan.shape, bool, packed=True)
+
+
+def whiten(run: BlockRun, number: int, piece: Any) -> None:
+    """Whiten a block."""
+    box, _, inner = _boxes(run, number)
+    amplitudes, valid = _scaled(run, piece)
+    valid = np.ascontiguousarray(valid[inner])
+    white = filter_valid(np.ascontiguousarray(amplitudes[inner]), valid, run.fact("pairs")["taps"])
+    run.store.write("white", box, white)
+    run.store.write("valid", box, valid)
+    run.write_part("whiten", number, {"powers": trace_powers(white)})
+
+
+def whiten_facts(run: BlockRun) -> None:
+    """Find the whitened cube's root-mean-square."""
+    run.write_fact("whiten", rms=find_rms(run.gather("whiten", "powers", "raw"), run.fact("survey")["n_valid"]))
+
+
+def read_clean(run: BlockRun, box: Box) -> tuple[Float32Array, AnyArray]:
+    """Return a box of the cube as the whole cube's :func:`~seismo3d.seismic.preparing.clean_volume` has it."""
+    white = run.store.read("white", box)
+    scale_to_unit(white, run.fact("whiten")["rms"])
+    return white, run.store.read("valid", box)
+
+
+def _boxes(run: BlockRun, number: int) -> tuple[Box, Box, tuple[slice, slice]]:
+    box, wide = run.plan.tiling("raw").box(number), raw_box(run, number)
+    return box, wide, box.within(wide)
+
+
+def _read(piece: Any) -> Float32Array:
+    """Return a piece of the input as amplitudes of its own; read by this process alone."""
+    data = getattr(piece, "data", piece)
+    if hasattr(data, "dask"):
+        data = data.compute(scheduler="synchronous")
+    return np.array(data, np.float32, order="C")
+
+
+def _scaled(run: BlockRun, piece: Any) -> tuple[Float32Array, AnyArray]:
+    amplitudes = _read(piece)
+    valid = find_valid(amplitudes)
+    scale_amplitudes(amplitudes, run.fact("survey")["strength"])
+    return amplitudes, valid

@@ -1,0 +1,248 @@
+"""Slopes and misfit of blocks, and what of them holds for the whole cube."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seismo3d._typing import Float32Array
+from seismo3d.seismic._kernels_misfit import log_ratio
+from seismo3d.seismic.blocks.cleaning import read_clean
+from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
+from seismo3d.seismic.blocks.plan import Box, evidence_reach, fill_reach
+from seismo3d.seismic.blocks.run import BlockRun
+from seismo3d.seismic.dip import block_slopes, dip_reach
+from seismo3d.seismic.misfit import (
+    block_ratios,
+    energy_floor,
+    fill_unknown,
+    find_footprint,
+    find_moments,
+    find_softness,
+    judge_noise,
+    level,
+    level_mean,
+    misfit_reach,
+    spread_laterally,
+    take_out_lines,
+    trace_energies,
+    trace_moments,
+)
+
+
+def thinned_shape(run: BlockRun) -> tuple[int, int, int]:
+    """Return the shape of the evidence."""
+    n0, n1, n2 = run.plan.shape
+    return n0, n1, -(-n2 // run.settings.misfit.step)
+
+
+def make_slope_arrays(run: BlockRun) -> None:
+    """Make the arrays that :func:`dip` writes to."""
+    for name in ("p", "q"):
+        run.store.make(name, run.plan.shape, np.float32)
+
+
+def dip(run: BlockRun, number: int) -> None:
+    """Estimate a block's slopes."""
+    box = run.plan.tiling("dip").box(number)
+    reach = dip_reach(run.settings.dip)
+    wide = box.grown((reach, reach), run.plan.shape)
+    volume, valid = read_clean(run, wide)
+    inner = box.within(wide)
+    energies = trace_energies(volume[inner], valid[inner])
+    slopes = block_slopes(volume, valid, wide.ends(run.plan.shape), run.settings.dip)
+    for name, slope in zip(("p", "q"), slopes, strict=True):
+        run.store.write(name, box, slope[inner])
+    run.write_part("dip", number, {"energies": energies})
+
+
+def dip_facts(run: BlockRun) -> None:
+    """Find the energy below which misfits are not divided by it."""
+    energies = run.gather("dip", "energies", "dip")
+    run.write_fact("dip", floor=float(energy_floor(energies, run.fact("survey")["n_valid"])))
+
+
+def ratio_names(attempt: str) -> tuple[str, str, str, str]:
+    """Return the arrays of the misfit ratios of the first attempt, or of the one for the cube's noise."""
+    return f"ratio0_{attempt}", f"ratio1_{attempt}", f"known0_{attempt}", f"known1_{attempt}"
+
+
+def make_ratio_arrays(run: BlockRun, attempt: str) -> None:
+    """Make the arrays that :func:`misfit` writes to."""
+    for k, name in enumerate(ratio_names(attempt)):
+        run.store.make(name, thinned_shape(run), np.float32, packed=k > 1)
+
+
+def attempt_reach(run: BlockRun, attempt: str) -> int:
+    """Return how many traces are averaged on each side in an attempt."""
+    return int(run.settings.misfit.reach[0] if attempt == "near" else run.fact("noise_near")["reach"])
+
+
+def misfit(run: BlockRun, number: int, attempt: str) -> None:
+    """Measure a block's misfit ratios."""
+    settings = run.settings.misfit
+    box = run.plan.tiling("misfit").box(number)
+    reach = attempt_reach(run, attempt)
+    halo = misfit_reach(reach, settings)
+    wide = box.grown((halo, halo), run.plan.shape)
+    volume, valid = read_clean(run, wide)
+    slopes = run.store.read("p", wide), run.store.read("q", wide)
+    found = [np.empty((*box.shape, thinned_shape(run)[2]), np.float32) for _ in range(4)]
+    floor = np.float32(run.fact("dip")["floor"])
+    block_ratios(
+        volume, valid, slopes, reach, floor, settings, box.within(wide), found[:2], found[2:]
+    )  # fmt: skip
+    for name, values in zip(ratio_names(attempt), found, strict=True):
+        run.store.write(name, box, values)
+    counts = count_high(_where_known(found[0], found[2])) + count_high(_where_known(found[1], found[3]))
+    run.write_part(f"misfit_{attempt}", number, {"counts": counts})
+
+
+def misfit_facts(run: BlockRun, attempt: str) -> None:
+    """Find where the median misfit ratio lies, roughly."""
+    counts = _added(run, f"misfit_{attempt}", "counts", "misfit")
+    run.write_fact(f"misfit_{attempt}", counts=counts, high=middle_high(counts))
+
+
+def noise(run: BlockRun, number: int, attempt: str) -> None:
+    """Count a block's misfit ratios near the median."""
+    box = run.plan.tiling("misfit").box(number)
+    high = run.fact(f"misfit_{attempt}")["high"]
+    first, second, first_known, second_known = (run.store.read(name, box) for name in ratio_names(attempt))
+    low = count_low(_where_known(first, first_known), high) + count_low(_where_known(second, second_known), high)
+    run.write_part(f"noise_{attempt}", number, {"low": low})
+
+
+def noise_facts(run: BlockRun, attempt: str) -> None:
+    """Find the cube's median misfit ratio, and what follows from it."""
+    low = _added(run, f"noise_{attempt}", "low", "misfit")
+    ratio = median(run.fact(f"misfit_{attempt}")["counts"], low)
+    noisiness, reach = judge_noise(ratio, run.settings.misfit)
+    if attempt == "far":
+        noisiness = run.fact("noise_near")["noisiness"]
+    run.write_fact(f"noise_{attempt}", noise=ratio, noisiness=noisiness, reach=reach)
+
+
+def last_attempt(run: BlockRun) -> str:
+    """Return which attempt at the misfit holds: the second where the cube's noise asked for one."""
+    return "near" if run.fact("noise_near")["reach"] == run.settings.misfit.reach[0] else "far"
+
+
+def final_noise(run: BlockRun) -> tuple[float, float, np.float32]:
+    """Return the cube's median misfit ratio, how noisy it is, and the softness that follows."""
+    found = run.fact(f"noise_{last_attempt(run)}")
+    return found["noise"], found["noisiness"], find_softness(found["noise"], run.settings.misfit)
+
+
+def moments(run: BlockRun, number: int) -> None:
+    """Sum up a block's evidence, and find its traces' medians."""
+    box = run.plan.tiling("evidence").box(number)
+    wide = box.grown((fill_reach(), fill_reach()), run.plan.shape)
+    inner = box.within(wide)
+    sums, medians = [], []
+    for values, known, filled in _filled(run, wide):
+        sums.append(trace_moments(values[inner], known[inner]))
+        medians.append(np.median(filled[inner], axis=2))
+    run.write_part("moments", number, {"sums": np.stack(sums), "medians": np.stack(medians)})
+
+
+def moments_facts(run: BlockRun) -> None:
+    """Find the mean and spread of the cube's evidence, and its acquisition footprint."""
+    ratio, noisiness, _ = final_noise(run)
+    mean, spread = find_moments(list(run.gather("moments", "sums", "evidence")), noisiness)
+    medians = run.gather("moments", "medians", "evidence")
+    lines = [find_footprint(medians[axis], axis, ratio, run.settings.misfit) for axis in range(2)]
+    found = {f"excess{axis}": line for axis, line in enumerate(lines) if line is not None}
+    run.write_fact("moments", mean=mean, spread=spread, **found)
+
+
+def make_evidence_arrays(run: BlockRun) -> None:
+    """Make the arrays that :func:`evidence` writes to."""
+    for name in ("evidence0", "evidence1"):
+        run.store.make(name, thinned_shape(run), np.float32)
+    run.store.make("known", thinned_shape(run), np.float32, packed=True)
+
+
+def evidence(run: BlockRun, number: int) -> None:
+    """Finish a block's evidence, but for what levelling gives back."""
+    settings, facts = run.settings.misfit, run.fact("moments")
+    box = run.plan.tiling("evidence").box(number)
+    reach = evidence_reach(settings)
+    wide = box.grown((reach, reach), run.plan.shape)
+    inner = box.within(wide)
+    known_best: Float32Array | None = None
+    sums = []
+    for axis, (_, known, filled) in enumerate(_filled(run, wide)):
+        excess = facts.get(f"excess{axis}")
+        lines = slice(wide.i0, wide.i1) if axis == 0 else slice(wide.j0, wide.j1)
+        take_out_lines(filled, None if excess is None else excess[lines], axis)
+        spread_laterally(filled, settings.lateral)
+        sums.append(level(filled, settings)[inner])
+        run.store.write(f"evidence{axis}", box, filled[inner])
+        known_best = known[inner] if known_best is None else np.maximum(known_best, known[inner])
+    if known_best is not None:
+        run.store.write("known", box, known_best)
+    run.write_part("evidence", number, {"sums": np.stack(sums)})
+
+
+def evidence_facts(run: BlockRun) -> None:
+    """Find what levelling gives back."""
+    sums = run.gather("evidence", "sums", "evidence")
+    shape, settings = thinned_shape(run), run.settings.misfit
+    run.write_fact("evidence", given_back=[float(level_mean(part, shape, settings)) for part in sums])
+
+
+def read_evidence(run: BlockRun, box: Box) -> tuple[Float32Array, Float32Array]:
+    """Return a box of the evidence, both ways."""
+    found = []
+    for axis, shift in enumerate(run.fact("evidence")["given_back"]):
+        values = run.store.read(f"evidence{axis}", box)
+        values += np.float32(shift)
+        found.append(values)
+    return found[0], found[1]
+
+
+def prior(run: BlockRun, number: int) -> None:
+    """Count a block's evidence."""
+    found = read_evidence(run, run.plan.tiling("evidence").box(number))
+    run.write_part("prior", number, {"counts": np.stack([count_high(values) for values in found])})
+
+
+def prior_facts(run: BlockRun) -> None:
+    """Find where the medians of the evidence lie, roughly."""
+    counts = _added(run, "prior", "counts", "evidence")
+    run.write_fact("prior", counts=counts, high=np.stack([middle_high(part) for part in counts]))
+
+
+def medians(run: BlockRun, number: int) -> None:
+    """Count a block's evidence near the medians."""
+    found = read_evidence(run, run.plan.tiling("evidence").box(number))
+    low = [count_low(values, high) for values, high in zip(found, run.fact("prior")["high"], strict=True)]
+    run.write_part("medians", number, {"low": np.stack(low)})
+
+
+def medians_facts(run: BlockRun) -> None:
+    """Find the medians of the evidence."""
+    low = _added(run, "medians", "low", "evidence")
+    counts = run.fact("prior")["counts"]
+    run.write_fact("medians", medians=[median(a, b) for a, b in zip(counts, low, strict=True)])
+
+
+def _filled(run: BlockRun, box: Box):  # type: ignore[no-untyped-def]
+    """Give, for both ways, a box's evidence, how far it is known, and the evidence bridged where it is not."""
+    ratio, _, softness = final_noise(run)
+    first, second, first_known, second_known = ratio_names(last_attempt(run))
+    for name, known_name in ((first, first_known), (second, second_known)):
+        values, known = run.store.read(name, box), run.store.read(known_name, box)
+        log_ratio(values, softness)
+        yield values, known, fill_unknown(values, known, ratio, softness)
+
+
+def _where_known(ratio: Float32Array, known: Float32Array) -> list[Float32Array]:
+    return [line[weight > 0.5] for line, weight in zip(ratio, known, strict=True)]
+
+
+def _added(run: BlockRun, stage: str, name: str, tiling: str):  # type: ignore[no-untyped-def]
+    total = run.read_part(stage, 0)[0][name]
+    for number in range(1, len(run.plan.tiling(tiling))):
+        total = total + run.read_part(stage, number)[0][name]
+    return total

@@ -1,0 +1,69 @@
+"""Medians of values that lie in many blocks, exactly those of all values together, in two passes of counting."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, Float32Array, Int64Array
+
+_HALF = 1 << 16
+
+
+def count_high(values: Iterable[Float32Array]) -> Int64Array:
+    """Count values by the upper half of their bits, in their order; shape (65536,)."""
+    counts = np.zeros(_HALF, np.int64)
+    for line in values:
+        counts += np.bincount(_keys(line) >> 16, minlength=_HALF)
+    return counts
+
+
+def count_low(values: Iterable[Float32Array], high: Int64Array) -> Int64Array:
+    """Count values with each of the given upper halves by their lower half; shape (len(high), 65536)."""
+    counts = np.zeros((len(high), _HALF), np.int64)
+    for line in values:
+        keys = _keys(line)
+        for row, upper in enumerate(high):
+            counts[row] += np.bincount(keys[keys >> 16 == upper] & (_HALF - 1), minlength=_HALF)
+    return counts
+
+
+def middle_high(counts: Int64Array) -> Int64Array:
+    """Return the upper halves of the two values in the middle, from the counts of all blocks; none of none."""
+    return np.array([_place(counts, rank)[0] for rank in _ranks(counts)], np.int64)
+
+
+def median(counts: Int64Array, low: Int64Array) -> float:
+    """Return the median, from the counts by upper half and, for the two in the middle, by lower half; 0 of none."""
+    found = []
+    for row, rank in enumerate(_ranks(counts)):
+        upper, left = _place(counts, rank)
+        lower, _ = _place(low[row], left)
+        found.append(_value((upper << 16) | lower))
+    return float(np.mean(np.array(found, np.float32))) if found else 0.0
+
+
+def _keys(values: Float32Array) -> AnyArray:
+    """Return integers in the order of the values, as many."""
+    # zero and minus zero are one value
+    bits = np.ascontiguousarray(values.ravel() + np.float32(0.0)).view(np.uint32)
+    negative = bits >> 31 == 1
+    return np.where(negative, ~bits, bits | np.uint32(1 << 31)).astype(np.int64)
+
+
+def _value(key: int) -> np.float32:
+    bits = key & 0x7FFFFFFF if key >> 31 else ~key & 0xFFFFFFFF
+    return np.float32(np.array([bits], np.uint32).view(np.float32)[0])
+
+
+def _ranks(counts: Int64Array) -> tuple[int, ...]:
+    n = int(counts.sum())
+    return ((n - 1) // 2, n // 2) if n else ()
+
+
+def _place(counts: Int64Array, rank: int) -> tuple[int, int]:
+    """Return the bin that holds the value of a rank, and its rank in there."""
+    ends = np.cumsum(counts)
+    place = int(np.searchsorted(ends, rank, side="right"))
+    return place, rank - int(ends[place] - counts[place])

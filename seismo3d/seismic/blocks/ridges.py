@@ -1,0 +1,88 @@
+"""Blocks scanned for planes, and thinned to ridges: what is left is sparse enough for the whole cube's to be linked."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seismo3d.seismic.blocks.evidence import final_noise, read_evidence, thinned_shape
+from seismo3d.seismic.blocks.plan import Box
+from seismo3d.seismic.blocks.results import write_result
+from seismo3d.seismic.blocks.run import BlockRun
+from seismo3d.seismic.faults import draw_ridges, score_at_noise
+from seismo3d.seismic.scan import (
+    PlanarSupport,
+    RidgePoints,
+    ScanPlan,
+    ScanRegion,
+    find_prior,
+    in_spreads,
+    plan_scan,
+    scan_region,
+    thin_region,
+)
+
+# traces from a voxel to those that tell whether it is a crest
+_FLANKS = 2
+
+
+def find_plan(run: BlockRun) -> ScanPlan:
+    """Return the planes that the cube is scanned for."""
+    _, noisiness, _ = final_noise(run)
+    return plan_scan(thinned_shape(run), noisiness, run.settings.misfit.step, settings=run.settings.scan)
+
+
+def make_support_arrays(run: BlockRun) -> None:
+    """Make the arrays that :func:`scan` writes to."""
+    run.store.make("score", thinned_shape(run), np.float32)
+    run.store.make("orientation", thinned_shape(run), np.int16)
+
+
+def scan(run: BlockRun, number: int) -> None:
+    """Scan a block for planes."""
+    plan = find_plan(run)
+    box = run.plan.tiling("scan").box(number)
+
+    def take(across: int) -> ScanRegion:
+        reach = plan.reach if across == 0 else (plan.reach[1], plan.reach[0])
+        wide = box.grown(reach, run.plan.shape)
+        corner = (box.i0 - wide.i0, box.j0 - wide.j0)
+        return ScanRegion.turned(read_evidence(run, wide), across, corner, box.shape)
+
+    moments = run.fact("moments")
+    best, orientation = scan_region(take, plan, find_prior(*run.fact("medians")["medians"]))
+    run.store.write("score", box, in_spreads(best, moments["mean"], moments["spread"]))
+    run.store.write("orientation", box, orientation)
+    run.write_part("scan", number, {})
+
+
+def thin(run: BlockRun, number: int) -> None:
+    """Find a block's ridges, keep the strong ones, and draw the likelihood."""
+    plan = find_plan(run)
+    box = run.plan.tiling("draw").box(number)
+    # a ridge stands for `step` samples, over which its plane moves on
+    drawn_from = 2 + int(np.ceil(float(np.abs(plan.cotangents).max()) * (plan.step - 1)))
+    wide = box.grown((drawn_from + _FLANKS,) * 2, run.plan.shape)
+    support = PlanarSupport(run.store.read("score", wide), run.store.read("orientation", wide), plan.planes)
+    ridges = thin_region(support, run.store.read("known", wide), plan.step, least=0.0, corner=(wide.i0, wide.j0))
+    ridges = ridges.select(_inside(ridges, box.grown((drawn_from,) * 2, run.plan.shape)))
+    shape = (*box.shape, run.plan.shape[2])
+    write_result(run, "likelihood", box, draw_ridges(ridges, plan.step, shape, corner=(box.i0, box.j0)))
+    ratio, _, _ = final_noise(run)
+    strong = ridges.select(_inside(ridges, box) & (ridges.score >= score_at_noise(run.settings.least_score, ratio)))
+    run.write_part(
+        "thin", number,
+        {"voxels": strong.voxels, "positions": strong.positions, "planes": strong.planes, "score": strong.score},
+    )  # fmt: skip
+
+
+def gather_ridges(run: BlockRun) -> RidgePoints:
+    """Return the strong ridges of the whole cube, in the order in which the cube in one piece has them."""
+    parts = [run.read_part("thin", number)[0] for number in range(len(run.plan.tiling("draw")))]
+    joined = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])}
+    order = np.argsort(np.ravel_multi_index(tuple(joined["voxels"].T), thinned_shape(run)), kind="stable")
+    return RidgePoints(**{name: values[order] for name, values in joined.items()})
+
+
+def _inside(ridges: RidgePoints, box: Box):  # type: ignore[no-untyped-def]
+    i, j, _ = ridges.voxels.T
+    return (i >= box.i0) & (i < box.i1) & (j >= box.j0) & (j < box.j1)

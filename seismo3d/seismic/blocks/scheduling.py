@@ -1,0 +1,161 @@
+"""Who works on blocks: this process, or the workers of a dask cluster."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any, Protocol
+
+from seismo3d.errors import FileAccessError, MissingDependencyError
+from seismo3d.seismic.blocks.run import BlockRun
+from seismo3d.seismic.blocks.store import DamagedBlock
+
+Piece = Callable[[int], Any]
+"""Gives what a block needs of the input, lazily, by the block's number."""
+
+_PATIENCE_S = 60.0
+_one_at_a_time = threading.Lock()
+
+
+class Scheduler(Protocol):
+    """Something that works on blocks."""
+
+    def work(
+        self, run: BlockRun, stage: str, numbers: Sequence[int], piece: Piece | None
+    ) -> Iterator[tuple[int, DamagedBlock | None]]:
+        """Work on a stage's blocks; give each one's number when it is done, or what it found damaged."""
+        ...
+
+
+class InThisProcess:
+    """Works on one block after the other, each on all of numba's threads."""
+
+    def work(
+        self, run: BlockRun, stage: str, numbers: Sequence[int], piece: Piece | None
+    ) -> Iterator[tuple[int, DamagedBlock | None]]:
+        """Work on a stage's blocks, in turn."""
+        from seismo3d.seismic.blocks.stages import STAGES
+
+        for number in numbers:
+            try:
+                STAGES[stage].work(run, number, *([] if piece is None else [piece(number)]))
+            except DamagedBlock as damage:
+                yield number, damage
+            else:
+                yield number, None
+
+
+class OnCluster(AbstractContextManager["OnCluster"]):
+    """Works on the workers of a dask cluster, which must see the run's folder under the same name.
+
+    Parameters
+    ----------
+    address : str
+        The cluster's, such as ``tcp://host:8786``.
+
+    Raises
+    ------
+    MissingDependencyError
+        If the extra ``cluster`` is not installed.
+    FileAccessError
+        If nothing answers there.
+    """
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError as error:
+            raise MissingDependencyError(
+                "a cluster is asked for and dask's distributed is not installed. "
+                "Install it: pip install 'seismo3d[cluster]'."
+            ) from error
+        self.address = address
+        try:
+            self._client = Client(address, timeout="15s", set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise FileAccessError(
+                f"no dask scheduler answers at {address}. Start one (dask scheduler) and workers, or leave it out."
+            ) from error
+
+    def __exit__(self, *_: object) -> None:
+        self._client.close()
+
+    @property
+    def n_workers(self) -> int:
+        """How many workers there are."""
+        return len(self._client.scheduler_info(n_workers=-1)["workers"])
+
+    def work(
+        self, run: BlockRun, stage: str, numbers: Sequence[int], piece: Piece | None
+    ) -> Iterator[tuple[int, DamagedBlock | None]]:
+        """Work on a stage's blocks, on as many workers as there are; blocks of workers that die go to others."""
+        from distributed import as_completed
+
+        folder = str(run.folder.resolve())
+        waiting = list(reversed(numbers))
+        running = as_completed(with_results=False)
+        place: dict[Any, int] = {}
+
+        def submit() -> None:
+            number = waiting.pop()
+            job = _Job(folder, stage, number, None if piece is None else piece(number))
+            future = self._client.submit(job, pure=False, retries=2)
+            place[future.key] = number
+            running.add(future)
+
+        for _ in range(min(len(waiting), 2 * max(1, self.n_workers))):
+            submit()
+        while place:
+            future = self._next(running)
+            number = place.pop(future.key)
+            if waiting:
+                submit()
+            try:
+                future.result()
+            except DamagedBlock as damage:
+                yield number, damage
+            else:
+                yield number, None
+
+    def _next(self, running: Any) -> Any:
+        """Return the next job that ends; not for ever where no worker is left."""
+        alone_since: float | None = None
+        while running.queue.empty():
+            if self.n_workers:
+                alone_since = None
+            elif alone_since is None:
+                alone_since = time.monotonic()
+            elif time.monotonic() - alone_since > _PATIENCE_S:
+                raise FileAccessError(
+                    f"the cluster at {self.address} has no workers left. Start some and give the same command again: "
+                    "finished blocks are kept."
+                )
+            time.sleep(0.05)
+        return next(running)
+
+
+class _Job:
+    """One block of one stage, as it is sent to a worker; what it needs of the input is not looked into on the way."""
+
+    def __init__(self, folder: str, stage: str, number: int, piece: Any) -> None:
+        self._folder, self._stage, self._number, self._piece = folder, stage, number, piece
+
+    def __call__(self) -> None:
+        from seismo3d.seismic.blocks.stages import STAGES
+
+        with _one_at_a_time:
+            _use_own_threads()
+            run = BlockRun.open(Path(self._folder))
+            STAGES[self._stage].work(run, self._number, *([] if self._piece is None else [self._piece]))
+
+
+def _use_own_threads() -> None:
+    """Compute on as many threads as this worker was given."""
+    import numba
+    from distributed import get_worker
+
+    given = int(get_worker().state.nthreads)
+    numba.set_num_threads(max(1, min(given, int(getattr(numba.config, "NUMBA_NUM_THREADS", given)))))

@@ -1,0 +1,197 @@
+"""Sheets in blocks: linked from the whole cube's ridges, their sides read and drawn block by block."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, Float32Array, IntArray
+from seismo3d.seismic.blocks.cleaning import read_clean
+from seismo3d.seismic.blocks.evidence import final_noise, thinned_shape
+from seismo3d.seismic.blocks.plan import Box
+from seismo3d.seismic.blocks.results import write_result
+from seismo3d.seismic.blocks.ridges import gather_ridges
+from seismo3d.seismic.blocks.run import BlockRun
+from seismo3d.seismic.choosing import choose_faults, end_where_still
+from seismo3d.seismic.faults import draw_sheets, find_candidates
+from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.throw import SheetThrow, every_sample, gather_sides, match_sides
+
+# rows of a sheet around a block, so that what is interpolated there does not see the cut
+_SPARE_ROWS = 4
+
+
+def link_facts(run: BlockRun) -> None:
+    """Link the whole cube's ridges into sheets that may be faults."""
+    ratio, _, _ = final_noise(run)
+    sheets = find_candidates(gather_ridges(run), thinned_shape(run), ratio, run.settings)
+    run.write_fact("link", n_sheets=len(sheets), **_packed("sheet", sheets))
+
+
+def sides(run: BlockRun, number: int) -> None:
+    """Read both sides of every sheet where it passes through a block."""
+    settings = run.settings.throw
+    box = run.plan.tiling("draw").box(number)
+    reach = settings.far + settings.clear + 2
+    wide = box.grown((reach, reach), run.plan.shape)
+    arrays: dict[str, AnyArray] = {}
+    read: tuple[AnyArray, ...] | None = None
+    for place, sheet in enumerate(run_sheets(run)):
+        found = _cut(sheet, box, run.plan.shape)
+        if found is None:
+            continue
+        part, w, rows, columns = found
+        if read is None:
+            read = (*read_clean(run, wide), run.store.read("p", wide), run.store.read("q", wide))
+        volume, valid, p, q = read
+        corner = (wide.i0, wide.j0)
+        both, known = gather_sides(volume, valid, (p, q), part, settings=settings, w=w, corner=corner)
+        arrays |= {f"{place}.at": np.array([rows, columns]), f"{place}.both": both, f"{place}.known": known > 0.0}
+    run.write_part("sides", number, arrays)
+
+
+def sides_facts(run: BlockRun) -> None:
+    """Note which blocks each sheet passes through."""
+    found: list[list[int]] = [[] for _ in range(run.fact("link")["n_sheets"])]
+    for number in range(len(run.plan.tiling("draw"))):
+        for place in run.list_part("sides", number, "at"):
+            found[int(place)].append(number)
+    run.write_fact("sides", blocks=found)
+
+
+def throw(run: BlockRun, number: int) -> None:
+    """Find the throw of a sheet, and where it ends."""
+    sheet = run_sheets(run)[number]
+    w = every_sample(sheet)
+    both, known = np.zeros((2, *w.shape), np.float32), np.zeros((2, *w.shape), np.float32)
+    for block in run.fact("sides")["blocks"][number]:
+        part, _ = run.read_part("sides", block, prefix=f"{number}.")
+        (row, column), read = part[f"{number}.at"], part[f"{number}.known"]
+        at = np.s_[:, row : row + read.shape[1], column : column + read.shape[2]]
+        both[at][read] = part[f"{number}.both"][read]
+        known[at][read] = 1.0
+    measured = match_sides(sheet, both, known, settings=run.settings.throw)
+    ended = end_where_still(sheet, measured, run.settings.choice)
+    run.write_part("throw", number, {**_packed("sheet", [ended[0]]), **_packed("throw", [ended[1]])})
+
+
+def choice_facts(run: BlockRun) -> None:
+    """Choose the sheets that are faults."""
+    moving = []
+    for number in range(run.fact("link")["n_sheets"]):
+        part, _ = run.read_part("throw", number)
+        moving.append((_unpacked("sheet", part, Sheet)[0], _unpacked("throw", part, SheetThrow)[0]))
+    chosen = choose_faults(moving, run.settings.choice)
+    run.write_fact(
+        "choice",
+        **_packed("sheet", [sheet for sheet, _ in chosen]), **_packed("throw", [measured for _, measured in chosen]),
+    )  # fmt: skip
+
+
+def chosen_faults(run: BlockRun) -> tuple[list[Sheet], list[SheetThrow]]:
+    """Return the sheets that are faults, and their throws."""
+    found = run.fact("choice")
+    return _unpacked("sheet", found, Sheet), _unpacked("throw", found, SheetThrow)
+
+
+def run_sheets(run: BlockRun) -> list[Sheet]:
+    """Return the sheets that may be faults."""
+    return _unpacked("sheet", run.fact("link"), Sheet)
+
+
+def draw(run: BlockRun, number: int) -> None:
+    """Draw the faults into a block."""
+    box = run.plan.tiling("draw").box(number)
+    sheets, throws = chosen_faults(run)
+    drawn: list[tuple[Sheet, SheetThrow]] = []
+    for sheet, measured in zip(sheets, throws, strict=True):
+        rows = _rows_near(sheet, box, run.plan.shape)
+        # nodes halfway between two rows round to the even one: a cut must not change which is even
+        first = 0 if rows is None else max(0, rows[0] - _SPARE_ROWS) // 2 * 2
+        last = 1 if rows is None else rows[1] + _SPARE_ROWS
+        cut = slice(first, last)
+        emptied = np.full_like(sheet.w[cut], np.nan) if rows is None else sheet.w[cut]
+        drawn.append(
+            (
+                replace(sheet, first_s=sheet.first_s + first, w=emptied, score=sheet.score[cut]),
+                replace(measured, throw=measured.throw[cut], fit=measured.fit[cut]),
+            )
+        )
+    labels, thrown = draw_sheets(
+        [sheet for sheet, _ in drawn], [measured for _, measured in drawn], (*box.shape, run.plan.shape[2]),
+        corner=(box.i0, box.j0),
+    )  # fmt: skip
+    write_result(run, "labels", box, labels)
+    write_result(run, "throw", box, thrown)
+    run.write_part("draw", number, {})
+
+
+def _places(sheet: Sheet, w: Float32Array) -> tuple[AnyArray, AnyArray]:
+    """Return the inlines and crosslines of nodes at every row, NaN off the sheet."""
+    s = (sheet.first_s + np.arange(len(w)))[:, None]
+    inline, crossline = (sheet.origin[d] + s * sheet.along[d] + w * sheet.across[d] for d in range(2))
+    return inline, crossline
+
+
+def _rows_near(sheet: Sheet, box: Box, shape: tuple[int, ...]) -> tuple[int, int] | None:
+    """Return the first row of a sheet that comes near a box, and the one after the last; None where none does."""
+    known = np.isfinite(sheet.w)
+    if not known.any():
+        return None
+    with np.errstate(invalid="ignore"):
+        low = np.where(known, sheet.w, np.inf).min(axis=1)
+        high = np.where(known, sheet.w, -np.inf).max(axis=1)
+    filled = known.any(axis=1)
+    low, high = np.where(filled, low, 0.0), np.where(filled, high, 0.0)
+    ends = [_places(sheet, np.stack([low, high], axis=1))[d] for d in range(2)]
+    near = filled.copy()
+    for place, first, last, n in zip(ends, (box.i0, box.j0), (box.i1, box.j1), shape[:2], strict=True):
+        near &= (first == 0) | (place.max(axis=1) > first - 2)
+        near &= (last == n) | (place.min(axis=1) < last + 1)
+    rows: IntArray = np.flatnonzero(near)
+    return (int(rows[0]), int(rows[-1]) + 1) if len(rows) else None
+
+
+def _cut(sheet: Sheet, box: Box, shape: tuple[int, ...]) -> tuple[Sheet, Float32Array, int, int] | None:
+    """Return the part of a sheet whose nodes lie in a box, its position at every sample, and where it begins."""
+    rows = _rows_near(sheet, box, shape)
+    if rows is None:
+        return None
+    first, last = max(0, rows[0] - 1), min(len(sheet.w), rows[1] + 1)
+    part = replace(sheet, first_s=sheet.first_s + first, w=sheet.w[first:last], score=sheet.score[first:last])
+    w = every_sample(part)
+    inline, crossline = _places(part, w)
+    with np.errstate(invalid="ignore"):
+        # what lies beyond the cube belongs to the block beside it
+        i = np.clip(np.floor(inline + 0.5), 0, shape[0] - 1)
+        j = np.clip(np.floor(crossline + 0.5), 0, shape[1] - 1)
+        inside = (i >= box.i0) & (i < box.i1) & (j >= box.j0) & (j < box.j1)
+    if not inside.any():
+        return None
+    r, c = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+    cut = np.s_[r[0] : r[-1] + 1, c[0] : c[-1] + 1]
+    w = np.where(inside, w, np.float32(np.nan))[cut]
+    made = replace(part, first_s=part.first_s + int(r[0]), first_sample=part.first_sample + int(c[0]))
+    return made, np.ascontiguousarray(w), first + int(r[0]), int(c[0])
+
+
+def _packed(name: str, items: list[Any]) -> dict[str, Any]:
+    """Return results as arrays, by name, number and field."""
+    return {
+        f"{name}.{number}.{entry.name}": np.asarray(getattr(item, entry.name))
+        for number, item in enumerate(items)
+        for entry in fields(item)
+    }
+
+
+def _unpacked(name: str, found: dict[str, Any], kind: type) -> list[Any]:
+    """Return what :func:`_packed` laid out."""
+    items: dict[int, dict[str, Any]] = {}
+    for key, value in found.items():
+        if key.startswith(f"{name}."):
+            _, number, field = key.split(".")
+            array = np.asarray(value)
+            items.setdefault(int(number), {})[field] = array if array.ndim else array[()].item()
+    return [kind(**items[number]) for number in sorted(items)]

@@ -1,0 +1,231 @@
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from seismo3d.errors import FileAccessError, ParameterError
+from seismo3d.seismic.blocks.plan import plan_blocks
+from seismo3d.seismic.blocks.store import BrickStore
+from seismo3d.seismic.blocks.tracing import forget_work, trace_in_blocks
+from seismo3d.seismic.faults import FaultSettings, trace_faults
+from seismo3d.seismic.faultset import FaultSet
+from seismo3d.synthetic import SyntheticFault, fault_cube
+
+SHAPE = (52, 60, 64)
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+import numpy as np
+from seismo3d.seismic.blocks import run, store
+from test_tracing import trace
+
+left = int(sys.argv[2])
+def count(kind, name):
+    before = getattr(kind, name)
+    def call(*given, **named):
+        global left
+        left -= 1
+        if left == 0 and name == "write":
+            path = given[0].folder / given[1] / "c" / "0" / "0" / "0"
+            if path.exists():
+                path.write_bytes(path.read_bytes()[:100])
+        if left == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return before(*given, **named)
+    setattr(kind, name, call)
+count(run.BlockRun, "write_part")
+count(run.BlockRun, "write_fact")
+count(store.BrickStore, "write")
+trace(np.load(sys.argv[1]), Path(sys.argv[3]))
+"""
+
+
+def trace(cube, folder, *, settings=None, **options):
+    settings = settings or FaultSettings()
+    plan = plan_blocks(np.shape(cube), 10**9, settings, edge=32)
+    options = {"progress": lambda *_: None} | options
+    return trace_in_blocks(cube, plan, settings, folder=folder, **options)
+
+
+def assert_same(found, wanted):
+    for name in ("likelihood", "labels", "throw"):
+        np.testing.assert_array_equal(np.asarray(getattr(found, name)), np.asarray(getattr(wanted, name)))
+    assert len(found.surfaces) == len(wanted.surfaces)
+    for one, other in zip(found.surfaces, wanted.surfaces, strict=True):
+        np.testing.assert_array_equal(one.vertices, other.vertices)
+        np.testing.assert_array_equal(one.throw, other.throw)
+
+
+def make_cube(noise):
+    """A cube with two faults, no data at a corner and at its foot, and traces that repeat."""
+    faults = (
+        SyntheticFault((26.0, 26.0, 32.0), 40.0, 65.0, 8.0),
+        SyntheticFault((20.0, 40.0, 32.0), 130.0, 70.0, -6.0),
+    )
+    recipe = {"shape": SHAPE, "wavelength": (14.0, 14.0), "population": None, "faults": faults}
+    cube = fault_cube("clean", seed=7, noise=noise, **recipe).seismic.copy()
+    cube[:6, :9] = np.nan
+    cube[:, :, 60:] = 0.0
+    cube[40, 28:38] = cube[40, 28]
+    return cube
+
+
+@pytest.fixture(scope="module")
+def cube():
+    return make_cube(0.1)
+
+
+@pytest.fixture(scope="module")
+def wanted(cube):
+    found = trace_faults(cube)
+    assert len(found.surfaces) > 0
+    return found
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.8])
+def test_blocks_give_what_one_piece_gives_to_the_bit(noise, tmp_path):
+    cube = make_cube(noise)
+    assert_same(trace(cube, tmp_path / "run"), trace_faults(cube))
+
+
+def test_a_lazy_cube_keeps_its_coordinates_and_is_saved_where_it_lies(cube, wanted, tmp_path):
+    array = xr.DataArray(
+        cube, dims=("inline", "crossline", "time"),
+        coords={"inline": 10 + 2 * np.arange(SHAPE[0]), "crossline": np.arange(SHAPE[1]),
+                "time": 4.0 * np.arange(SHAPE[2]), "live": (("inline", "crossline"), np.isfinite(cube).any(axis=2))},
+    ).chunk({"inline": 20, "crossline": 25, "time": 64})  # fmt: skip
+    found = trace(array, tmp_path / "run")
+    assert_same(found, wanted)
+    assert found.labels.chunks is not None
+    np.testing.assert_array_equal(found.labels["inline"], array["inline"])
+    assert found.surfaces[0].sample_interval == 4.0
+    before = (tmp_path / "run" / "labels.zarr" / "zarr.json").stat().st_ino
+    found.save(tmp_path / "run")
+    forget_work(tmp_path / "run")
+    assert (tmp_path / "run" / "labels.zarr" / "zarr.json").stat().st_ino == before
+    back = FaultSet.load(tmp_path / "run")
+    assert_same(back, wanted)
+    np.testing.assert_array_equal(back.throw["time"], array["time"])
+    back.save(tmp_path / "elsewhere")
+    assert_same(FaultSet.load(tmp_path / "elsewhere"), wanted)
+
+
+def test_a_run_killed_at_any_point_goes_on_to_the_same(cube, wanted, tmp_path):
+    np.save(tmp_path / "cube.npy", cube)
+    env = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    n_killed = 0
+    for after in (3, 29, 41, 67, 10**6):
+        command = [sys.executable, "-c", KILLED, str(tmp_path / "cube.npy"), str(after), str(tmp_path / "run")]
+        code = subprocess.run(command, env=env, check=False).returncode
+        assert code in (0, -signal.SIGKILL)
+        n_killed += code != 0
+    assert n_killed == 4
+    assert code == 0
+    assert_same(trace(cube, tmp_path / "run"), wanted)
+
+
+@pytest.mark.parametrize(
+    ("damage", "stage"),
+    [("missing", "misfit"), ("bytes", "scan"), ("part", "sides")],
+)
+def test_a_damaged_block_is_computed_again(cube, wanted, tmp_path, damage, stage):
+    def spoil(*_):
+        work = tmp_path / "run" / "work"
+        if (work / "spoiled").exists() or not (work / "facts" / f"done_{stage}.npz").exists():
+            return
+        (work / "spoiled").touch()
+        name = {"dip": "p", "misfit": "q", "scan": "score"}.get(stage, "")
+        brick = work / "bricks" / name / "c" / "1" / "0" / "0"
+        if damage == "missing":
+            brick.unlink()
+        elif damage == "bytes":
+            content = bytearray(brick.read_bytes())
+            content[1000] ^= 255
+            brick.write_bytes(content)
+        else:
+            path = work / "parts" / stage / "000001.npz"
+            path.write_bytes(path.read_bytes()[:60])
+
+    stage = {"misfit": "dip"}.get(stage, stage) if damage == "missing" else stage
+    assert_same(trace(cube, tmp_path / "run", progress=spoil), wanted)
+
+
+def test_a_full_disk_is_one_clear_error_and_nothing_is_lost(cube, wanted, tmp_path, monkeypatch):
+    n_written = []
+
+    class Full:
+        def __init__(self, array):
+            self.array = array
+
+        def __setitem__(self, key, values):
+            n_written.append(key)
+            if len(n_written) == 9:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            self.array[key] = values
+
+    array = BrickStore._array
+    with monkeypatch.context() as patch:
+        patch.setattr(BrickStore, "_array", lambda store, name: _Either(array(store, name), Full))
+        with pytest.raises(FileAccessError, match="cannot be written: No space left on device"):
+            trace(cube, tmp_path / "run")
+    n_before = len(list((tmp_path / "run" / "work" / "parts").rglob("*.npz")))
+    assert n_before > 4
+    assert_same(trace(cube, tmp_path / "run"), wanted)
+
+
+class _Either:
+    """An array whose writes go through another object."""
+
+    def __init__(self, array, kind):
+        self.array, self.kind = array, kind
+
+    def __getitem__(self, key):
+        return self.array[key]
+
+    def __setitem__(self, key, values):
+        self.kind(self.array)[key] = values
+
+
+def test_another_input_or_setting_is_noticed(cube, tmp_path):
+    trace(cube, tmp_path / "run")
+    other = cube.copy()
+    other[30, 30, 30] += 1.0
+    with pytest.raises(ParameterError, match=r"the input of the run in .* has changed: samples was"):
+        trace(other, tmp_path / "run")
+    settings = FaultSettings()
+    changed = replace(settings, dip=replace(settings.dip, lateral=4.0))
+    with pytest.raises(
+        ParameterError, match=r"the setting of the run in .* has changed: dip\.lateral was 5\.0, now 4\.0\."
+    ):
+        trace(cube, tmp_path / "run", settings=changed)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "letter.txt").touch()
+    with pytest.raises(FileAccessError, match="holds no run in blocks"):
+        trace(cube, tmp_path / "other")
+
+
+def test_a_finished_run_is_not_done_again(cube, wanted, tmp_path):
+    trace(cube, tmp_path / "run")
+    told = []
+    assert_same(trace(cube, tmp_path / "run", progress=lambda *state: told.append(state)), wanted)
+    assert told == [("surfaces", 1.0)]
+
+
+def test_memory_decides_and_a_folder_is_needed(cube, wanted, tmp_path, monkeypatch):
+    assert isinstance(trace_faults(cube, memory="4GB", folder=tmp_path / "none").labels, np.ndarray)
+    assert not (tmp_path / "none").exists()
+    with pytest.raises(ParameterError, match="folder is not given"):
+        trace_faults(cube, memory="440MB")
+    with pytest.raises(ParameterError, match="folder is given without memory"):
+        trace_faults(cube, folder=tmp_path / "none")
+    monkeypatch.setattr("seismo3d.seismic.blocks.tracing.whole_cube_bytes", lambda shape: 2 * 10**9)
+    assert_same(trace_faults(cube, memory="1GB", folder=tmp_path / "run"), wanted)
