@@ -23,6 +23,9 @@ EXAMPLES = (
 def run(
     cube: Cube,
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
+    evidence: str = typer.Option(
+        "semblance", help="What shows a fault: semblance, registration, or both.", metavar="KIND"
+    ),
     attributes: bool = typer.Option(False, "--attributes", help="Write dip, azimuth, semblance and curvature too."),
     smooth_tv: float | None = typer.Option(
         None, help="With --attributes: weight of a total-variation smoothing, such as 0.1. [default: none]"
@@ -47,7 +50,9 @@ def run(
     from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
+    from seismo3d.seismic.fault_evidence import check_evidence
 
+    check_evidence(evidence)
     if smooth_tv is not None and not attributes:
         raise ParameterError("--smooth-tv is given without --attributes; it smooths those. Add --attributes.")
     check_run_folder(out, inputs=[cube], overwrite=overwrite)
@@ -60,12 +65,12 @@ def run(
         if opened.chunks is not None:
             clock("live traces", 0.0)
             opened = opened.assign_coords(live=opened["live"].compute())
-        faults = _trace(opened, aside, clock)
+        faults = _trace(opened, aside, clock, evidence=evidence)
         if attributes:
             _write_attributes(opened, aside, smooth_tv, clock)
         if unfault:
             _write_unfaulted(opened, faults, aside, clock)
-        asked = {**reading, "attributes": attributes, "smooth_tv": smooth_tv}
+        asked = {**reading, "evidence": evidence, "attributes": attributes, "smooth_tv": smooth_tv}
         if unfault:
             asked["unfault"] = True
         timings = _report(opened, faults, aside, clock, path=cube, asked=asked)
@@ -73,13 +78,13 @@ def run(
     say_timings(timings)
 
 
-def _trace(cube: Any, folder: Path, clock: Progress) -> Any:
+def _trace(cube: Any, folder: Path, clock: Progress, *, evidence: str) -> Any:
     """Trace the faults and write everything that follows from them alone."""
     from seismo3d.io.segy import write_segy
     from seismo3d.seismic.exports import write_faults
     from seismo3d.seismic.faults import trace_faults
 
-    faults = trace_faults(cube, progress=clock)
+    faults = trace_faults(cube, evidence=evidence, progress=clock)
     clock("export", 0.0)
     faults.save(folder)
     write_faults(faults, cube, directory=folder)

@@ -15,12 +15,14 @@ from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
+from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
-from seismo3d.seismic.misfit import Evidence, MisfitSettings, measure_misfit
+from seismo3d.seismic.misfit import Evidence, MisfitSettings
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
+from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface
 from seismo3d.seismic.throw import SheetThrow, ThrowSettings, measure_throw
 
@@ -39,7 +41,7 @@ class FaultSettings:
         noise of a good survey, and in noise.
     end_score : tuple of (float, float, float)
         The same, averaged over the surface nearby, below which a surface ends.
-    dip, misfit, scan, link, choice, throw
+    dip, misfit, registration, scan, link, choice, throw
         Settings of the stages.
     """
 
@@ -47,6 +49,7 @@ class FaultSettings:
     end_score: tuple[float, float, float] = (0.42, 0.45, 0.3)
     dip: DipSettings = field(default_factory=DipSettings)
     misfit: MisfitSettings = field(default_factory=MisfitSettings)
+    registration: RegistrationSettings = field(default_factory=RegistrationSettings)
     scan: ScanSettings = field(default_factory=ScanSettings)
     link: LinkSettings = field(default_factory=LinkSettings)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
@@ -72,20 +75,24 @@ class FaultSettings:
         )
 
 
-def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: Progress | None = None) -> FaultSet:
+def trace_faults(
+    cube: Any, *, evidence: str = "semblance", settings: FaultSettings | None = None, progress: Progress | None = None
+) -> FaultSet:
     """Trace the faults of a cube or section: surfaces with likelihood, strike, dip and throw.
 
-    Reflector slopes come from the structure tensor. What does not fit across a voxel after both sides are carried to it
-    along their slopes is the evidence, and planes of all strikes and dips are scanned for it [1]_. Its crests are
-    thinned with sub-voxel position and grown into surfaces that pass through each other. At every place of a
-    surface the throw
-    is the shift that matches its two sides.
+    What does not fit across a voxel after both sides are carried to it is the evidence. They are carried along
+    reflector slopes, which come from the structure tensor, and by the shifts that register neighbouring slices. Planes
+    of all strikes and dips are scanned for the evidence [1]_. Its crests are thinned with sub-voxel position and grown
+    into surfaces that pass through each other. At every place of a surface the throw is the shift that matches its two
+    sides.
 
     Parameters
     ----------
     cube : DataArray or array_like
         A cube (inline, crossline, sample) or a section (trace, sample), as ``open_cube`` gives it or a bare array.
         NaN, dead traces and constant zones count as no data.
+    evidence : {"semblance", "registration", "both"}
+        How sides are carried: along their slopes, by registration, or by both ways, whose log ratios add up.
     settings : FaultSettings, optional
         Thresholds and windows; by default ``FaultSettings()`` for a cube and ``FaultSettings.for_section()`` for a
         section.
@@ -102,6 +109,8 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     ------
     ShapeError
         If the input has another number of axes than 2 or 3, or is too small to hold a fault.
+    ParameterError
+        If there is no such kind of evidence.
 
     Notes
     -----
@@ -113,6 +122,7 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
     """
     report = progress or _unheard
+    check_evidence(evidence)
     amplitudes, geometry, sampling = as_volume(cube)
     is_section = 1 in amplitudes.shape[:2]
     settings = settings or (FaultSettings.for_section() if is_section else FaultSettings())
@@ -120,18 +130,20 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     report("dip", 0.0)
     slopes = estimate_slopes(volume, valid, settings=settings.dip)
     report("misfit", 0.0)
-    evidence = measure_misfit(volume, valid, *slopes, settings=settings.misfit)
+    found = measure_evidence(
+        volume, valid, slopes, kind=evidence, misfit=settings.misfit, registration=settings.registration
+    )
     report("scan", 0.0)
-    support = scan_planes(evidence, settings=settings.scan, progress=progress)
-    ridges = thin(support, evidence, least=0.0)
-    strong = ridges.select(ridges.score >= _at_noise(settings.least_score, evidence))
+    support = scan_planes(found, settings=settings.scan, progress=progress)
+    ridges = thin(support, found, least=0.0)
+    strong = ridges.select(ridges.score >= _at_noise(settings.least_score, found))
     del support
     report("link", 0.0)
     least_area = min(settings.choice.company_area, settings.choice.least_area)
     sheets = link_sheets(
-        strong, evidence.along_inlines.shape, step=evidence.step,
-        least_points=max(4, int(0.5 * least_area / evidence.step)),
-        end_score=_at_noise(settings.end_score, evidence), settings=settings.link,
+        strong, found.along_inlines.shape, step=found.step,
+        least_points=max(4, int(0.5 * least_area / found.step)),
+        end_score=_at_noise(settings.end_score, found), settings=settings.link,
     )  # fmt: skip
     sheets = may_be_faults(sheets, is_section, settings.choice)
     moving = []
@@ -144,14 +156,14 @@ def trace_faults(cube: Any, *, settings: FaultSettings | None = None, progress: 
     sheets, throws = [sheet for sheet, _ in chosen], [throw for _, throw in chosen]
     surfaces = _surfaces(sheets, throws, geometry, sampling)
     labels, throw = _draw(sheets, throws, (volume.shape[0], volume.shape[1], volume.shape[2]))
-    likelihood = _draw_likelihood(ridges, evidence, volume.shape)
+    likelihood = _draw_likelihood(ridges, found, volume.shape)
     report("surfaces", 1.0)
     return FaultSet(
         surfaces=surfaces,
         likelihood=_like(cube, likelihood, "likelihood"),
         labels=_like(cube, labels, "labels"),
         throw=_like(cube, throw, "throw"),
-        settings=asdict(settings),
+        settings={**asdict(settings), "evidence": evidence},
     )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import ndimage
@@ -10,6 +12,8 @@ from scipy import ndimage
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import filter_crosslines, filter_inlines, filter_samples, gaussian_taps, smooth
 from seismo3d.seismic._kernels_misfit import clear_unknown, divide_thinned, log_ratio, side_misfit
+
+Compare = Callable[[slice, int, int, Float32Array, Float32Array], None]
 
 _LEAST_MEAN = 0.6
 _LEAST_SPREAD = 0.8
@@ -115,28 +119,101 @@ def measure_misfit(
     -------
     Evidence
     """
+    return fuse_misfits(volume, valid, [compare_along(volume, valid, (p, q))], settings=settings)
+
+
+def compare_along(volume: Float32Array, valid: BoolArray, slopes: tuple[Float32Array, Float32Array]) -> Compare:
+    """Return what compares the two sides of every voxel after each is carried along its own reflectors.
+
+    Parameters
+    ----------
+    volume, valid : ndarray of shape (inline, crossline, sample)
+        Amplitudes, float32, and where there are any.
+    slopes : tuple of ndarray of the same shape, float32
+        Reflector slopes along inlines and crosslines.
+
+    Returns
+    -------
+    callable
+        Takes a slice of inlines, the axis, the number of traces a side, and arrays for :math:`(L - R)^2` and
+        :math:`L^2 + R^2`, -1 where a side is empty.
+    """
+
+    def compare(lines: slice, axis: int, reach: int, difference: Float32Array, energy: Float32Array) -> None:
+        side_misfit(volume[lines], valid[lines], slopes[axis][lines], axis, reach, difference, energy)
+
+    return compare
+
+
+def fuse_misfits(
+    volume: Float32Array, valid: BoolArray, comparisons: list[Compare], *, settings: MisfitSettings | None = None
+) -> Evidence:
+    """Measure the misfit of both sides under several ways of carrying them, and take the mean of their logarithms.
+
+    Each way has the reach and the softness of its own noise, so that its evidence is a log ratio to what it leaves
+    where nothing breaks, and these add up.
+
+    Parameters
+    ----------
+    volume, valid : ndarray of shape (inline, crossline, sample)
+        Amplitudes, float32, finite everywhere, and where there are any.
+    comparisons : list of callable
+        As :func:`compare_along` returns them.
+    settings : MisfitSettings, optional
+        Windows.
+
+    Returns
+    -------
+    Evidence
+    """
     settings = settings or MisfitSettings()
-    least, most = settings.reach
-    ratios, known = _ratios(volume, valid, p, q, least, settings)
-    noise = _median_ratio(ratios, known)
-    noisiness = float(np.clip((noise - 0.05) / 0.4, 0.0, 1.0))
-    reach = round(least + noisiness * (most - least))
-    if reach != least:
-        ratios, known = _ratios(volume, valid, p, q, reach, settings)
-        noise = _median_ratio(ratios, known)
-    softness = np.float32(max(settings.softness, 0.8 * noise))
-    for ratio in ratios:
-        log_ratio(ratio, softness)
-    mean, spread = _moments(ratios, known)
+    logs, known, noise, noisiness = _log_ratios(volume, valid, comparisons[0], settings)
+    background = _background(noise, settings)
+    for compare in comparisons[1:]:
+        more, also_known, other_noise, other_noisiness = _log_ratios(volume, valid, compare, settings)
+        background += _background(other_noise, settings)
+        noise, noisiness = min(noise, other_noise), min(noisiness, other_noisiness)
+        for values, added in zip(logs + known, more + also_known, strict=True):
+            values += added
+    if len(comparisons) > 1:
+        share = np.float32(1.0 / len(comparisons))
+        background *= float(share)
+        for values in logs + known:
+            values *= share
+    mean, spread = _moments(logs, known)
     # where there is next to no evidence, its own scatter must not be taken for faults
     mean, spread = max(mean, _LEAST_MEAN), max(spread, _LEAST_SPREAD * (1.0 - noisiness))
-    background = float(np.log1p(noise / softness))
-    filled = [_fill_unknown(ratio, weight, background) for ratio, weight in zip(ratios, known, strict=True)]
+    filled = [_fill_unknown(ratio, weight, background) for ratio, weight in zip(logs, known, strict=True)]
     for axis, values in enumerate(filled):
         _remove_footprint(values, axis, settings.footprint * min(1.0, noise / 0.05))
         _spread_laterally(values, settings.lateral)
         _level(values, settings)
     return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
+
+
+def _log_ratios(
+    volume: Float32Array, valid: BoolArray, compare: Compare, settings: MisfitSettings
+) -> tuple[list[Float32Array], list[Float32Array], float, float]:
+    """Return the log ratios along both axes, how far they are known, the median ratio and the noisiness."""
+    least, most = settings.reach
+    ratios, known = _ratios(volume, valid, compare, least, settings)
+    noise = _median_ratio(ratios, known)
+    noisiness = float(np.clip((noise - 0.05) / 0.4, 0.0, 1.0))
+    reach = round(least + noisiness * (most - least))
+    if reach != least:
+        ratios, known = _ratios(volume, valid, compare, reach, settings)
+        noise = _median_ratio(ratios, known)
+    for ratio in ratios:
+        log_ratio(ratio, _softness(noise, settings))
+    return ratios, known, noise, noisiness
+
+
+def _softness(noise: float, settings: MisfitSettings) -> np.float32:
+    return np.float32(max(settings.softness, 0.8 * noise))
+
+
+def _background(noise: float, settings: MisfitSettings) -> float:
+    return float(np.log1p(noise / _softness(noise, settings)))
 
 
 def _remove_footprint(evidence: Float32Array, axis: int, most: float) -> None:
@@ -188,7 +265,7 @@ def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> floa
 
 
 def _ratios(
-    volume: Float32Array, valid: BoolArray, p: Float32Array, q: Float32Array, reach: int, settings: MisfitSettings
+    volume: Float32Array, valid: BoolArray, compare: Compare, reach: int, settings: MisfitSettings
 ) -> tuple[list[Float32Array], list[Float32Array]]:
     shape = (*volume.shape[:2], -(-volume.shape[2] // settings.step))
     ratios = [np.zeros(shape, np.float32) for _ in range(2)]
@@ -201,7 +278,7 @@ def _ratios(
         cut = slice(low, high)
         inner = slice(start - low, stop - low)
         _slab_ratios(
-            volume[cut], valid[cut], (p[cut], q[cut]), reach, floor, settings, inner,
+            volume[cut], partial(compare, cut), reach, floor, settings, inner,
             [r[start:stop] for r in ratios], [w[start:stop] for w in known],
         )  # fmt: skip
     return ratios, known
@@ -209,8 +286,7 @@ def _ratios(
 
 def _slab_ratios(
     volume: Float32Array,
-    valid: BoolArray,
-    slopes: tuple[Float32Array, Float32Array],
+    compare: Callable[[int, int, Float32Array, Float32Array], None],
     reach: int,
     floor: np.float32,
     settings: MisfitSettings,
@@ -224,7 +300,7 @@ def _slab_ratios(
     parts = []
     for axis in range(2):
         difference, energy = np.empty_like(volume), np.empty_like(volume)
-        side_misfit(volume, valid, slopes[axis], axis, reach, difference, energy)
+        compare(axis, reach, difference, energy)
         weight = np.empty_like(volume)
         clear_unknown(energy, weight)
         total += energy
