@@ -144,7 +144,7 @@ def make_section() -> tuple[xr.DataArray, FaultSet]:
     return section, FaultSet((surface,), *volumes, settings={})
 
 
-def fake_trace_faults(cube: Any, *, progress: Any = None) -> FaultSet:
+def fake_trace_faults(cube: Any, *, evidence: str = "semblance", progress: Any = None) -> FaultSet:
     """Stand in for the tracer: known surfaces in any cube, with its stages reported."""
     for stage in ("dips", "scan"):
         for share in (0.0, 1.0):
@@ -153,5 +153,5 @@ def fake_trace_faults(cube: Any, *, progress: Any = None) -> FaultSet:
     if cube.ndim == 2:
         found = make_section()[1]
         volumes = {name: cube.copy(data=getattr(found, name).data) for name in ("likelihood", "labels", "throw")}
-        return FaultSet(found.surfaces, **volumes, settings={"threshold": 0.2})
+        return FaultSet(found.surfaces, **volumes, settings={"threshold": 0.2, "evidence": evidence})
     return make_faults(cube)

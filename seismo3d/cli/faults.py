@@ -27,6 +27,9 @@ EXAMPLES = (
 def run(
     cube: Cube,
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
+    evidence: str = typer.Option(
+        "semblance", help="What shows a fault: semblance, registration, or both.", metavar="KIND"
+    ),
     attributes: bool = typer.Option(False, "--attributes", help="Write dip, azimuth, semblance and curvature too."),
     smooth_tv: float | None = typer.Option(
         None, help="With --attributes: weight of a total-variation smoothing, such as 0.1. [default: none]"
@@ -61,7 +64,9 @@ def run(
     from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
+    from seismo3d.seismic.fault_evidence import check_evidence
 
+    check_evidence(evidence)
     if smooth_tv is not None and not attributes:
         raise ParameterError("--smooth-tv is given without --attributes; it smooths those. Add --attributes.")
     check_run_folder(out, inputs=[cube], overwrite=overwrite)
@@ -81,12 +86,12 @@ def run(
             clock("live traces", 0.0)
             opened = opened.assign_coords(live=opened["live"].compute())
         larger: dict[str, Any] = {"memory": memory, "scheduler": scheduler, "folder": aside} if in_blocks else {}
-        faults = _trace(opened, aside, clock=clock, larger=larger)
+        faults = _trace(opened, aside, clock=clock, evidence=evidence, larger=larger)
         if attributes:
             _write_attributes(opened, aside, smooth_tv, clock)
         if unfault:
             _write_unfaulted(opened, faults, aside, clock)
-        asked = {**reading, "attributes": attributes, "smooth_tv": smooth_tv}
+        asked = {**reading, "evidence": evidence, "attributes": attributes, "smooth_tv": smooth_tv}
         if unfault:
             asked["unfault"] = True
         asked |= {name: value for name, value in (("memory", memory), ("scheduler", scheduler)) if value is not None}
@@ -123,13 +128,13 @@ def _kept_aside(out: Path) -> Iterator[Path]:
         replace_path(aside, out, folder=True)
 
 
-def _trace(cube: Any, out: Path, *, clock: Progress, larger: dict[str, Any]) -> Any:
+def _trace(cube: Any, out: Path, *, clock: Progress, evidence: str, larger: dict[str, Any]) -> Any:
     """Trace the faults and write everything that follows from them alone; `larger` says how a cube beyond memory is."""
     from seismo3d.io.segy import write_segy
     from seismo3d.seismic.exports import write_faults
     from seismo3d.seismic.faults import trace_faults
 
-    faults = trace_faults(cube, progress=clock, **larger)
+    faults = trace_faults(cube, evidence=evidence, progress=clock, **larger)
     clock("export", 0.0)
     faults.save(out)
     write_faults(faults, cube, directory=out)

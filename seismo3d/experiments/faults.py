@@ -14,12 +14,14 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from seismo3d.errors import ParameterError, Seismo3dError
+from seismo3d.seismic.fault_evidence import EVIDENCE
 from seismo3d.seismic.scores import FaultScore, ThrowScore, fault_score, throw_score
 from seismo3d.synthetic import KINDS, SyntheticCube, fault_cube
 from seismo3d.synthetic.cutoffs import present_slip
@@ -29,7 +31,7 @@ SUITE_KINDS = tuple(kind for kind in KINDS if kind != "demo")
 VISIBLE_THROW = 1.0
 """Truth below this absolute throw, in samples, is left out of ``visible``: so small a throw leaves no trace."""
 
-Tracer = Callable[[Any], Any]
+Tracer = Callable[..., Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,6 +227,27 @@ def print_table(rows: Sequence[dict[str, Any]]) -> None:
     Console(width=150).print(table)
 
 
+def print_evidence(rows: dict[str, Sequence[dict[str, Any]]]) -> None:
+    """Print the F1 of every kind, or for cubes without faults the share called, under each evidence.
+
+    Parameters
+    ----------
+    rows : dict of list
+        What :func:`summarise` returns, by evidence.
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="F1 by evidence; of cubes without faults, per cent of voxels called", box=None)
+    for name in ("kind", *rows):
+        table.add_column(name, justify="left" if name == "kind" else "right")
+    for of_kind in zip(*rows.values(), strict=True):
+        called = all(math.isnan(row["f1"]) for row in of_kind)
+        cells = [f"{row['called_percent']:.2f} %" if called else f"{row['f1']:.3f}" for row in of_kind]
+        table.add_row(of_kind[0]["kind"], *cells)
+    Console(width=150).print(table)
+
+
 def _plain(value: Any) -> Any:
     """Replace NaN, which JSON does not have, by null."""
     if isinstance(value, dict):
@@ -241,6 +264,10 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--first-seed", type=int, default=SUITE_SEEDS[0], help="seed of the first cube of each kind")
     parser.add_argument("--shape", type=int, default=128, help="samples along each side")
     parser.add_argument("--memory", action="store_true", help="measure peak memory too, in a second pass")
+    parser.add_argument(
+        "--evidence", nargs="+", choices=EVIDENCE, metavar="EVIDENCE",
+        help="trace with each of these (semblance, registration, both) and print F1 by evidence",
+    )  # fmt: skip
     parser.add_argument("--json", type=Path, help="write all results to this file")
     return parser.parse_args(arguments)
 
@@ -253,7 +280,7 @@ def main(arguments: Sequence[str] | None = None, *, trace: Tracer | None = None)
     arguments : sequence of str, optional
         Command line; the process's own if not given.
     trace : callable, optional
-        What traces the faults; :func:`seismo3d.trace_faults` if not given.
+        What traces the faults; :func:`seismo3d.trace_faults` if not given. With ``--evidence`` it gets that keyword.
 
     Returns
     -------
@@ -267,6 +294,21 @@ def main(arguments: Sequence[str] | None = None, *, trace: Tracer | None = None)
         import seismo3d
 
         trace = seismo3d.trace_faults
+    if options.evidence is None:
+        results = _run_kinds(options, trace)
+        print_table(rows := summarise(results))
+        found: dict[str, Any] = {"kinds": rows, "cubes": [asdict(result) for result in results]}
+    else:
+        by_evidence = {kind: _run_kinds(options, partial(trace, evidence=kind)) for kind in options.evidence}
+        print_evidence({kind: summarise(results) for kind, results in by_evidence.items()})
+        found = {kind: [asdict(result) for result in results] for kind, results in by_evidence.items()}
+    if options.json is not None:
+        options.json.write_text(json.dumps(_plain(found), indent=1), encoding="utf-8")
+    return 0
+
+
+def _run_kinds(options: argparse.Namespace, trace: Tracer) -> list[CubeResult]:
+    """Run all kinds and seeds that were asked for."""
     shape = (options.shape,) * 3
     trace(fault_cube("clean", seed=0, shape=(32, 32, 32)).seismic)  # compiles, or loads what was compiled
     results = []
@@ -274,12 +316,7 @@ def main(arguments: Sequence[str] | None = None, *, trace: Tracer | None = None)
         for seed in range(options.first_seed, options.first_seed + options.seeds):
             sys.stderr.write(f"{kind}, seed {seed}\n")
             results.append(run_cube(kind, seed, shape=shape, trace=trace, memory=options.memory))
-    rows = summarise(results)
-    print_table(rows)
-    if options.json is not None:
-        text = json.dumps(_plain({"kinds": rows, "cubes": [asdict(result) for result in results]}), indent=1)
-        options.json.write_text(text, encoding="utf-8")
-    return 0
+    return results
 
 
 if __name__ == "__main__":

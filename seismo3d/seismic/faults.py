@@ -16,12 +16,14 @@ from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
+from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence, refuse_in_blocks
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
-from seismo3d.seismic.misfit import MisfitSettings, measure_misfit
+from seismo3d.seismic.misfit import MisfitSettings
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
+from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface
 from seismo3d.seismic.throw import SheetThrow, ThrowSettings, measure_throw
 
@@ -40,7 +42,7 @@ class FaultSettings:
         noise of a good survey, and in noise.
     end_score : tuple of (float, float, float)
         The same, averaged over the surface nearby, below which a surface ends.
-    dip, misfit, scan, link, choice, throw
+    dip, misfit, registration, scan, link, choice, throw
         Settings of the stages.
     """
 
@@ -48,6 +50,7 @@ class FaultSettings:
     end_score: tuple[float, float, float] = (0.42, 0.45, 0.3)
     dip: DipSettings = field(default_factory=DipSettings)
     misfit: MisfitSettings = field(default_factory=MisfitSettings)
+    registration: RegistrationSettings = field(default_factory=RegistrationSettings)
     scan: ScanSettings = field(default_factory=ScanSettings)
     link: LinkSettings = field(default_factory=LinkSettings)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
@@ -76,6 +79,7 @@ class FaultSettings:
 def trace_faults(
     cube: Any,
     *,
+    evidence: str = "semblance",
     settings: FaultSettings | None = None,
     progress: Progress | None = None,
     memory: int | str | None = None,
@@ -84,17 +88,19 @@ def trace_faults(
 ) -> FaultSet:
     """Trace the faults of a cube or section: surfaces with likelihood, strike, dip and throw.
 
-    Reflector slopes come from the structure tensor. What does not fit across a voxel after both sides are carried to it
-    along their slopes is the evidence, and planes of all strikes and dips are scanned for it [1]_. Its crests are
-    thinned with sub-voxel position and grown into surfaces that pass through each other. At every place of a
-    surface the throw
-    is the shift that matches its two sides.
+    What does not fit across a voxel after both sides are carried to it is the evidence. They are carried along
+    reflector slopes, which come from the structure tensor, and by the shifts that register neighbouring slices. Planes
+    of all strikes and dips are scanned for the evidence [1]_. Its crests are thinned with sub-voxel position and grown
+    into surfaces that pass through each other. At every place of a surface the throw is the shift that matches its two
+    sides.
 
     Parameters
     ----------
     cube : DataArray or array_like
         A cube (inline, crossline, sample) or a section (trace, sample), as ``open_cube`` gives it or a bare array.
         NaN, dead traces and constant zones count as no data.
+    evidence : {"semblance", "registration", "both"}
+        How sides are carried: along their slopes, by registration, or by both ways, whose log ratios add up.
     settings : FaultSettings, optional
         Thresholds and windows; by default ``FaultSettings()`` for a cube and ``FaultSettings.for_section()`` for a
         section.
@@ -120,8 +126,8 @@ def trace_faults(
     ShapeError
         If the input has another number of axes than 2 or 3, or is too small to hold a fault.
     ParameterError
-        If the memory is too little, there is no folder for work in blocks, or the folder holds a run of another input
-        or with other settings.
+        If there is no such kind of evidence, the memory is too little, there is no folder for work in blocks, or the
+        folder holds a run of another input or with other settings.
     FileAccessError
         If the folder cannot be written, or the cluster does not answer.
 
@@ -136,10 +142,12 @@ def trace_faults(
     .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
     """
     report = progress or _unheard
+    check_evidence(evidence)
     if memory is not None or folder is not None or scheduler is not None:
         from seismo3d.seismic.blocks.tracing import asks_for_blocks, trace_larger
 
         if asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler):
+            refuse_in_blocks(evidence)
             return trace_larger(
                 cube, memory, folder=folder, scheduler=scheduler, settings=settings or FaultSettings(), progress=report
             )
@@ -150,14 +158,16 @@ def trace_faults(
     report("dip", 0.0)
     slopes = estimate_slopes(volume, valid, settings=settings.dip)
     report("misfit", 0.0)
-    evidence = measure_misfit(volume, valid, *slopes, settings=settings.misfit)
+    found = measure_evidence(
+        volume, valid, slopes, kind=evidence, misfit=settings.misfit, registration=settings.registration
+    )
     report("scan", 0.0)
-    support = scan_planes(evidence, settings=settings.scan, progress=progress)
-    ridges = thin(support, evidence, least=0.0)
-    strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, evidence.noise))
+    support = scan_planes(found, settings=settings.scan, progress=progress)
+    ridges = thin(support, found, least=0.0)
+    strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, found.noise))
     del support
     report("link", 0.0)
-    sheets = find_candidates(strong, evidence.known.shape, evidence.noise, settings)
+    sheets = find_candidates(strong, found.known.shape, found.noise, settings)
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
@@ -168,14 +178,14 @@ def trace_faults(
     sheets, throws = [sheet for sheet, _ in chosen], [throw for _, throw in chosen]
     surfaces = build_surfaces(sheets, throws, geometry, sampling)
     labels, throw = draw_sheets(sheets, throws, volume.shape)
-    likelihood = draw_ridges(ridges, evidence.step, volume.shape)
+    likelihood = draw_ridges(ridges, found.step, volume.shape)
     report("surfaces", 1.0)
     return FaultSet(
         surfaces=surfaces,
         likelihood=_like(cube, likelihood, "likelihood"),
         labels=_like(cube, labels, "labels"),
         throw=_like(cube, throw, "throw"),
-        settings=asdict(settings),
+        settings={**asdict(settings), "evidence": evidence},
     )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import ndimage
@@ -10,6 +12,8 @@ from scipy import ndimage
 from seismo3d._typing import BoolArray, Float32Array, Float64Array
 from seismo3d.seismic._kernels_filters import filter_crosslines, filter_inlines, filter_samples, gaussian_taps, smooth
 from seismo3d.seismic._kernels_misfit import clear_unknown, divide_thinned, log_ratio, side_misfit
+
+Compare = Callable[[slice, int, int, Float32Array, Float32Array], None]
 
 _LEAST_MEAN = 0.6
 _LEAST_SPREAD = 0.8
@@ -115,26 +119,92 @@ def measure_misfit(
     -------
     Evidence
     """
+    return fuse_misfits(volume, valid, [compare_along(volume, valid, (p, q))], settings=settings)
+
+
+def compare_along(volume: Float32Array, valid: BoolArray, slopes: tuple[Float32Array, Float32Array]) -> Compare:
+    """Return what compares the two sides of every voxel after each is carried along its own reflectors.
+
+    Parameters
+    ----------
+    volume, valid : ndarray of shape (inline, crossline, sample)
+        Amplitudes, float32, and where there are any.
+    slopes : tuple of ndarray of the same shape, float32
+        Reflector slopes along inlines and crosslines.
+
+    Returns
+    -------
+    callable
+        Takes a slice of inlines, the axis, the number of traces a side, and arrays for :math:`(L - R)^2` and
+        :math:`L^2 + R^2`, -1 where a side is empty.
+    """
+
+    def compare(lines: slice, axis: int, reach: int, difference: Float32Array, energy: Float32Array) -> None:
+        side_misfit(volume[lines], valid[lines], slopes[axis][lines], axis, reach, difference, energy)
+
+    return compare
+
+
+def fuse_misfits(
+    volume: Float32Array, valid: BoolArray, comparisons: list[Compare], *, settings: MisfitSettings | None = None
+) -> Evidence:
+    """Measure the misfit of both sides under several ways of carrying them, and take the mean of their logarithms.
+
+    Each way has the reach and the softness of its own noise, so that its evidence is a log ratio to what it leaves
+    where nothing breaks, and these add up.
+
+    Parameters
+    ----------
+    volume, valid : ndarray of shape (inline, crossline, sample)
+        Amplitudes, float32, finite everywhere, and where there are any.
+    comparisons : list of callable
+        As :func:`compare_along` returns them.
+    settings : MisfitSettings, optional
+        Windows.
+
+    Returns
+    -------
+    Evidence
+    """
     settings = settings or MisfitSettings()
-    least = settings.reach[0]
     floor = energy_floor(trace_energies(volume, valid), int(valid.sum()))
-    ratios, known = _ratios(volume, valid, p, q, least, floor, settings)
-    noise = _median_ratio(ratios, known)
-    noisiness, reach = judge_noise(noise, settings)
-    if reach != least:
-        ratios, known = _ratios(volume, valid, p, q, reach, floor, settings)
-        noise = _median_ratio(ratios, known)
-    softness = find_softness(noise, settings)
-    for ratio in ratios:
-        log_ratio(ratio, softness)
-    sums = [trace_moments(ratio, weight) for ratio, weight in zip(ratios, known, strict=True)]
+    logs, known, noise, noisiness = _log_ratios(volume, comparisons[0], floor, settings)
+    background = find_background(noise, settings)
+    for compare in comparisons[1:]:
+        more, also_known, other_noise, other_noisiness = _log_ratios(volume, compare, floor, settings)
+        background += find_background(other_noise, settings)
+        noise, noisiness = min(noise, other_noise), min(noisiness, other_noisiness)
+        for values, added in zip(logs + known, more + also_known, strict=True):
+            values += added
+    if len(comparisons) > 1:
+        share = np.float32(1.0 / len(comparisons))
+        background *= float(share)
+        for values in logs + known:
+            values *= share
+    sums = [trace_moments(ratio, weight) for ratio, weight in zip(logs, known, strict=True)]
     mean, spread = find_moments(sums, noisiness)
-    filled = [fill_unknown(ratio, weight, noise, softness) for ratio, weight in zip(ratios, known, strict=True)]
+    filled = [fill_unknown(ratio, weight, background) for ratio, weight in zip(logs, known, strict=True)]
     for axis, values in enumerate(filled):
         take_out_lines(values, find_footprint(np.median(values, axis=2), axis, noise, settings), axis)
         spread_laterally(values, settings.lateral)
         values += level_mean(level(values, settings), values.shape, settings)
     return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
+
+
+def _log_ratios(
+    volume: Float32Array, compare: Compare, floor: np.float32, settings: MisfitSettings
+) -> tuple[list[Float32Array], list[Float32Array], float, float]:
+    """Return the log ratios along both axes, how far they are known, the median ratio and the noisiness."""
+    least = settings.reach[0]
+    ratios, known = _ratios(volume, compare, least, floor, settings)
+    noise = _median_ratio(ratios, known)
+    noisiness, reach = judge_noise(noise, settings)
+    if reach != least:
+        ratios, known = _ratios(volume, compare, reach, floor, settings)
+        noise = _median_ratio(ratios, known)
+    for ratio in ratios:
+        log_ratio(ratio, find_softness(noise, settings))
+    return ratios, known, noise, noisiness
 
 
 def judge_noise(noise: float, settings: MisfitSettings) -> tuple[float, int]:
@@ -147,6 +217,11 @@ def judge_noise(noise: float, settings: MisfitSettings) -> tuple[float, int]:
 def find_softness(noise: float, settings: MisfitSettings) -> np.float32:
     """Return the misfit ratio below which differences count no more, given the cube's median one."""
     return np.float32(max(settings.softness, 0.8 * noise))
+
+
+def find_background(noise: float, settings: MisfitSettings) -> float:
+    """Return the evidence where nothing breaks, given the cube's median misfit ratio."""
+    return float(np.log1p(noise / find_softness(noise, settings)))
 
 
 def find_footprint(medians: Float32Array, axis: int, noise: float, settings: MisfitSettings) -> Float32Array | None:
@@ -224,13 +299,7 @@ def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> floa
 
 
 def _ratios(
-    volume: Float32Array,
-    valid: BoolArray,
-    p: Float32Array,
-    q: Float32Array,
-    reach: int,
-    floor: np.float32,
-    settings: MisfitSettings,
+    volume: Float32Array, compare: Compare, reach: int, floor: np.float32, settings: MisfitSettings
 ) -> tuple[list[Float32Array], list[Float32Array]]:
     shape = (*volume.shape[:2], -(-volume.shape[2] // settings.step))
     ratios = [np.zeros(shape, np.float32) for _ in range(2)]
@@ -242,7 +311,7 @@ def _ratios(
         cut = slice(low, high)
         inner = slice(start - low, stop - low)
         block_ratios(
-            volume[cut], valid[cut], (p[cut], q[cut]), reach, floor, settings, (inner, slice(None)),
+            volume[cut], partial(compare, cut), reach, floor, settings, (inner, slice(None)),
             [r[start:stop] for r in ratios], [w[start:stop] for w in known],
         )  # fmt: skip
     return ratios, known
@@ -255,8 +324,7 @@ def misfit_reach(reach: int, settings: MisfitSettings) -> int:
 
 def block_ratios(
     volume: Float32Array,
-    valid: BoolArray,
-    slopes: tuple[Float32Array, Float32Array],
+    compare: Callable[[int, int, Float32Array, Float32Array], None],
     reach: int,
     floor: np.float32,
     settings: MisfitSettings,
@@ -271,7 +339,7 @@ def block_ratios(
     parts = []
     for axis in range(2):
         difference, energy = np.empty_like(volume), np.empty_like(volume)
-        side_misfit(volume, valid, slopes[axis], axis, reach, difference, energy)
+        compare(axis, reach, difference, energy)
         weight = np.empty_like(volume)
         clear_unknown(energy, weight)
         total += energy
@@ -315,12 +383,11 @@ FILL_WIDTH = 2.0
 """Width of the window over which unknown evidence is bridged, in traces and in steps of the samples."""
 
 
-def fill_unknown(evidence: Float32Array, weight: Float32Array, noise: float, softness: np.float32) -> Float32Array:
-    """Bridge what is not known by its neighbours' evidence, or by the cube's background where they are far."""
+def fill_unknown(evidence: Float32Array, weight: Float32Array, background: float) -> Float32Array:
+    """Bridge what is not known by its neighbours' evidence, or by the background where they are far."""
     unknown = weight < 0.5
     if not unknown.any():
         return evidence
-    background = float(np.log1p(noise / softness))
     near = np.where(unknown, np.float32(0.0), np.float32(1.0))
     sigma = (FILL_WIDTH, FILL_WIDTH, FILL_WIDTH)
     share = smooth(near, sigma)

@@ -93,13 +93,32 @@ def test_record_lets_a_result_be_traced(demo: Path) -> None:
     assert record["input"]["file"] == "demo.sgy"
     assert record["input"]["size_bytes"] == demo.stat().st_size
     assert len(record["input"]["sha256"]) == 64
-    assert record["options"] == {"inline_byte": 189, "attributes": False}
+    assert record["options"] == {"inline_byte": 189, "evidence": "semblance", "attributes": False}
     assert record["settings"]["threshold"] == 0.2
     assert record["n_faults"] == 2
     assert record["geometry"]["axes"]["inline"] == {"first": 100, "last": 158, "step": 2, "n": 30}
     assert {"seismo3d", "python", "numpy", "vtk"} <= set(record["versions"])
     assert list(record["timings_s"]) == ["dips", "scan", "export", "pictures", "report"]
     assert all(seconds >= 0 for seconds in record["timings_s"].values())
+
+
+def test_evidence_is_handed_on_and_noted(demo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def tracer(cube: Any, *, evidence: str, progress: Any = None) -> FaultSet:
+        asked.append(evidence)
+        return fake_trace_faults(cube, evidence=evidence, progress=progress)
+
+    use_tracer(monkeypatch, tracer)
+    assert run("faults", "demo.sgy", "-o", "out", "--evidence", "registration") == 0
+    assert asked == ["registration"]
+    assert json.loads((demo.parent / "out" / "run.json").read_text())["options"]["evidence"] == "registration"
+
+
+def test_unknown_evidence_is_refused_before_any_work(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("faults", "demo.sgy", "-o", "out", "--evidence", "hog") == 2
+    assert "evidence is 'hog'; expected one of 'semblance', 'registration', 'both'" in capsys.readouterr().err
+    assert not (demo.parent / "out").exists()
 
 
 def test_fault_set_is_loaded_from_the_folder(demo: Path) -> None:

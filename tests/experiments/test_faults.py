@@ -87,3 +87,31 @@ def test_suite_has_every_kind_but_the_demo_and_refuses_nonsense():
         suite.main(["--seeds", "0"], trace=lambda seismic: seismic)
     with pytest.raises(SystemExit):
         suite.main(["--kinds", "nice"], trace=lambda seismic: seismic)
+
+
+def test_every_evidence_has_its_column(tmp_path, capsys):
+    file = tmp_path / "scores.json"
+    oracle = Oracle(["clean", "folded"], shape=(24, 24, 24))
+    asked = []
+
+    def trace(seismic, *, evidence):
+        asked.append(evidence)
+        nothing = np.zeros_like(seismic)
+        return oracle(nothing if evidence == "semblance" else seismic)
+
+    words = ["--kinds", "clean", "fault_free", "--seeds", "1", "--shape", "24", "--json", str(file)]
+    assert suite.main([*words, "--evidence", "semblance", "both"], trace=trace) == 0
+    assert set(asked) == {"semblance", "both"}
+    cubes = json.loads(file.read_text())
+    assert [cube["score"]["f1"] for cube in cubes["semblance"]] == [0.0, None]
+    assert [cube["score"]["f1"] for cube in cubes["both"]] == [1.0, None]
+    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.strip()]
+    assert ["kind", "semblance", "both"] in lines
+    assert ["clean", "0.000", "1.000"] in lines
+    assert ["fault_free", "0.00", "%", "0.00", "%"] in lines
+
+
+def test_evidence_that_there_is_not_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        suite.main(["--evidence", "hog"])
+    assert "invalid choice: 'hog'" in capsys.readouterr().err

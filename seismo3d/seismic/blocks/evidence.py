@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from seismo3d._typing import Float32Array
@@ -13,8 +15,10 @@ from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.dip import block_slopes, dip_reach
 from seismo3d.seismic.misfit import (
     block_ratios,
+    compare_along,
     energy_floor,
     fill_unknown,
+    find_background,
     find_footprint,
     find_moments,
     find_softness,
@@ -88,9 +92,8 @@ def misfit(run: BlockRun, number: int, attempt: str) -> None:
     slopes = run.store.read("p", wide), run.store.read("q", wide)
     found = [np.empty((*box.shape, thinned_shape(run)[2]), np.float32) for _ in range(4)]
     floor = np.float32(run.fact("dip")["floor"])
-    block_ratios(
-        volume, valid, slopes, reach, floor, settings, box.within(wide), found[:2], found[2:]
-    )  # fmt: skip
+    compare = partial(compare_along(volume, valid, slopes), slice(None))
+    block_ratios(volume, compare, reach, floor, settings, box.within(wide), found[:2], found[2:])
     for name, values in zip(ratio_names(attempt), found, strict=True):
         run.store.write(name, box, values)
     counts = count_high(_where_known(found[0], found[2])) + count_high(_where_known(found[1], found[3]))
@@ -234,7 +237,7 @@ def _filled(run: BlockRun, box: Box):  # type: ignore[no-untyped-def]
     for name, known_name in ((first, first_known), (second, second_known)):
         values, known = run.store.read(name, box), run.store.read(known_name, box)
         log_ratio(values, softness)
-        yield values, known, fill_unknown(values, known, ratio, softness)
+        yield values, known, fill_unknown(values, known, find_background(ratio, run.settings.misfit))
 
 
 def _where_known(ratio: Float32Array, known: Float32Array) -> list[Float32Array]:

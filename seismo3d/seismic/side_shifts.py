@@ -1,0 +1,148 @@
+"""Neighbouring slices registered coarse to fine, and how each trace's own side of a break carries on across it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from seismo3d._typing import BoolArray, Float32Array
+from seismo3d.seismic._kernels_filters import filter_crosslines, filter_inlines, filter_samples, gaussian_taps
+from seismo3d.seismic._kernels_registration import one_sided_means, pick_cheapest, search_costs
+from seismo3d.seismic.shifts import ShiftField, ShiftSettings, measure_shifts
+
+_FLOOR = np.float32(1e-3)
+
+
+@dataclass(frozen=True, slots=True)
+class RegistrationSettings:
+    """How neighbouring slices are registered; lengths in samples and traces.
+
+    Attributes
+    ----------
+    farthest : int
+        Largest shift from a trace to the next that is looked for, either way.
+    coarse : float
+        Lateral width of the window of the search in whole samples.
+    shifts : ShiftSettings
+        Windows of the least-squares fit that refines it.
+    wide, jump : float
+        Width of the surroundings that a shift is compared with, and the jump against them, in samples, at which it
+        counts half.
+    across : float
+        Width, beside the direction that they are carried along, over which shifts are averaged.
+    down : float
+        The same along the samples.
+    memory : float
+        Traces over which the mean of one side forgets.
+    """
+
+    farthest: int = 4
+    coarse: float = 2.0
+    shifts: ShiftSettings = field(default_factory=ShiftSettings)
+    wide: float = 4.0
+    jump: float = 0.15
+    across: float = 2.0
+    down: float = 4.0
+    memory: float = 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SideShifts:
+    """Shifts a trace along one axis, each side of every trace by itself.
+
+    Attributes
+    ----------
+    behind, ahead : ndarray of shape (inline, crossline, ceil(sample / step)), float32
+        Robust mean of the shifts between the traces up to this one, and between those from it on, in samples a trace.
+    step : int
+        Samples from one entry to the next.
+    """
+
+    behind: Float32Array
+    ahead: Float32Array
+    step: int
+
+
+def register_slices(
+    volume: Float32Array, valid: BoolArray, *, settings: RegistrationSettings | None = None
+) -> list[ShiftField]:
+    """Register every inline and crossline with the next: whole-sample search, then a least-squares fit between samples.
+
+    Parameters
+    ----------
+    volume, valid : ndarray of shape (inline, crossline, sample)
+        Amplitudes, float32, and where there are any.
+    settings : RegistrationSettings, optional
+        Windows.
+
+    Returns
+    -------
+    list of ShiftField
+        To the next inline and to the next crossline, with variances and what the registration leaves.
+    """
+    settings = settings or RegistrationSettings()
+    coarse = (_search(volume, valid, 0, settings), _search(volume, valid, 1, settings))
+    cuts = np.zeros(volume.shape, np.uint8)
+    return measure_shifts(volume, valid, coarse, cuts=cuts, lengths=(1,), settings=settings.shifts)
+
+
+def carry_sides(found: ShiftField, *, settings: RegistrationSettings | None = None) -> SideShifts:
+    """Average the shifts of either side of every trace, those left out that do not agree with their surroundings.
+
+    A fault parts one pair of traces at each sample: that pair alone shows what moved, and the pairs on either side of
+    it show how the layers there slope. A mean over both would take the one for the other. So every shift weighs by its
+    variance, less where it jumps against its surroundings, and each side has a mean of its own.
+
+    Parameters
+    ----------
+    found : ShiftField
+        Shifts to the next trace.
+    settings : RegistrationSettings, optional
+        Windows.
+
+    Returns
+    -------
+    SideShifts
+    """
+    settings = settings or RegistrationSettings()
+    weight = np.where(found.misfit > 0.0, np.float32(4e-4) / found.variance, np.float32(0.0))
+    wide = gaussian_taps(settings.wide)
+    spread = _spread(weight, wide, wide)
+    smooth = _spread(weight * found.shift, wide, wide) / np.maximum(spread, np.float32(1e-9))
+    weight /= 1.0 + ((found.shift - smooth) / np.float32(settings.jump)) ** 2
+    one, across = gaussian_taps(0.0), gaussian_taps(settings.across)
+    taps = (one, across) if found.axis == 0 else (across, one)
+    down = gaussian_taps(settings.down / settings.shifts.step)
+    sums = []
+    for values in (weight * found.shift, weight):
+        smoothed = np.empty_like(weight)
+        filter_samples(_spread(values, *taps), down, smoothed)
+        sums.append(np.ascontiguousarray(smoothed.swapaxes(0, found.axis)))
+    behind, ahead = np.empty_like(sums[0]), np.empty_like(sums[0])
+    one_sided_means(sums[0], sums[1], np.float32(1.0 - 1.0 / settings.memory), behind, ahead)
+    behind, ahead = (np.ascontiguousarray(side.swapaxes(0, found.axis)) for side in (behind, ahead))
+    return SideShifts(behind, ahead, settings.shifts.step)
+
+
+def _search(volume: Float32Array, valid: BoolArray, axis: int, settings: RegistrationSettings) -> Float32Array:
+    """Return the shift to the next trace that costs least over a wide window."""
+    step = settings.shifts.step
+    shape = (*volume.shape[:2], -(-volume.shape[2] // step))
+    costs = np.empty((2 * settings.farthest + 1, *shape), np.float32)
+    taps = gaussian_taps(settings.shifts.vertical)
+    search_costs(volume, valid, axis, settings.farthest, step, taps, _FLOOR, costs)
+    lateral, shift = gaussian_taps(settings.coarse), np.empty(shape, np.float32)
+    for cost in costs:
+        filter_crosslines(cost, lateral, shift)
+        filter_inlines(shift, lateral, cost)
+    pick_cheapest(costs, shift)
+    return shift
+
+
+def _spread(values: Float32Array, along_inlines: Float32Array, along_crosslines: Float32Array) -> Float32Array:
+    """Smooth over neighbouring traces."""
+    other, out = np.empty_like(values), np.empty_like(values)
+    filter_crosslines(values, along_crosslines, other)
+    filter_inlines(other, along_inlines, out)
+    return out

@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seismo3d.errors import ParameterError
+from seismo3d.seismic.dip import estimate_slopes
+from seismo3d.seismic.fault_evidence import EVIDENCE, check_evidence, measure_evidence
+from seismo3d.seismic.faults import trace_faults
+from seismo3d.seismic.misfit import compare_along, fuse_misfits, measure_misfit
+from seismo3d.seismic.scores import fault_score
+from seismo3d.synthetic import SyntheticFault, fault_cube
+
+SHAPE = (48, 48, 64)
+
+
+@pytest.fixture(scope="module")
+def broken():
+    fault = SyntheticFault((24.0, 24.0, 32.0), 45.0, 65.0, 8.0)
+    return fault_cube("clean", seed=1, shape=SHAPE, wavelength=(14.0, 14.0), population=None, faults=(fault,))
+
+
+@pytest.fixture(scope="module")
+def unbroken():
+    return fault_cube("clean", seed=5, shape=SHAPE, wavelength=(14.0, 14.0), population=None).seismic
+
+
+def measure(volume, kind):
+    valid = np.ones(volume.shape, bool)
+    scaled = (volume / volume.std()).astype(np.float32)
+    return measure_evidence(scaled, valid, estimate_slopes(scaled, valid), kind=kind)
+
+
+def contrast(evidence, truth):
+    """Mean evidence at true fault voxels above that elsewhere, in standard deviations of the evidence elsewhere."""
+    at = truth[:, :, :: evidence.step] > 0
+    both = np.maximum(evidence.along_inlines, evidence.along_crosslines)
+    away = both[~at]
+    return (both[at].mean() - away.mean()) / away.std()
+
+
+@pytest.mark.parametrize("kind", EVIDENCE)
+def test_every_evidence_stands_out_at_a_fault(broken, kind):
+    assert contrast(measure(broken.seismic, kind), broken.faults) > 2.0
+
+
+@pytest.mark.parametrize("kind", EVIDENCE)
+def test_layers_that_nothing_breaks_leave_next_to_nothing(unbroken, kind):
+    evidence = measure(unbroken, kind)
+    assert evidence.noise < 0.02
+    assert np.median(evidence.along_inlines) < 0.5
+
+
+def test_semblance_is_the_misfit_along_slopes(broken):
+    volume = (broken.seismic / broken.seismic.std()).astype(np.float32)
+    valid = np.ones(volume.shape, bool)
+    slopes = estimate_slopes(volume, valid)
+    first = measure_evidence(volume, valid, slopes, kind="semblance")
+    second = measure_misfit(volume, valid, *slopes)
+    np.testing.assert_array_equal(first.along_inlines, second.along_inlines)
+    np.testing.assert_array_equal(first.known, second.known)
+
+
+def test_one_way_twice_is_that_way(broken):
+    volume = (broken.seismic / broken.seismic.std()).astype(np.float32)
+    valid = np.ones(volume.shape, bool)
+    way = compare_along(volume, valid, estimate_slopes(volume, valid))
+    once, twice = fuse_misfits(volume, valid, [way]), fuse_misfits(volume, valid, [way, way])
+    np.testing.assert_allclose(twice.along_inlines, once.along_inlines, atol=1e-5)
+    np.testing.assert_allclose(twice.along_crosslines, once.along_crosslines, atol=1e-5)
+    assert (twice.noise, twice.noisiness) == (once.noise, once.noisiness)
+    assert (twice.mean, twice.spread) == pytest.approx((once.mean, once.spread))
+
+
+def test_registration_does_not_look_at_the_slopes(broken):
+    volume = (broken.seismic / broken.seismic.std()).astype(np.float32)
+    valid = np.ones(volume.shape, bool)
+    wrong = (np.full(SHAPE, 3.0, np.float32), np.full(SHAPE, -3.0, np.float32))
+    first = measure_evidence(volume, valid, wrong, kind="registration")
+    second = measure_evidence(volume, valid, estimate_slopes(volume, valid), kind="registration")
+    np.testing.assert_array_equal(first.along_inlines, second.along_inlines)
+    np.testing.assert_array_equal(first.along_crosslines, second.along_crosslines)
+
+
+@pytest.mark.parametrize("kind", EVIDENCE)
+def test_a_fault_is_traced_with_every_evidence(broken, kind):
+    faults = trace_faults(broken.seismic, evidence=kind)
+    assert fault_score(faults.labels, broken.faults).f1 > 0.9
+    assert faults.settings["evidence"] == kind
+
+
+@pytest.mark.parametrize("kind", EVIDENCE)
+def test_layers_that_nothing_breaks_have_no_faults(unbroken, kind):
+    assert not trace_faults(unbroken, evidence=kind).surfaces
+
+
+@pytest.mark.parametrize("kind", ["hog", "", None])
+def test_refuses_what_is_no_evidence(kind, unbroken):
+    with pytest.raises(ParameterError, match=r"expected one of 'semblance', 'registration', 'both'"):
+        check_evidence(kind)
+    with pytest.raises(ParameterError, match="evidence is"):
+        trace_faults(unbroken, evidence=kind)
