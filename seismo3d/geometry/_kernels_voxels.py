@@ -86,12 +86,17 @@ def make_table(keys: Int64Array) -> tuple[Int64Array, Int32Array, int]:
 
 @nb.njit(cache=True, nogil=True)
 def voxelise(
-    points: Float64Array, center: Float64Array, factor: float, origin: Float64Array, inverse_size: float
+    points: Float64Array,
+    center: Float64Array,
+    factor: float,
+    turn: Float64Array,
+    origin: Float64Array,
+    inverse_size: float,
 ) -> tuple[Int64Array, Float64Array, Int32Array]:
     """Return keys and moments of the voxels that hold points, in order of first sight, and each point's voxel.
 
-    Points become ``(p - center) * factor`` first; ``origin`` and ``inverse_size`` are those of the voxels in that
-    frame.
+    Points become ``(p - center) * factor`` first, which is what moments are of; ``turn`` carries them to the axes of
+    the voxels, along which ``origin`` and ``inverse_size`` are.
     """
     n, d = points.shape
     bits = 12
@@ -109,12 +114,16 @@ def voxelise(
     for i in range(n):
         x = (points[i, 0] - center[0]) * factor
         y = (points[i, 1] - center[1]) * factor
-        key = (np.int64((x - origin[0]) * inverse_size) << (2 * AXIS_BITS)) | (
-            np.int64((y - origin[1]) * inverse_size) << AXIS_BITS
-        )
         if d == 3:
             z = (points[i, 2] - center[2]) * factor
-            key |= np.int64((z - origin[2]) * inverse_size)
+        along_x = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z
+        along_y = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z
+        key = (np.int64((along_x - origin[0]) * inverse_size) << (2 * AXIS_BITS)) | (
+            np.int64((along_y - origin[1]) * inverse_size) << AXIS_BITS
+        )
+        if d == 3:
+            along_z = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z
+            key |= np.int64((along_z - origin[2]) * inverse_size)
         if 3 * count > mask:
             bits += 2
             mask = (1 << bits) - 1
@@ -298,6 +307,7 @@ def join_layers(
     table_keys: Int64Array,
     table: Int32Array,
     shift: int,
+    turn: Float64Array,
     most: float,
     rows: Int64Array,
     out: Float32Array,
@@ -310,7 +320,9 @@ def join_layers(
     """
     for i in rows:
         p, q, r = out[i, 4], out[i, 5], out[i, 6]
-        a, b, c = abs(p), abs(q), abs(r)
+        a = abs(turn[0, 0] * p + turn[0, 1] * q + turn[0, 2] * r)
+        b = abs(turn[1, 0] * p + turn[1, 1] * q + turn[1, 2] * r)
+        c = abs(turn[2, 0] * p + turn[2, 1] * q + turn[2, 2] * r)
         if a + b + c == 0.0:
             continue
         step = np.int64(1)
@@ -389,6 +401,7 @@ def nearest_voxel(
     x: float,
     y: float,
     z: float,
+    turn: Float64Array,
     origin: Float64Array,
     inverse_size: float,
     d: int,
@@ -403,7 +416,9 @@ def nearest_voxel(
     Cells come in order of their distance along each axis; those that lie beyond the best so far are not looked up. An
     element that joined layers moved out of its cell may be missed for the neighbour's that it was joined with.
     """
-    fx, fy, fz = (x - origin[0]) * inverse_size, (y - origin[1]) * inverse_size, (z - origin[2]) * inverse_size
+    fx = (turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z - origin[0]) * inverse_size
+    fy = (turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z - origin[1]) * inverse_size
+    fz = (turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z - origin[2]) * inverse_size
     if d == 2:
         fz = 0.5
     if not (fx > 0.0 and fy > 0.0 and fz > 0.0 and fx < AXIS_MASK and fy < AXIS_MASK and fz < AXIS_MASK):

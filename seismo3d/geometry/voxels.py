@@ -11,9 +11,13 @@ from seismo3d._typing import ArrayLike, Float32Array, Float64Array, Int32Array, 
 from seismo3d._validate import as_number, as_points
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry import _kernels_voxels as kernels
+from seismo3d.geometry.rotations import exp_rotation
 
 MARGIN = 4
 """Empty cells kept below the lowest point, so that neighbours have keys too."""
+TURN = (0.016, -0.02, 0.025)
+"""Rotation vector from the points' axes to the voxels'. Floors and walls along the axes would lie at one and the same
+place in all their voxels, and all elements of one would share its error; in voxels that are askew they lie at every."""
 LEAST_QUALITY = 0.3
 """Elements of lower quality take their parent's normal where that is better."""
 SAME = 0.75
@@ -31,8 +35,10 @@ class VoxelMap:
         1, and -1 where it has not been asked for yet: :meth:`complete` fills it in.
     size : float
         Length of a voxel's edge.
+    turn : ndarray of shape (3, 3), float64
+        Rotation from the points' axes to the voxels'.
     origin : ndarray of shape (3,), float64
-        Corner of the voxel with key 0.
+        Corner of the voxel with key 0, along the voxels' axes.
     keys, moments, table_keys, table, shift
         The hash table and the moments, see the kernels.
     parents, coarser
@@ -43,6 +49,7 @@ class VoxelMap:
 
     surface: Float32Array
     size: float
+    turn: Float64Array
     origin: Float64Array
     keys: Int64Array
     moments: Float64Array
@@ -65,7 +72,15 @@ class VoxelMap:
     def join_layers(self, rows: Int64Array) -> None:
         """Put the elements of some rows where all layers of voxels that their surface fills have their centroid."""
         kernels.join_layers(
-            self.keys, self.moments, self.table_keys, self.table, self.shift, SAME * self.size, rows, self.surface
+            self.keys,
+            self.moments,
+            self.table_keys,
+            self.table,
+            self.shift,
+            self.turn,
+            SAME * self.size,
+            rows,
+            self.surface,
         )
 
 
@@ -77,6 +92,7 @@ def voxel_levels(
     voxel_size: float,
     n_levels: int,
     low: Float64Array,
+    high: Float64Array,
     fine_normals: str = "all",
     normals: Float32Array | None = None,
     weights: Float64Array | None = None,
@@ -92,8 +108,8 @@ def voxel_levels(
     voxel_size : float
         Edge of the finest voxels.
     n_levels : int
-    low : ndarray of shape (d,), float64
-        Lowest coordinates of the points in the frame.
+    low, high : ndarray of shape (d,), float64
+        Lowest and highest coordinates of the points in the frame.
     fine_normals : {"all", "asked", "parents"}
         On the finest level: estimate all normals at once, only when they are asked for, or take those of the parents.
     normals : ndarray of shape (n, d), float32, optional
@@ -104,8 +120,9 @@ def voxel_levels(
     d = points.shape[1]
     coarsest = voxel_size * 2 ** (n_levels - 1)
     origin = np.zeros(3)
-    origin[:d] = low - MARGIN * coarsest
-    keys, moments, owner = kernels.voxelise(points, center, factor, origin, 1.0 / voxel_size)
+    turn = exp_rotation(TURN if d == 3 else (0.0, 0.0, TURN[2]))
+    origin[:d] = np.minimum(turn[:d, :d] * low, turn[:d, :d] * high).sum(axis=1) - MARGIN * coarsest
+    keys, moments, owner = kernels.voxelise(points, center, factor, turn, origin, 1.0 / voxel_size)
     steps = [(keys, moments)]
     parents: list[Int32Array | None] = []
     for _ in range(1, n_levels):
@@ -127,7 +144,7 @@ def voxel_levels(
         coarser = levels[0].surface if levels else None
         size = voxel_size * 2**level
         voxels = VoxelMap(
-            surface, size, origin, keys, moments, table_keys, table, shift, d, parents[level], coarser
+            surface, size, turn, origin, keys, moments, table_keys, table, shift, d, parents[level], coarser
         )  # fmt: skip
         rows = np.arange(len(keys))
         if tensors is not None:
@@ -211,7 +228,7 @@ def downsample_points(points: ArrayLike, voxel_size: float) -> tuple[Float64Arra
     d = p.shape[1]
     origin = np.zeros(3)
     origin[:d] = -MARGIN * size
-    _, moments, owner = kernels.voxelise(p, table[0], 1.0, origin, 1.0 / size)
+    _, moments, owner = kernels.voxelise(p, table[0], 1.0, np.eye(3), origin, 1.0 / size)
     return moments[:, 1 : 1 + d] / moments[:, :1] + table[0], owner
 
 

@@ -78,6 +78,7 @@ def match_blocks(
     source: Float32Array,
     A: Float64Array,
     t: Float64Array,
+    turn: Float64Array,
     origin: Float64Array,
     inverse_size: float,
     table_keys: Int64Array,
@@ -125,7 +126,18 @@ def match_blocks(
             distances2[i] = np.nan
             if searching:
                 j = nearest_voxel(
-                    moved[0], moved[1], moved[2], origin, inverse_size, d, table_keys, table, shift, target, radius2
+                    moved[0],
+                    moved[1],
+                    moved[2],
+                    turn,
+                    origin,
+                    inverse_size,
+                    d,
+                    table_keys,
+                    table,
+                    shift,
+                    target,
+                    radius2,
                 )
             else:
                 j = given[i]

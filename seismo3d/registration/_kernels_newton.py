@@ -15,6 +15,8 @@ from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.registration._kernels_small import exp3, jacobi_eigen
 
 TRANSLATION, RIGID, SIMILARITY, SCALED, AFFINE = 0, 1, 2, 3, 4
+LEAST_PIVOT = 1e-8
+"""Share of the largest curvature that all pivots must exceed for a step to be taken without eigenvectors."""
 
 
 @nb.njit(cache=True, nogil=True)
@@ -235,6 +237,38 @@ def rigid_offsets(A0: Float64Array, t0: Float64Array, A: Float64Array, t: Float6
 
 
 @nb.njit(cache=True, nogil=True)
+def _solve_positive(H: Float64Array, gradient: Float64Array, step: Float64Array) -> bool:
+    """Write -H^-1 gradient to ``step`` by Cholesky's factors; False where H is not clearly positive definite."""
+    m = H.shape[0]
+    L = np.empty((m, m))
+    largest = 0.0
+    for i in range(m):
+        largest = max(largest, H[i, i])
+    for i in range(m):
+        for j in range(i + 1):
+            total = H[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i == j:
+                if not total > LEAST_PIVOT * largest:
+                    return False
+                L[i, i] = math.sqrt(total)
+            else:
+                L[i, j] = total / L[j, j]
+    for i in range(m):
+        total = -gradient[i]
+        for k in range(i):
+            total -= L[i, k] * step[k]
+        step[i] = total / L[i, i]
+    for i in range(m - 1, -1, -1):
+        total = step[i]
+        for k in range(i + 1, m):
+            total -= L[k, i] * step[k]
+        step[i] = total / L[i, i]
+    return True
+
+
+@nb.njit(cache=True, nogil=True)
 def newton(
     Q: Float64Array,
     A: Float64Array,
@@ -256,9 +290,11 @@ def newton(
     m = n_parameters(model, d)
     r = n_rotation(model, d)
     free = np.ones(m, dtype=np.bool_)
-    bounded = False
+    bounded = turned = False
     for k in range(m):
         bounded = bounded or low[k] > -np.inf or high[k] < np.inf
+        if k == 2:
+            turned = bounded and r == 3  # a bounded rotation vector has to be stepped itself
     new_A = A.copy()
     new_t = t.copy()
     values = np.empty(m)
@@ -267,25 +303,25 @@ def newton(
     value, gradient, H = derivatives(Q, A, t, model)
     steps = 0
     for _ in range(max_steps):
-        turned = bounded and r == 3
-        L = np.eye(m)
         if turned:
+            L = np.eye(m)
             L[:3, :3] = _left_jacobian(x[:3])
             gradient = L.T @ gradient
             H = L.T @ H @ L
         if bounded:
             _pin(x, low, high, gradient, H, free)
-        jacobi_eigen(H, values, V)
-        limit = ratio * max(abs(values[0]), abs(values[m - 1]))
-        step[:] = 0.0
-        for k in range(m):
-            if abs(values[k]) <= limit:
-                continue
-            along = 0.0
-            for i in range(m):
-                along += V[i, k] * gradient[i]
-            for i in range(m):
-                step[i] -= along / abs(values[k]) * V[i, k]
+        if not (ratio < LEAST_PIVOT and _solve_positive(H, gradient, step)):
+            jacobi_eigen(H, values, V)
+            limit = ratio * max(abs(values[0]), abs(values[m - 1]))
+            step[:] = 0.0
+            for k in range(m):
+                if abs(values[k]) <= limit:
+                    continue
+                along = 0.0
+                for i in range(m):
+                    along += V[i, k] * gradient[i]
+                for i in range(m):
+                    step[i] -= along / abs(values[k]) * V[i, k]
         longest = 0.0
         for k in range(m):
             if not free[k]:
@@ -305,7 +341,12 @@ def newton(
             else:
                 move(A, t, trial, model, new_A, new_t)
             new_value, new_gradient, new_H = derivatives(Q, new_A, new_t, model)
-            flatter = not bounded and longest < 1e-4 and np.sum(new_gradient**2) < 0.25 * np.sum(gradient**2)
+            slope = new_slope = 0.0
+            for k in range(m):
+                if free[k]:
+                    slope += gradient[k] ** 2
+                    new_slope += new_gradient[k] ** 2
+            flatter = not turned and longest < 1e-4 and new_slope < 0.25 * slope
             if new_value < value or flatter:  # near the minimum the gradient is exact long after the value is not
                 better = True
                 break

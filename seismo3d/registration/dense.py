@@ -84,6 +84,7 @@ def prepare_pair(
             voxel_size=scale * edge / size,
             n_levels=n_levels,
             low=(table[0] - table[2]) / size,
+            high=(table[1] - table[2]) / size,
             fine_normals=fine,
             normals=scan.normals,
             weights=scan.weights,

@@ -10,12 +10,13 @@ from seismo3d._typing import Float64Array
 from seismo3d.geometry.voxels import VoxelMap
 from seismo3d.registration.acceleration import Accelerator, Stall
 from seismo3d.registration.fusion import Joint, Level, evaluate, fuse_features
+from seismo3d.registration.matching import match_surface
 from seismo3d.registration.projective import PixelTable
 from seismo3d.registration.robust import TUKEY
 from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.solvers import Limits, Prior, moved_from, offsets_from, walk
-from seismo3d.registration.terms import FeatureTerm
-from seismo3d.registration.wide_search import WideSearch, draw, is_far
+from seismo3d.registration.terms import FeatureTerm, weigh_features
+from seismo3d.registration.wide_search import WideSearch, draw, is_far, is_loose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,14 +77,15 @@ def run_levels(
         By level: partners come from the target's pixels; None searches the nearest.
     """
     A, t = start.A, start.t
-    trail: list[tuple[float, Float64Array, Float64Array]] = []
+    trail: _Trail = []
     levels: list[Level] = []
     result = None
     for k in range(len(target) - 1, -1, -1):
         drawn = draw(source[k].surface, settings.max_elements)
         levels.insert(0, Level(target[k], drawn, tuple(levels), None if tables is None else tables[k]))
+        job = _LevelJob(levels[0], features, prior, limits, model, settings, finest=k == 0)
         wide = settings.wide_search and k == len(target) - 1
-        result = _run_level(levels[0], features, A, t, prior, limits, model, settings, trail, wide=wide, finest=k == 0)
+        result = _run_coarsest(job, A, t, trail) if wide else _run_level(job, A, t, trail)
         A, t = result.A, result.t
     if result is None:
         if features is None:
@@ -92,26 +94,59 @@ def run_levels(
     return result
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _LevelJob:
+    """What the loop needs to know on one level."""
+
+    level: Level
+    features: FeatureTerm | None
+    prior: Prior
+    limits: Limits
+    model: str
+    settings: LoopSettings
+    finest: bool
+
+
+_Trail = list[tuple[float, Float64Array, Float64Array]]
+
+
+def _run_coarsest(job: _LevelJob, A: Float64Array, t: Float64Array, trail: _Trail) -> LoopResult:
+    """Run the coarsest level, with partners at any distance where the start is far.
+
+    Where the answer lies near but for some direction along which it has found no hold, look for one at any distance
+    too, and keep the answer that fits better.
+    """
+    target, source = job.level.target, job.level.source
+    search = WideSearch(target, source, keeps_all=False) if is_far(target, source, A, t) else None
+    found = _run_level(job, A, t, trail, search=search)
+    if not is_loose(target, source, found.A, found.t):
+        return found
+    widely: _Trail = []
+    other = _run_level(job, found.A, found.t, widely, search=WideSearch(target, source, keeps_all=True))
+    if _misfit(job, other) < _misfit(job, found):
+        trail += widely
+        return other
+    return found
+
+
+def _misfit(job: _LevelJob, found: LoopResult) -> float:
+    """Return the robust cost of an answer by one measure for all, plus the share of features that disagree."""
+    target = job.level.target
+    seen = match_surface(job.level.source, target, found.A, found.t, radius=target.size, cutoff=0.5 * target.size)
+    if job.features is None:
+        return seen.cost
+    return seen.cost + 1.0 - weigh_features(job.features, found.A, found.t).weight / len(job.features.target)
+
+
 def _run_level(
-    level: Level,
-    features: FeatureTerm | None,
-    A: Float64Array,
-    t: Float64Array,
-    prior: Prior,
-    limits: Limits,
-    model: str,
-    settings: LoopSettings,
-    trail: list[tuple[float, Float64Array, Float64Array]],
-    *,
-    wide: bool,
-    finest: bool,
+    job: _LevelJob, A: Float64Array, t: Float64Array, trail: _Trail, *, search: WideSearch | None = None
 ) -> LoopResult:
+    level, features, settings, model = job.level, job.features, job.settings, job.model
     target = level.target
     base = Prior(A, t)
     memory = Accelerator(settings.acceleration)
-    tolerance = (1.0 if finest else 5.0) * settings.tolerance * target.size
+    tolerance = (1.0 if job.finest else 5.0) * settings.tolerance * target.size
     stall = Stall()
-    search = WideSearch(target, level.source) if wide and is_far(target, level.source, A, t) else None
     cutoff = target.size
     joint = None
     plain: tuple[Float64Array, Float64Array] | None = None
@@ -121,6 +156,10 @@ def _run_level(
             search = joint = plain = None
         widened = search is not None
         given, radius = search.partners(A, t, iteration) if search else (None, 1.5 * target.size)
+        keeps_all = search is not None and search.keeps_all
+        if keeps_all:
+            cutoff = radius
+            memory.forget()
         new = evaluate(level, features, A, t, radius=radius, cutoff=cutoff, given=given, settings=settings, model=model)
         if plain is not None and joint is not None and new.cost > 1.0005 * joint.cost + 1e-9:
             A, t = plain  # the extrapolation went uphill: take the plain step instead
@@ -132,10 +171,10 @@ def _run_level(
         if surface is not None:
             trail.append((surface.mean_square, A, t))
             fresh = max(TUKEY * surface.spread, 0.05 * target.size, 1e-7)
-            if not 0.8 < fresh / cutoff < 1.25:
+            if not keeps_all and not 0.8 < fresh / cutoff < 1.25:
                 cutoff = min(fresh, 2.0 * target.size)
                 memory.forget()
-        step = walk(joint.form, A, t, model=model, prior=prior, limits=limits, ratio=joint.ratio)
+        step = walk(joint.form, A, t, model=model, prior=job.prior, limits=job.limits, ratio=joint.ratio)
         move = offsets_from(Prior(A, t), step.A, step.t, model)
         if np.abs(move).max() < (tolerance if not widened else 4 * tolerance) or stall.reached(joint.cost, cutoff):
             A, t = step.A, step.t
@@ -151,7 +190,7 @@ def _run_level(
         mixed = memory.extrapolate(before, after)
         plain = None
         A, t = step.A, step.t
-        if mixed is not None and not limits.bind_motion:
+        if mixed is not None and not job.limits.bind_motion:
             plain = (A, t)
             A, t = moved_from(base, mixed, model)
     if joint is None:

@@ -125,6 +125,7 @@ def match_surface(
             source,
             A,
             t,
+            target.turn,
             target.origin,
             1.0 / target.size,
             target.table_keys,

@@ -68,6 +68,7 @@ def pixel_tables(raster: Raster, frame: Frame, levels: list[VoxelMap]) -> list[P
         raster.points.reshape(-1, 3),
         frame.target_center,
         1.0 / frame.size,
+        finest.turn,
         finest.origin,
         1.0 / finest.size,
         finest.table_keys,
@@ -88,6 +89,7 @@ def _look_up(
     points: Float64Array,
     center: Float64Array,
     factor: float,
+    turn: Float64Array,
     origin: Float64Array,
     inverse_size: float,
     table_keys: Int64Array,
@@ -98,9 +100,10 @@ def _look_up(
     """Write the number of the voxel that each point lies in, -1 for NaN and where there is none."""
     for i in range(points.shape[0]):
         out[i] = -1
-        x = ((points[i, 0] - center[0]) * factor - origin[0]) * inverse_size
-        y = ((points[i, 1] - center[1]) * factor - origin[1]) * inverse_size
-        z = ((points[i, 2] - center[2]) * factor - origin[2]) * inverse_size
+        p, q, r = points[i, 0] - center[0], points[i, 1] - center[1], points[i, 2] - center[2]
+        x = ((turn[0, 0] * p + turn[0, 1] * q + turn[0, 2] * r) * factor - origin[0]) * inverse_size
+        y = ((turn[1, 0] * p + turn[1, 1] * q + turn[1, 2] * r) * factor - origin[1]) * inverse_size
+        z = ((turn[2, 0] * p + turn[2, 1] * q + turn[2, 2] * r) * factor - origin[2]) * inverse_size
         if x >= 0.0 and y >= 0.0 and z >= 0.0:
             key = (np.int64(x) << (2 * AXIS_BITS)) | (np.int64(y) << AXIS_BITS) | np.int64(z)
             out[i] = find(key, table_keys, table, shift)

@@ -8,10 +8,14 @@ import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d.geometry.voxels import VoxelMap
-from seismo3d.registration.matching import match_surface
+from seismo3d.registration.matching import Pass, match_surface
 
 NEAR_SHARE = 0.5
 """Share of elements with a partner within half a voxel from which the start counts as near."""
+LEAST_HOLD = 0.25
+"""Share of what elements hold along each direction that those with a partner must have: a wall of three can be lost."""
+LEAST_SPANNED = 0.02
+"""Share of the largest hold below which all elements together do not span a direction: there is nothing to lose."""
 
 
 def draw(surface: Float32Array, most: int) -> Float32Array:
@@ -22,24 +26,56 @@ def draw(surface: Float32Array, most: int) -> Float32Array:
 
 def is_far(target: VoxelMap, source: Float32Array, A: Float64Array, t: Float64Array) -> bool:
     """Return whether most source elements have no partner within half a voxel."""
-    seen = match_surface(source, target, A, t, radius=0.5 * target.size, cutoff=target.size, least_cosine=0.7)
-    return seen.matched < NEAR_SHARE
+    return _look_near(target, source, A, t).matched < NEAR_SHARE
+
+
+def is_loose(target: VoxelMap, source: Float32Array, A: Float64Array, t: Float64Array) -> bool:
+    """Return whether source elements have lost their hold along some direction.
+
+    Where one of three walls lies outside the reach of the search, most elements slide along the other two and have
+    partners; that nothing holds across the lost one shows in the normals: those of elements with a partner within half
+    a voxel miss a direction that those of all elements span.
+    """
+    seen = _look_near(target, source, A, t)
+    normals = source[:, 4 : 4 + target.dim].astype(np.float64)
+    weights = np.maximum(source[:, 3], 0.0) * source[:, 7]
+    lost = np.where(np.isfinite(seen.residuals), 0.0, weights)
+    values, vectors = np.linalg.eigh((normals * weights[:, None]).T @ normals)
+    roots = vectors / np.sqrt(np.maximum(values, LEAST_SPANNED * max(values[-1], 1e-300)))
+    shares = np.linalg.eigvalsh(roots.T @ (normals * lost[:, None]).T @ normals @ roots)
+    return bool(shares[-1] > 1.0 - LEAST_HOLD)
+
+
+def _look_near(target: VoxelMap, source: Float32Array, A: Float64Array, t: Float64Array) -> Pass:
+    return match_surface(source, target, A, t, radius=0.5 * target.size, cutoff=target.size, least_cosine=0.7)
 
 
 class WideSearch:
-    """Nearest elements on the coarsest level at any distance, within a radius that shrinks by schedule."""
+    """Nearest elements on the coarsest level at any distance, within a radius that shrinks by schedule.
 
-    def __init__(self, target: VoxelMap, source: Float32Array) -> None:
+    Parameters
+    ----------
+    target : VoxelMap
+    source : ndarray of shape (n, 8), float32
+    keeps_all : bool
+        Take no pair within the radius for an outlier, and set the radius by elements without a near partner alone:
+        next to a majority that slides freely, what holds looks like an outlier.
+    """
+
+    def __init__(self, target: VoxelMap, source: Float32Array, *, keeps_all: bool) -> None:
         from scipy.spatial import cKDTree
 
         self._source = source[:, : target.dim].astype(np.float64)
         self._tree: Any = cKDTree(target.surface[:, : target.dim].astype(np.float64))
         self._size = target.size
+        self.keeps_all = keeps_all
 
     def partners(self, A: Float64Array, t: Float64Array, iteration: int) -> tuple[Int32Array, float]:
         """Return each source element's partner, -1 beyond the radius, and the radius."""
         distances, rows = self._tree.query(self._source @ A.T + t)
-        radius = max(3.0 * float(np.median(distances)), 1.5 * self._size) * 0.95**iteration
+        off = distances[distances > 0.5 * self._size] if self.keeps_all else distances
+        middle = float(np.median(off)) if off.size else 0.0
+        radius = max(3.0 * middle, 1.5 * self._size) * 0.95**iteration
         rows = rows.astype(np.int32)
         rows[distances > radius] = -1
         return rows, radius

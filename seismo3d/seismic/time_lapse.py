@@ -198,14 +198,18 @@ def _choose_start(
 
 
 def _best_lag(target: Float32Array, source: Float32Array) -> float:
-    """Vertical shift, in whole samples, at which the traces of two cubes correlate best, up to a quarter of a trace."""
+    """Vertical shift, in samples, at which the traces of two cubes correlate best, up to a quarter of a trace."""
     n = target.shape[2]
     length = fft.next_fast_len(2 * n)
     product = np.zeros(length)
     for a, b in zip(target, source, strict=True):
         product += fft.irfft(np.conj(fft.rfft(a, length, axis=1)) * fft.rfft(b, length, axis=1), length).sum(axis=0)
     lags = np.arange(-(n // 4), n // 4 + 1)
-    return float(lags[np.argmax(product[lags])])
+    best = int(lags[np.argmax(product[lags])])
+    before, peak, after = product[best - 1], product[best], product[best + 1]
+    bend = before - 2.0 * peak + after  # the peak of the parabola through three samples lies between them
+    offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+    return best + float(np.clip(offset, -0.5, 0.5))
 
 
 def _smooth_down(volume: Float32Array, width: float) -> Float32Array:

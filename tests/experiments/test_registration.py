@@ -35,7 +35,6 @@ def test_rotated_frames_fit_under_the_true_rotation(room, rng):
 def test_fusion_wins_at_every_angle(room, tmp_path):
     table = make_table([room], angles_deg=(10, 75), figure_angle_deg=10)
     assert table.accuracy["fusion, by variance"] == [100.0, 100.0]
-    assert table.accuracy["surfaces alone"][1] < 50.0
     for method in ("Fast ICP", "ICP, point to point", "ICP, point to plane"):
         assert table.accuracy[method][1] < 50.0
     curve = table.errors["fusion, by variance"][0]

@@ -7,13 +7,21 @@ import pytest
 
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry import _kernels_voxels as kernels
-from seismo3d.geometry.voxels import downsample_points, estimate_normals, voxel_levels
+from seismo3d.geometry.rotations import exp_rotation
+from seismo3d.geometry.voxels import TURN, downsample_points, estimate_normals, voxel_levels
 
 
 def make_levels(points, size, n_levels=3, **options):
     d = points.shape[1]
     return voxel_levels(
-        points, center=np.zeros(d), factor=1.0, voxel_size=size, n_levels=n_levels, low=points.min(axis=0), **options
+        points,
+        center=np.zeros(d),
+        factor=1.0,
+        voxel_size=size,
+        n_levels=n_levels,
+        low=points.min(axis=0),
+        high=points.max(axis=0),
+        **options,
     )
 
 
@@ -44,7 +52,18 @@ def test_nearest_voxel_is_the_nearest_within_a_cell(d, rng):
     for place in rng.uniform(-1, 1, size=(300, d)):
         x, y, z = (*place, 0.0)[:3]
         found = kernels.nearest_voxel(
-            x, y, z, level.origin, 1 / level.size, d, level.table_keys, level.table, level.shift, level.surface, 0.1**2
+            x,
+            y,
+            z,
+            level.turn,
+            level.origin,
+            1 / level.size,
+            d,
+            level.table_keys,
+            level.table,
+            level.shift,
+            level.surface,
+            0.1**2,
         )
         distances = np.linalg.norm(centroids - place, axis=1)
         assert found == (np.argmin(distances) if distances.min() < 0.1 - 1e-7 else -1)
@@ -96,14 +115,31 @@ def test_refusals(rng):
         estimate_normals(rng.normal(size=(3, 3)))
 
 
-def test_a_noisy_wall_along_the_grid_keeps_its_place(rng):
-    p = np.column_stack([0.01 * rng.normal(size=20000), rng.uniform(0, 1, size=(20000, 2))])
-    level = voxel_levels(p, center=np.zeros(3), factor=1.0, voxel_size=0.03, n_levels=3, low=p.min(axis=0))[0]
+def noisy_wall(rng, turn):
+    p = np.column_stack([0.01 * rng.normal(size=20000), rng.uniform(0, 1, size=(20000, 2))]) @ turn
+    return voxel_levels(
+        p, center=np.zeros(3), factor=1.0, voxel_size=0.03, n_levels=3, low=p.min(axis=0), high=p.max(axis=0)
+    )[0]
+
+
+def test_a_noisy_wall_along_the_voxels_keeps_its_place(rng):
+    turn = exp_rotation(TURN)
+    level = noisy_wall(rng, turn)
     assert len(level.keys) > 2 * (1 / 0.03) ** 2  # the wall fills more than one layer
-    own = level.moments[:, 1] / level.moments[:, 0]
+    own = level.moments[:, 1:4] @ turn[0] / level.moments[:, 0]
     weights = level.surface[:, 7].astype(float)
     assert abs(weights @ own / weights.sum()) > 0.0008  # the layers' own centroids are drawn aside
-    assert abs(weights @ level.surface[:, 0].astype(float) / weights.sum()) < 0.0004
+    assert abs(weights @ (level.surface[:, :3].astype(float) @ turn[0]) / weights.sum()) < 0.0004
+
+
+def test_voxels_are_askew_so_that_a_wall_along_the_axes_lies_anywhere_in_them(rng):
+    level = noisy_wall(rng, np.eye(3))
+    own = level.moments[:, 1] / level.moments[:, 0]
+    weights = level.surface[:, 7].astype(float)
+    assert abs(weights @ own / weights.sum()) < 0.0004
+    middle = level.moments[:, 1:4] / level.moments[:, :1] * [0.0, 1.0, 1.0]
+    place = (middle @ level.turn[0] - level.origin[0]) / level.size % 1.0
+    assert np.histogram(place, bins=4, range=(0.0, 1.0))[0].min() > 0.1 * len(place)
 
 
 def test_joined_layers_equal_numpy_and_leave_other_surfaces_alone(rng):
@@ -113,7 +149,9 @@ def test_joined_layers_equal_numpy_and_leave_other_surfaces_alone(rng):
         return p
 
     p = sheets(0.04)
-    level = voxel_levels(p, center=np.zeros(3), factor=1.0, voxel_size=0.05, n_levels=1, low=p.min(axis=0))[0]
+    level = voxel_levels(
+        p, center=np.zeros(3), factor=1.0, voxel_size=0.05, n_levels=1, low=p.min(axis=0), high=p.max(axis=0)
+    )[0]
     number = {int(key): k for k, key in enumerate(level.keys)}
     counts, centres = level.moments[:, 0], level.moments[:, 1:4] / level.moments[:, :1]
     for k, (key, element) in enumerate(zip(level.keys, level.surface.astype(float))):
@@ -125,6 +163,8 @@ def test_joined_layers_equal_numpy_and_leave_other_surfaces_alone(rng):
         along = (counts[rows] * gaps)[near].sum() / counts[rows][near].sum()
         np.testing.assert_allclose(element[:3], centres[k] + along * normal, atol=1e-6)
     p = sheets(0.2)
-    level = voxel_levels(p, center=np.zeros(3), factor=1.0, voxel_size=0.05, n_levels=1, low=p.min(axis=0))[0]
+    level = voxel_levels(
+        p, center=np.zeros(3), factor=1.0, voxel_size=0.05, n_levels=1, low=p.min(axis=0), high=p.max(axis=0)
+    )[0]
     z = level.surface[level.moments[:, 0] > 5, 2]
     assert np.minimum(np.abs(z - 0.1), np.abs(z - 0.3)).max() < 0.01

@@ -19,7 +19,9 @@ from seismo3d.registration.terms import FeatureTerm
 def ellipsoid_levels(rng, n, d=3):
     p = rng.normal(size=(n, d))
     p *= np.array([1.0, 0.8, 0.6])[:d] / np.linalg.norm(p, axis=1, keepdims=True)
-    return voxel_levels(p, center=np.zeros(d), factor=1.0, voxel_size=0.06, n_levels=2, low=p.min(axis=0))
+    return voxel_levels(
+        p, center=np.zeros(d), factor=1.0, voxel_size=0.06, n_levels=2, low=p.min(axis=0), high=p.max(axis=0)
+    )
 
 
 @pytest.mark.parametrize("d", [2, 3])
