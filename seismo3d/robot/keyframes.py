@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +44,8 @@ class Keyframe:
         Tenths of a millimetre, of every second pixel.
     features : Features
         Of the grey image.
+    part : int
+        Local map that it was made in.
     """
 
     frame: int
@@ -51,25 +54,26 @@ class Keyframe:
     grey: AnyArray | None
     depth: AnyArray
     features: Features
+    part: int = 0
 
 
 def make_keyframe(
-    frame: int, camera: int, T_world_camera: Float64Array, grey: AnyArray | None, depth: AnyArray
+    frame: int, camera: int, T_world_camera: Float64Array, grey: AnyArray | None, depth: AnyArray, *, part: int = 0
 ) -> Keyframe:
     """Return a keyframe of an image (rows, columns), or None, and its depth in metres, both of full size."""
     import cv2
 
     small = None if grey is None else cv2.pyrDown(grey)
     kept = np.ascontiguousarray(np.clip(depth[::2, ::2] * 1e4 + 0.5, 0, 65535).astype(np.uint16))
-    return describe_keyframe(frame, camera, T_world_camera, small, kept)
+    return describe_keyframe(frame, camera, T_world_camera, small, kept, part=part)
 
 
 def describe_keyframe(
-    frame: int, camera: int, T_world_camera: Float64Array, grey: AnyArray | None, depth: AnyArray
+    frame: int, camera: int, T_world_camera: Float64Array, grey: AnyArray | None, depth: AnyArray, *, part: int = 0
 ) -> Keyframe:
     """Return a keyframe of images that have its size already."""
     features = describe(np.zeros(depth.shape, np.uint8) if grey is None else grey, n_points=_N_POINTS)
-    return Keyframe(frame, camera, T_world_camera, grey, depth, features)
+    return Keyframe(frame, camera, T_world_camera, grey, depth, features, part)
 
 
 class PlaceMemory:
@@ -215,15 +219,23 @@ def find_closures(memory: PlaceMemory, *, gap: int = 8, every: int = 2) -> list[
             guess = invert_transform(memory.keyframes[other].T_world_camera) @ keyframe.T_world_camera
             found = memory.compare(other, keyframe, start=guess, far=far)
             if found is not None:
-                out.append(Closure(other, number, found.T_target_source, _closure_information(found)))
+                out.append(Closure(other, number, found.T_target_source, closure_information(found)))
                 break
     return out
 
 
-def make_graph(poses: Float64Array, closures: list[Closure]) -> PoseGraph:
-    """Return the graph of keyframes (n, 4, 4) in order with their closures, which count as doubtful."""
+def make_graph(poses: Float64Array, closures: list[Closure], *, parts: Sequence[int] | None = None) -> PoseGraph:
+    """Return the graph of keyframes (n, 4, 4) with their closures, which count as doubtful.
+
+    Each is tied to the one before it of the same part; all are one part by default.
+    """
     step = np.diag([_STEP_TURN**-2] * 3 + [_STEP_SHIFT**-2] * 3)
-    edges = [(k, k + 1, invert_transform(poses[k]) @ poses[k + 1], step, False) for k in range(len(poses) - 1)]
+    last: dict[int, int] = {}
+    edges = []
+    for k, part in enumerate([0] * len(poses) if parts is None else parts):
+        if part in last:
+            edges.append((last[part], k, invert_transform(poses[last[part]]) @ poses[k], step, False))
+        last[part] = k
     doubtful = [(c.target, c.source, c.T_target_source, c.information, True) for c in closures]
     return PoseGraph.of(list(poses), edges + doubtful)
 
@@ -259,7 +271,8 @@ def correct_poses(
     return out
 
 
-def _closure_information(found: Registration) -> Float64Array:
+def closure_information(found: Registration) -> Float64Array:
+    """Return the information (6, 6) of a registration of two keyframes, with the errors that two of them share."""
     least = np.diag([_CLOSURE_TURN**2] * 3 + [_CLOSURE_SHIFT**2] * 3)
     turned = adjoint(invert_transform(found.T_target_source))
     return np.asarray(np.linalg.inv(turned @ found.covariance @ turned.T + least))

@@ -71,7 +71,7 @@ class MotionMemory:
         self._since = 0 if evident else self._since + 1
         if not evident:
             marked[:] = False
-        following = self._followed is not None and self._since <= _EVERY * _MOST
+        following = self._followed is not None and self._since <= _EVERY
         if not evident and not following:
             self._followed = None
             return
