@@ -15,8 +15,9 @@ import numpy as np
 from seismo3d._typing import Float64Array
 from seismo3d.geometry.rotations import invert_transform
 from seismo3d.graph.poses import PoseGraph, solve_poses
+from seismo3d.robot.closures import Closure, closure_information, correct_poses
 from seismo3d.robot.ekf import adjoint, log_motion
-from seismo3d.robot.keyframes import Closure, Keyframe, closure_information, correct_poses
+from seismo3d.robot.keyframes import Keyframe
 from seismo3d.robot.state import MapState
 from seismo3d.robot.trajectory import Trajectory
 from seismo3d.robot.tsdf import SurfaceMap
@@ -70,7 +71,8 @@ class LocalMaps:
     @property
     def graph(self) -> PoseGraph:
         """Graphs of all local maps, one after the other; nothing ties one to the other until they are joined."""
-        poses, edges = [], []
+        poses: list[Float64Array] = []
+        edges = []
         for state in self.every:
             graph, first = state.graph, len(poses)
             poses += list(graph.poses)
@@ -151,7 +153,7 @@ class LocalMaps:
             base, part, T = other, current, T_other_current
         else:
             base, part, T = current, other, invert_transform(T_other_current)
-            links = [_turned(link) for link in links]
+            links = [turned(link) for link in links]
         absorb(base, part, T, links, fuse)
         base.part = current.part
         self.resting = [state for state in self.resting if state is not other]
@@ -220,7 +222,7 @@ def _agree(one: _Hint, two: _Hint) -> bool:
     return bool(np.linalg.norm(off[:3]) < _SAME_TURN and np.linalg.norm(off[3:]) < _SAME_SHIFT)
 
 
-def _turned(link: Closure) -> Closure:
+def turned(link: Closure) -> Closure:
     """Return the same link seen from its other end."""
     T = link.T_target_source
     turn = adjoint(invert_transform(T))

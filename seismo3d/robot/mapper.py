@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +17,12 @@ from seismo3d.geometry.rotations import invert_transform
 from seismo3d.graph.poses import PoseGraph, solve_poses
 from seismo3d.robot.calibration import calibrate_timing
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
+from seismo3d.robot.closures import find_closures, is_strained
 from seismo3d.robot.ekf import MotionFilter, adjoint, exp_motion, log_motion
 from seismo3d.robot.frames import Measured, Measurer, Timing
 from seismo3d.robot.ground import make_ground, make_occupancy
 from seismo3d.robot.kept import KeptFrame
-from seismo3d.robot.keyframes import PlaceMemory, find_closures, make_keyframe
+from seismo3d.robot.keyframes import PlaceMemory, make_keyframe
 from seismo3d.robot.landmarks import make_view
 from seismo3d.robot.local_maps import LocalMaps, change_poses
 from seismo3d.robot.locator import Locator, is_sound
@@ -134,7 +134,7 @@ class Mapper:
         Returns
         -------
         Closed
-            Poses and map change only where a keyframe moves by more than a closure is sure of: 12 mm or half a degree.
+            Poses and map change only where the trajectory strains a closure by more than its covariance explains.
         """
         n_joined = self.maps.join_all(self._put)
         state = self.state
@@ -142,14 +142,14 @@ class Mapper:
         n_links = len(state.closures) + len(state.joints)
         if n_links == 0:
             return Closed(0, 0, 0.0, 0.0)
-        before = state.key_poses
-        solved = solve_poses(state.graph)
-        change = [log_motion(invert_transform(a) @ b) for a, b in zip(before, solved.poses)]
-        turn = float(max(np.linalg.norm(c[:3]) for c in change))
-        shift = float(max(np.linalg.norm(c[3:]) for c in change))
-        if turn > 0.009 or shift > 0.012:
-            self._move_to(solved.poses)
+        graph = state.graph
+        solved = solve_poses(graph)
         n_kept = int((solved.weights[-n_links:] > 0.25).sum())
+        if not is_strained(graph, solved.weights):
+            return Closed(n_links, n_kept, 0.0, 0.0, n_joined)
+        change = [log_motion(invert_transform(a) @ b) for a, b in zip(graph.poses, solved.poses)]
+        self._move_to(solved.poses)
+        turn, shift = (float(max(np.linalg.norm(c[part]) for c in change)) for part in (slice(3), slice(3, 6)))
         return Closed(n_links, n_kept, turn, shift, n_joined)
 
     def save(self, path: str | Path) -> Path:

@@ -17,6 +17,10 @@ _LEAST_SHARE = 0.003
 _REACH = 2
 _WHOLE = 0.12
 """Share of a connected surface that must be seen to move for all of it to count as moving."""
+_THICK = 2
+"""Vertices, by two, around one that must be marked with it: what is thinner may be an edge that is a little off."""
+_LARGEST = 0.45
+"""Largest share of the view of a surface that is taken to move as a whole."""
 _LEAP = 0.15
 """Change of depth from one frame to the next, at one pixel, of something that moves, metres."""
 
@@ -54,7 +58,7 @@ class MotionMemory:
         self._spread(measured, marked)
         if self._count % _EVERY == 0:
             half = np.array([lens.fx / 2, lens.fy / 2, (lens.cx + 0.5) / 2 - 0.5, (lens.cy + 0.5) / 2 - 0.5])
-            rows, columns = marked.shape
+            rows, columns, _ = measured.vertices.shape
             depth = measured.depth[: 2 * rows : 2, : 2 * columns : 2]  # what is too far to be mapped is seen, too
             self._glances.append(_Glance(np.where(marked, np.float32(0.0), depth), T_world_camera, half))
         self._count += 1
@@ -67,18 +71,19 @@ class MotionMemory:
 
     def _spread(self, measured: Measured, marked: BoolArray) -> None:
         """Extend the marks to whole surfaces, also those that moved a frame ago, and take the weight of what moves."""
-        evident = bool(marked.mean() >= _LEAST_SHARE)
+        solid = kernels.erode_marked(marked, _THICK)
+        evident = bool(solid.mean() >= _LEAST_SHARE)
         self._since = 0 if evident else self._since + 1
-        if not evident:
-            marked[:] = False
-        following = self._followed is not None and self._since <= _EVERY
-        if not evident and not following:
-            self._followed = None
-            return
         z = measured.vertices[:, :, 2]
-        hints = marked.copy()
-        if self._followed is not None and following:
-            hints |= (self._followed > 0.0) & (np.abs(z - self._followed) < _LEAP)
-        kernels.grow_marked(measured.vertices, hints, _WHOLE if evident else 2.0 * _WHOLE, marked)
-        kernels.veto_pixels(marked, _REACH, measured.depth.shape[1], measured.pixels)
-        self._followed = np.where(marked, z, np.float32(0.0))
+        if self._followed is not None and self._since <= _EVERY:
+            solid |= (self._followed > 0.0) & (np.abs(z - self._followed) < _LEAP)
+        elif not evident:
+            solid[:] = False
+        if marked.mean() < _LEAST_SHARE:
+            marked[:] = False
+        grown = np.zeros_like(marked)
+        kernels.grow_marked(measured.vertices, solid, _WHOLE if evident else 2.0 * _WHOLE, _LARGEST, grown)
+        marked |= grown
+        self._followed = np.where(grown, z, np.float32(0.0)) if grown.any() else None
+        if marked.any():
+            kernels.veto_pixels(marked, _REACH, measured.depth.shape[1], measured.pixels)

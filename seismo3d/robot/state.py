@@ -8,8 +8,9 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.graph.poses import PoseGraph
+from seismo3d.robot.closures import Closure, make_graph
 from seismo3d.robot.kept import KeptFrame
-from seismo3d.robot.keyframes import Closure, PlaceMemory, make_graph
+from seismo3d.robot.keyframes import PlaceMemory
 from seismo3d.robot.landmarks import View
 from seismo3d.robot.trajectory import TimedPose
 from seismo3d.robot.tsdf import SurfaceMap

@@ -17,9 +17,10 @@ from seismo3d.errors import FileAccessError, FormatError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.io._files import as_readable_file, written_aside
 from seismo3d.robot.camera import Camera
+from seismo3d.robot.closures import Closure
 from seismo3d.robot.frames import MeasureSettings
 from seismo3d.robot.kept import KeptFrame
-from seismo3d.robot.keyframes import Closure, describe_keyframe
+from seismo3d.robot.keyframes import describe_keyframe
 from seismo3d.robot.landmarks import View
 from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.state import MapState
