@@ -56,6 +56,61 @@ def mark_intruders(
 
 
 @nb.njit(cache=True, nogil=True)
+def erode_marked(marked: BoolArray, reach: int) -> BoolArray:
+    """Return what is marked with all around it, two by two, within some steps of two; outside counts as marked."""
+    rows, columns = marked.shape[0] // 2, marked.shape[1] // 2
+    out = np.zeros_like(marked)
+    for r in range(rows):
+        for c in range(columns):
+            if not marked[2 * r, 2 * c]:
+                continue
+            whole = True
+            for i in range(max(0, r - reach), min(rows, r + reach + 1)):
+                for j in range(max(0, c - reach), min(columns, c + reach + 1)):
+                    if not marked[2 * i, 2 * j]:
+                        whole = False
+            if whole:
+                out[2 * r : 2 * r + 2, 2 * c : 2 * c + 2] = True
+    return out
+
+
+@nb.njit(cache=True, nogil=True)
+def grow_marked(vertices: Float32Array, hints: BoolArray, share: float, largest: float, marked: BoolArray) -> None:
+    """Mark whole surfaces, that hang together without a jump of depth, of which at least some share is hinted at.
+
+    Surfaces that take more than a share ``largest`` of the image are left out.
+    """
+    rows, columns = marked.shape[0] // 2, marked.shape[1] // 2
+    seen = np.zeros((rows, columns), dtype=np.bool_)
+    members = np.empty((rows * columns, 2), dtype=np.int32)
+    for r in range(rows):
+        for c in range(columns):
+            if seen[r, c] or not hints[2 * r, 2 * c] or not vertices[2 * r, 2 * c, 2] > 0.0:
+                continue
+            seen[r, c] = True
+            members[0, 0], members[0, 1] = r, c
+            count, done, hits = 1, 0, 0
+            while done < count:
+                i, j = members[done]
+                done += 1
+                hits += hints[2 * i, 2 * j]
+                z = vertices[2 * i, 2 * j, 2]
+                for k in range(4):
+                    a, b = i + (k == 0) - (k == 1), j + (k == 2) - (k == 3)
+                    if a < 0 or b < 0 or a >= rows or b >= columns or seen[a, b]:
+                        continue
+                    other = vertices[2 * a, 2 * b, 2]
+                    if other > 0.0 and abs(other - z) < 0.02 + 4.0 * depth_sigma(np.float64(z)):
+                        seen[a, b] = True
+                        members[count, 0], members[count, 1] = a, b
+                        count += 1
+            if hits >= share * count and count <= largest * rows * columns:
+                for k in range(count):
+                    i, j = members[k]
+                    marked[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] = True
+
+
+@nb.njit(cache=True, nogil=True)
 def veto_pixels(marked: BoolArray, reach: int, columns: int, pixels: Float32Array) -> None:
     """Take the weight from the pixels of the full image around marked ones of the half image."""
     rows, half_columns = marked.shape

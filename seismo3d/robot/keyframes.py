@@ -1,4 +1,4 @@
-"""Remember: frames that the camera moved on from, the places they show, and which of them show the same place."""
+"""Remember: frames that the camera moved on from, the places they show, and whether two show the same place."""
 
 from __future__ import annotations
 
@@ -6,24 +6,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float64Array, Int64Array
+from seismo3d._typing import AnyArray, BoolArray, Float64Array, Int64Array
+from seismo3d.errors import GeometryError
 from seismo3d.features.describing import Features, describe
 from seismo3d.features.matching import match
 from seismo3d.features.places import PlaceIndex
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import invert_transform, rotation_angle
-from seismo3d.graph.poses import PoseGraph
+from seismo3d.registration.align import align_pairs
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
-from seismo3d.robot.ekf import adjoint, exp_motion, log_motion
 from seismo3d.scan import Scan
 
-_STEP_TURN, _STEP_SHIFT = 0.002, 0.003
-"""Standard deviations of the pose from one keyframe to the next, rad and m."""
-_CLOSURE_TURN, _CLOSURE_SHIFT = 0.006, 0.008
-"""The same that a closure has at least."""
 _N_POINTS = 300
 _LEAST_AGREEING = 8
+_SEEDS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +40,8 @@ class Keyframe:
         Tenths of a millimetre, of every second pixel.
     features : Features
         Of the grey image.
+    part : int
+        Local map that it was made in.
     """
 
     frame: int
@@ -51,25 +50,77 @@ class Keyframe:
     grey: AnyArray | None
     depth: AnyArray
     features: Features
+    part: int = 0
 
 
 def make_keyframe(
-    frame: int, camera: int, T_world_camera: Float64Array, grey: AnyArray | None, depth: AnyArray
+    frame: int, camera: int, T_world_camera: Float64Array, grey: AnyArray | None, depth: AnyArray, *, part: int = 0
 ) -> Keyframe:
     """Return a keyframe of an image (rows, columns), or None, and its depth in metres, both of full size."""
     import cv2
 
     small = None if grey is None else cv2.pyrDown(grey)
     kept = np.ascontiguousarray(np.clip(depth[::2, ::2] * 1e4 + 0.5, 0, 65535).astype(np.uint16))
-    return describe_keyframe(frame, camera, T_world_camera, small, kept)
+    return describe_keyframe(frame, camera, T_world_camera, small, kept, part=part)
 
 
 def describe_keyframe(
-    frame: int, camera: int, T_world_camera: Float64Array, grey: AnyArray | None, depth: AnyArray
+    frame: int, camera: int, T_world_camera: Float64Array, grey: AnyArray | None, depth: AnyArray, *, part: int = 0
 ) -> Keyframe:
     """Return a keyframe of images that have its size already."""
     features = describe(np.zeros(depth.shape, np.uint8) if grey is None else grey, n_points=_N_POINTS)
-    return Keyframe(frame, camera, T_world_camera, grey, depth, features)
+    return Keyframe(frame, camera, T_world_camera, grey, depth, features, part)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CommonPoints:
+    """Points that two images may have in common.
+
+    Attributes
+    ----------
+    target, source : ndarray of shape (n, 3), float64
+        Each in its camera's frame, metres.
+    reach : ndarray of shape (n,), float64
+        Distance within which a pair agrees.
+    """
+
+    target: Float64Array
+    source: Float64Array
+    reach: Float64Array
+
+    def near(self, T_target_source: Float64Array) -> BoolArray:
+        """Return which pairs agree with a transform."""
+        moved = self.source @ T_target_source[:3, :3].T + T_target_source[:3, 3]
+        return np.asarray(np.linalg.norm(moved - self.target, axis=1) < self.reach)
+
+    def agree(self, T_target_source: Float64Array) -> bool:
+        """Whether enough pairs agree with a transform: eight, and four in ten."""
+        agreeing = int(self.near(T_target_source).sum())
+        return agreeing >= _LEAST_AGREEING and agreeing >= 0.4 * len(self.target)
+
+
+def align_common(common: CommonPoints) -> Float64Array | None:
+    """Return the rigid transform with which enough of the pairs agree; None where there is none.
+
+    Pairs that belong together keep their distances from each other. The pair that keeps most of them says which.
+    """
+    if len(common.target) < _LEAST_AGREEING:
+        return None
+    between = [np.linalg.norm(p[:, None] - p[None], axis=2) for p in (common.target, common.source)]
+    kept = np.abs(between[0] - between[1]) < common.reach[:, None] + common.reach[None]
+    for row in np.argsort(-kept.sum(axis=1), kind="stable")[:_SEEDS]:
+        members = kept[row] & (kept[:, kept[row]].mean(axis=1) > 0.5)
+        for _ in range(4):
+            if members.sum() < _LEAST_AGREEING:
+                break
+            try:
+                T = align_pairs(common.target[members], common.source[members]).T_target_source
+            except GeometryError:  # all on a line: no transform from these
+                break
+            members = common.near(T)
+            if common.agree(T):
+                return T
+    return None
 
 
 class PlaceMemory:
@@ -127,33 +178,34 @@ class PlaceMemory:
         target : int
         source : Keyframe
         start : ndarray of shape (4, 4), optional
-            Where the registration starts; the identity by default.
+            Where the registration starts if not ``far``.
         far : bool
-            Whether the transform is looked for far from the start, too.
+            Whether it starts where the features that the two have in common put it.
 
         Returns
         -------
         Registration or None
         """
+        common = self._common(self.keyframes[target], source)
+        if far:
+            start = align_common(common)
+        if len(common.target) < _LEAST_AGREEING or start is None:
+            return None
         scans = [self._scan(self.keyframes[target]), self._scan(source)]
         if scans[0] is None or scans[1] is None:
             return None
-        stages = ("local", "global", "polish") if far else ("local",)
-        found = register(scans[0], scans[1], voxel_size=0.04, start=start, stages=stages)
+        found = register(scans[0], scans[1], voxel_size=0.04, start=start, stages=("local",))
         sound = found.converged and found.certificate is not None and found.certificate.holds
         if not sound or found.unobservable or found.overlap < 0.33 or found.rmse > 0.025:
             return None
-        return found if self._looks_agree(self.keyframes[target], source, found.T_target_source) else None
+        return found if common.agree(found.T_target_source) else None
 
-    def _looks_agree(self, target: Keyframe, source: Keyframe, T_target_source: Float64Array) -> bool:
-        """Whether the features that the two images have in common lie where the transform puts them."""
-        matches = match(target.features, source.features)
+    def _common(self, target: Keyframe, source: Keyframe) -> CommonPoints:
+        """Points that matched features of two images show."""
+        matches = match(target.features, source.features, tilts="never")
         p, q = self._points(target, matches.points_target), self._points(source, matches.points_source)
         known = np.isfinite(p).all(axis=1) & np.isfinite(q).all(axis=1)
-        p, q = p[known], q[known]
-        off = np.linalg.norm(q @ T_target_source[:3, :3].T + T_target_source[:3, 3] - p, axis=1)
-        agreeing = int((off < 0.02 + 0.02 * q[:, 2]).sum())
-        return agreeing >= _LEAST_AGREEING and agreeing >= 0.4 * len(p)
+        return CommonPoints(p[known], q[known], 0.02 + 0.02 * q[known, 2])
 
     def _points(self, keyframe: Keyframe, pixels: Float64Array) -> Float64Array:
         """Points (n, 3) at pixels (column, row) of a keyframe, NaN where it has no depth."""
@@ -166,100 +218,3 @@ class PlaceMemory:
         if np.count_nonzero(keyframe.depth) < 500:
             return None
         return Scan.from_rgbd(keyframe.grey, keyframe.depth, self._lenses[keyframe.camera], max_depth=6.0)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Closure:
-    """Two keyframes that show the same place.
-
-    Attributes
-    ----------
-    target, source : int
-    T_target_source : ndarray of shape (4, 4), float64
-    information : ndarray of shape (6, 6), float64
-        For a perturbation on the right, (rotation, translation).
-    """
-
-    target: int
-    source: int
-    T_target_source: Float64Array
-    information: Float64Array
-
-
-def find_closures(memory: PlaceMemory, *, gap: int = 8, every: int = 2) -> list[Closure]:
-    """Find keyframes that show the same place, by position and by looks, and verify each pair.
-
-    A pair that lies near by the poses is registered from there. Only where none does, the keyframe that looks most
-    alike is registered from anywhere.
-
-    Parameters
-    ----------
-    memory : PlaceMemory
-    gap : int
-        Keyframes nearer in order are not compared: tracking ties them already.
-    every : int
-        Every so many keyframes one is compared.
-
-    Returns
-    -------
-    list of Closure
-        At most one a keyframe.
-    """
-    out = []
-    for number in range(gap, len(memory.keyframes), every):
-        keyframe = memory.keyframes[number]
-        alike = memory.recall(keyframe.features, n_best=2, until=number - gap + 1).tolist()
-        near = memory.near(number, gap=gap)
-        both = [other for other in alike if other in near] or near[:1]
-        for other, far in [*((k, False) for k in both[:1]), *((k, True) for k in alike[:1])]:
-            guess = invert_transform(memory.keyframes[other].T_world_camera) @ keyframe.T_world_camera
-            found = memory.compare(other, keyframe, start=guess, far=far)
-            if found is not None:
-                out.append(Closure(other, number, found.T_target_source, _closure_information(found)))
-                break
-    return out
-
-
-def make_graph(poses: Float64Array, closures: list[Closure]) -> PoseGraph:
-    """Return the graph of keyframes (n, 4, 4) in order with their closures, which count as doubtful."""
-    step = np.diag([_STEP_TURN**-2] * 3 + [_STEP_SHIFT**-2] * 3)
-    edges = [(k, k + 1, invert_transform(poses[k]) @ poses[k + 1], step, False) for k in range(len(poses) - 1)]
-    doubtful = [(c.target, c.source, c.T_target_source, c.information, True) for c in closures]
-    return PoseGraph.of(list(poses), edges + doubtful)
-
-
-def correct_poses(
-    T_world_camera: Float64Array, frames: Int64Array, before: Float64Array, after: Float64Array, keys: Int64Array
-) -> Float64Array:
-    """Carry a correction of keyframes over to all frames, evenly from one keyframe to the next.
-
-    Parameters
-    ----------
-    T_world_camera : ndarray of shape (n, 4, 4), float64
-    frames : ndarray of shape (n,), int64
-        Numbers of the frames.
-    before, after : ndarray of shape (m, 4, 4), float64
-        The keyframes' poses.
-    keys : ndarray of shape (m,), int64
-        Numbers of the keyframes' frames, ascending.
-
-    Returns
-    -------
-    ndarray of shape (n, 4, 4), float64
-    """
-    change = np.array([a @ invert_transform(b) for a, b in zip(after, before)])
-    out = np.empty_like(T_world_camera)
-    for i, (T, frame) in enumerate(zip(T_world_camera, frames)):
-        k = int(np.clip(np.searchsorted(keys, frame, side="right") - 1, 0, len(keys) - 1))
-        C = change[k]
-        if k + 1 < len(keys) and frame > keys[k]:
-            share = (frame - keys[k]) / (keys[k + 1] - keys[k])
-            C = C @ exp_motion(share * log_motion(invert_transform(C) @ change[k + 1]))
-        out[i] = C @ T
-    return out
-
-
-def _closure_information(found: Registration) -> Float64Array:
-    least = np.diag([_CLOSURE_TURN**2] * 3 + [_CLOSURE_SHIFT**2] * 3)
-    turned = adjoint(invert_transform(found.T_target_source))
-    return np.asarray(np.linalg.inv(turned @ found.covariance @ turned.T + least))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,20 +17,23 @@ from seismo3d.geometry.rotations import invert_transform
 from seismo3d.graph.poses import PoseGraph, solve_poses
 from seismo3d.robot.calibration import calibrate_timing
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
+from seismo3d.robot.closures import find_closures, is_strained
 from seismo3d.robot.ekf import MotionFilter, adjoint, exp_motion, log_motion
 from seismo3d.robot.frames import Measured, Measurer, Timing
 from seismo3d.robot.ground import make_ground, make_occupancy
 from seismo3d.robot.kept import KeptFrame
-from seismo3d.robot.keyframes import PlaceMemory, correct_poses, find_closures, make_graph, make_keyframe
-from seismo3d.robot.landmarks import make_view, sight_landmarks, time_sightings
+from seismo3d.robot.keyframes import PlaceMemory, make_keyframe
+from seismo3d.robot.landmarks import make_view
+from seismo3d.robot.local_maps import LocalMaps, change_poses
+from seismo3d.robot.locator import Locator, is_sound
 from seismo3d.robot.mesh import Mesh, extract_mesh
 from seismo3d.robot.moving import MotionMemory
 from seismo3d.robot.occupancy import Occupancy
 from seismo3d.robot.results import Closed, MapperSettings, Tracked
 from seismo3d.robot.state import MapState
-from seismo3d.robot.tracking import Located, locate
+from seismo3d.robot.tracking import Located
 from seismo3d.robot.trajectory import TimedPose, Trajectory
-from seismo3d.robot.tsdf import Prediction, SurfaceMap
+from seismo3d.robot.tsdf import SurfaceMap
 
 _LEAST_NORMALS = 300
 _RELOCATE_EVERY = 4
@@ -50,7 +52,8 @@ class Mapper:
     -----
     Each frame passes five steps: predict (filter), measure, locate (against the ray-cast map and the landmarks of the
     nearest views), update (filter), fuse. A frame that cannot be located is a state, not an error, and is not fused;
-    the next ones are compared with the places that the map remembers until one is found again.
+    the next ones are compared with the places that all local maps remember until one is found again. After a long loss
+    a new local map is begun, and joined with an older one when two of its keyframes show places of it.
     """
 
     def __init__(self, camera: object, *, settings: MapperSettings | None = None) -> None:
@@ -97,17 +100,22 @@ class Mapper:
         return tracked
 
     @property
+    def state(self) -> MapState:
+        """The local map that frames go into."""
+        return self.maps.current
+
+    @property
     def trajectory(self) -> Trajectory:
         """Poses of the located frames."""
-        return Trajectory.of(self.state.poses)
+        return self.maps.trajectory
 
     @property
     def graph(self) -> PoseGraph:
-        """Keyframes as poses, their order and the closures found so far as edges."""
-        return make_graph(self.state.key_poses, self.state.closures)
+        """Keyframes of all local maps as poses; their order, the closures and the joints found so far as edges."""
+        return self.maps.graph
 
     def mesh(self) -> Mesh:
-        """Return the mapped surface as triangles with colours."""
+        """Return the mapped surface as triangles with colours: of the current local map, as all that follow."""
         return extract_mesh(self.state.surface)
 
     def occupancy(self, *, cell: float = 0.05) -> Occupancy:
@@ -121,24 +129,28 @@ class Mapper:
     def close_loops(self) -> Closed:
         """Find keyframes that show the same place, solve the graph of all, and make the map anew from its poses.
 
+        Local maps at rest that show a place of the current one are joined with it first.
+
         Returns
         -------
         Closed
-            Poses and map change only where a keyframe moves by more than a closure is sure of: 12 mm or half a degree.
+            Poses and map change only where the trajectory strains a closure by more than its covariance explains.
         """
-        closures = find_closures(self.state.memory)
-        before = self.state.key_poses
-        self.state.closures = closures
-        if not closures:
+        n_joined = self.maps.join_all(self._put)
+        state = self.state
+        state.closures = find_closures(state.memory)
+        n_links = len(state.closures) + len(state.joints)
+        if n_links == 0:
             return Closed(0, 0, 0.0, 0.0)
-        solved = solve_poses(make_graph(before, closures))
-        change = [log_motion(invert_transform(a) @ b) for a, b in zip(before, solved.poses)]
-        turn = float(max(np.linalg.norm(c[:3]) for c in change))
-        shift = float(max(np.linalg.norm(c[3:]) for c in change))
-        if turn > 0.009 or shift > 0.012:
-            self._move_to(solved.poses)
-        n_kept = int((solved.weights[-len(closures) :] > 0.25).sum())
-        return Closed(len(closures), n_kept, turn, shift)
+        graph = state.graph
+        solved = solve_poses(graph)
+        n_kept = int((solved.weights[-n_links:] > 0.25).sum())
+        if not is_strained(graph, solved.weights):
+            return Closed(n_links, n_kept, 0.0, 0.0, n_joined)
+        change = [log_motion(invert_transform(a) @ b) for a, b in zip(graph.poses, solved.poses)]
+        self._move_to(solved.poses)
+        turn, shift = (float(max(np.linalg.norm(c[part]) for c in change)) for part in (slice(3), slice(3, 6)))
+        return Closed(n_links, n_kept, turn, shift, n_joined)
 
     def save(self, path: str | Path) -> Path:
         """Write all that is needed to go on mapping to an .npz file; see :func:`Mapper.load`."""
@@ -162,37 +174,52 @@ class Mapper:
     def _start_afresh(self) -> None:
         s = self.settings
         self._measurers = [Measurer(camera.lens, s.measure, self._pool) for camera in self.cameras]
-        surface = SurfaceMap(s.voxel_size, s.band_voxels * s.voxel_size)
-        self.state = MapState(surface, PlaceMemory([camera.lens for camera in self.cameras]))
+        self._locator = Locator(self.cameras, s, self._pool, self._n_threads)
+        self.maps = LocalMaps(self._empty_map)
+        self.n_frames = 0
+        self._n_lost = self._n_unplaced = 0
         self._moving = [MotionMemory() for _ in self.cameras]
         self._filter: MotionFilter | None = None
 
+    def _empty_map(self, number: int) -> MapState:
+        s = self.settings
+        surface = SurfaceMap(s.voxel_size, s.band_voxels * s.voxel_size)
+        lenses = [camera.lens for camera in self.cameras]
+        return MapState(surface, PlaceMemory(lenses), number=number, part=number)
+
     def _map(self, frame: RgbdFrame) -> Tracked:
         camera = self.cameras[frame.camera]
-        number, self.state.count = self.state.count, self.state.count + 1
+        number, self.n_frames = self.n_frames, self.n_frames + 1
         timing = Timing(camera.readout or 0.0, frame.time - frame.depth_time + (camera.depth_delay or 0.0))
-        is_first = not self.state.poses
         motion = self._predict(frame, camera)
         T = motion.T_world_body @ camera.T_body_camera
         twist = _camera_twist(motion, camera)
         measured = self._measurers[frame.camera].measure(frame, twist, timing)
         state, located = "empty", None
         if measured.n_normals >= _LEAST_NORMALS:
-            state, located = ("started", None) if is_first else self._find(measured, frame.camera, T, twist, timing)
-        if located is not None and state != "lost":
-            T, twist = located.T_world_camera, _camera_twist(motion, camera)
-        if state in ("started", "tracked", "relocated"):
-            self.state.n_lost = 0
-            stamp = frame.time + camera.clock_offset
-            self.state.poses.append(TimedPose(stamp, motion.time, T, twist, number, frame.camera))
-            self._fuse(measured, frame.camera, T, twist, timing, number)
+            state, located = self._place(measured, frame.camera, T, twist, timing)
+            motion = self._filter or motion
+        if state in ("lost", "empty"):
+            self._lose(motion, state)
         else:
-            self.state.n_lost += 1
-            motion.twist *= 0.95
-            if is_first:
-                self._filter = None
+            T = T if located is None else located.T_world_camera
+            twist = _camera_twist(motion, camera)
+            self._n_lost = self._n_unplaced = 0
+            stamp = frame.time + camera.clock_offset
+            self.state.poses.append(TimedPose(stamp, motion.time, T, twist, number, frame.camera, self.state.part))
+            change = self._fuse(measured, frame.camera, T, twist, timing, number)
+            if change is not None:
+                state, T = "joined", change @ T
         T_stamp = T @ exp_motion(twist * (timing.colour_lead + 0.5 * timing.readout))
-        return Tracked(state, freeze(T_stamp), freeze(motion.covariance[:6, :6].copy()), located)
+        covariance = freeze(motion.covariance[:6, :6].copy())
+        return Tracked(state, freeze(T_stamp), covariance, located, self.state.number)
+
+    def _lose(self, motion: MotionFilter, state: str) -> None:
+        self._n_lost += 1
+        self._n_unplaced += state == "lost"
+        motion.twist *= 0.95
+        if not self.state.poses:
+            self._filter = None
 
     def _predict(self, frame: RgbdFrame, camera: Camera) -> MotionFilter:
         now = frame.depth_time + camera.clock_offset - (camera.depth_delay or 0.0) - 0.5 * (camera.readout or 0.0)
@@ -206,89 +233,86 @@ class Mapper:
         self._filter.predict(now)
         return self._filter
 
-    def _find(
+    def _place(
         self, measured: Measured, number: int, T: Float64Array, twist: Float64Array, timing: Timing
     ) -> tuple[str, Located | None]:
-        """Locate a frame near the predicted pose, else at a place that looks like it."""
-        camera = self.cameras[number]
-        located = self._locate(measured, camera, T, twist, timing)
-        if self._accept(located, camera, T):
+        """Locate a frame near the predicted pose, else at a place that looks like it, else begin a new local map."""
+        if not self.state.poses:
+            return "started", None
+        located = self._locator.locate(self.state, measured, number, T, twist, timing)
+        if is_sound(located, T, n_lost=self._n_lost):
+            self._take(located, number)
             return "tracked", located
-        if self.state.n_lost % _RELOCATE_EVERY == 0:
-            for place in self._places(measured, number):
-                again = self._locate(measured, camera, place, np.zeros(6), timing)
-                if again.share > 0.4 and self._accept(again, camera, place, anew=True):
+        if self._n_lost % _RELOCATE_EVERY == 0:
+            for state, place in self._locator.places(self.maps.every[::-1], measured, number):
+                again = self._locator.locate(state, measured, number, place, np.zeros(6), timing)
+                if again.share > 0.4 and is_sound(again, place, n_lost=self._n_lost):
+                    self._go_on(state, again.T_world_camera, number)
                     return "relocated", again
+        if self._n_unplaced + 1 >= self.settings.new_map_after > 0:
+            self.maps.begin()
+            self._go_on(self.state, T, number)
+            return "started", None
         return "lost", located
 
-    def _places(self, measured: Measured, number: int) -> list[Float64Array]:
-        """Poses at which remembered keyframes say that a frame may have been taken."""
-        if measured.grey is None:
-            return []
-        asked = make_keyframe(-1, number, np.eye(4), measured.grey, measured.depth)
-        poses = []
-        for place in self.state.memory.recall(asked.features):
-            found = self.state.memory.compare(int(place), asked)
-            if found is not None:
-                poses.append(self.state.memory.keyframes[place].T_world_camera @ found.T_target_source)
-        return poses
+    def _take(self, located: Located, number: int) -> None:
+        """Take a located frame into the filter; the pose is the registration's, so that it fits the map."""
+        if self._filter is None:
+            return
+        T_world_body = located.T_world_camera @ invert_transform(self.cameras[number].T_body_camera)
+        self._filter.update(T_world_body, located.covariance, gate=None)
+        self._filter.T_world_body = T_world_body
 
-    def _locate(
-        self, measured: Measured, camera: Camera, T: Float64Array, twist: Float64Array, timing: Timing
-    ) -> Located:
-        prediction = self._cast(measured, camera, T, coarser=3)
-        shape = measured.depth.shape
-        if measured.grey is None or self.settings.terms == "planes":
-            seen = time_sightings(np.empty((0, 3)), np.empty((0, 2)), camera.lens, twist, timing, shape)
-        else:
-            seen = sight_landmarks(self.state.views, measured.grey, camera.lens, T, twist, timing)
-        return locate(measured, prediction, seen, T, camera.lens, terms=self.settings.terms)
-
-    def _accept(self, located: Located, camera: Camera, T: Float64Array, *, anew: bool = False) -> bool:
-        """Judge a located frame by its support and its innovation, and take it into the filter if it is sound."""
-        motion = self._filter
-        if motion is None or not located.converged:
-            return False
-        jump = log_motion(invert_transform(T) @ located.T_world_camera)
-        reach = 1.0 + min(self.state.n_lost, 30) / 15.0
-        near = np.linalg.norm(jump[:3]) < 0.25 * reach and np.linalg.norm(jump[3:]) < 0.2 * reach
-        doubt = self.state.n_lost > 0
-        enough = located.share > (0.3 if doubt else 0.15) or located.n_landmarks >= (40 if doubt else 20)
-        if not (near and enough):
-            return False
-        T_world_body = located.T_world_camera @ invert_transform(camera.T_body_camera)
-        if anew:
-            self._filter = MotionFilter(motion.time, T_world_body)
-            return True
-        motion.update(T_world_body, located.covariance, gate=None)
-        motion.T_world_body = T_world_body
-        return True
+    def _go_on(self, state: MapState, T_world_camera: Float64Array, number: int) -> None:
+        """Go on from a pose in a local map, with nothing known of the velocity."""
+        if state is not self.state:
+            self.maps.go_to(state)
+        T_world_body = T_world_camera @ invert_transform(self.cameras[number].T_body_camera)
+        self._filter = MotionFilter(0.0 if self._filter is None else self._filter.time, T_world_body)
+        for memory in self._moving:
+            memory.forget()
 
     def _fuse(
         self, measured: Measured, number: int, T: Float64Array, twist: Float64Array, timing: Timing, frame: int
-    ) -> None:
-        """Put a located frame into the map, less what moves in it, and remember it where it shows something new."""
-        camera = self.cameras[number]
-        moving = self._moving[number].watch(measured, camera.lens, T)
-        carve = frame % 3 == 0
-        self.state.surface.fuse(measured, camera.lens, T, carve=carve, pool=self._pool, n_threads=self._n_threads)
-        T_colour = T @ exp_motion(twist * timing.colour_lead)
-        keyframes = self.state.memory.keyframes
-        new = all(
-            view.camera != number or view.apart(T_colour) > self.settings.view_distance for view in self.state.views
-        )
-        if new and moving.mean() < 0.1:
-            self.state.memory.add(make_keyframe(frame, number, T, measured.grey, measured.depth))
-            prediction = self._cast(measured, camera, T, coarser=1)
-            self.state.views.append(make_view(measured.grey, camera.lens, prediction, twist, timing, camera=number))
-        if frame % self.settings.keep_every == 0 or (new and keyframes):
-            self.state.kept.append(KeptFrame.of(measured, len(self.state.poses) - 1, number))
+    ) -> Float64Array | None:
+        """Put a located frame into the map, less what moves in it, and remember it where it shows something new.
 
-    def _cast(self, measured: Measured, camera: Camera, T: Float64Array, *, coarser: int) -> Prediction:
-        k, lens = 2 * coarser, camera.lens
-        expected = np.ascontiguousarray(measured.vertices[coarser // 2 :: coarser, coarser // 2 :: coarser, 2])
-        numbers = np.array([lens.fx / k, lens.fy / k, (lens.cx + 0.5) / k - 0.5, (lens.cy + 0.5) / k - 0.5])
-        return self.state.surface.cast(expected, numbers, T, pool=self._pool, n_threads=self._n_threads)
+        Returns the change of its pose where that joined the map with another one.
+        """
+        state, lens = self.state, self.cameras[number].lens
+        moving = self._moving[number].watch(measured, lens, T)
+        carve = frame % 3 == 0
+        state.surface.fuse(measured, lens, T, carve=carve, pool=self._pool, n_threads=self._n_threads)
+        T_colour = T @ exp_motion(twist * timing.colour_lead)
+        distance = self.settings.view_distance
+        new = all(view.camera != number or view.apart(T_colour) > distance for view in state.views)
+        new = new and bool(moving.mean() < 0.1)
+        if new:
+            state.memory.add(make_keyframe(frame, number, T, measured.grey, measured.depth, part=state.part))
+            prediction = self._locator.cast(state.surface, measured, number, T, coarser=1)
+            state.views.append(make_view(measured.grey, lens, prediction, twist, timing, camera=number))
+        if frame % self.settings.keep_every == 0 or (new and len(state.views) > 1):
+            state.kept.append(KeptFrame.of(measured, len(state.poses) - 1, number))
+        if not (new and self.maps.resting):
+            return None
+        change = self.maps.join_by(len(state.memory.keyframes) - 1, self._put)
+        if change is not None:
+            self._shift(change)
+        return change
+
+    def _put(self, surface: SurfaceMap, state: MapState, row: int) -> None:
+        """Put a frame that a local map keeps into a surface."""
+        kept = state.kept[row]
+        measured = kept.unpacked(self._measurers[kept.camera])
+        lens, T = self.cameras[kept.camera].lens, state.poses[kept.pose].T_world_camera
+        surface.fuse(measured, lens, T, carve=True, pool=self._pool, n_threads=self._n_threads)
+
+    def _shift(self, change: Float64Array) -> None:
+        """Carry a change of the world's frame where the camera is now over to the filter."""
+        if self._filter is not None:
+            self._filter.T_world_body = change @ self._filter.T_world_body
+        for memory in self._moving:
+            memory.forget()
 
     def _calibrate(self, tracked: Tracked) -> Tracked:
         """Find the open timing of each camera from the frames so far, and map them anew with it."""
@@ -309,22 +333,13 @@ class Mapper:
 
     def _move_to(self, key_poses: Float64Array) -> None:
         """Carry everything over to corrected keyframes, and make the map anew from the frames that are kept."""
-        before, keys = self.state.key_poses, np.array([k.frame for k in self.state.memory.keyframes])
-        poses = np.array([pose.T_world_camera for pose in self.state.poses])
-        moved = correct_poses(poses, np.array([pose.frame for pose in self.state.poses]), before, key_poses, keys)
-        self.state.poses = [replace(pose, T_world_camera=T) for pose, T in zip(self.state.poses, moved)]
-        changes = [a @ invert_transform(b) for a, b in zip(key_poses, before)]
-        self.state.views = [view.moved(change) for view, change in zip(self.state.views, changes)]
-        self.state.memory.move(key_poses)
-        self.state.surface = SurfaceMap(self.state.surface.voxel_size, self.state.surface.band)
-        for kept in self.state.kept:
-            measured = kept.unpacked(self._measurers[kept.camera])
-            lens, T = self.cameras[kept.camera].lens, moved[kept.pose]
-            self.state.surface.fuse(measured, lens, T, carve=True, pool=self._pool, n_threads=self._n_threads)
-        if self._filter is not None:
-            self._filter.T_world_body = moved[-1] @ invert_transform(poses[-1]) @ self._filter.T_world_body
-        for memory in self._moving:
-            memory.forget()
+        state = self.state
+        last = state.poses[-1].T_world_camera
+        change_poses(state, key_poses)
+        state.surface = SurfaceMap(state.surface.voxel_size, state.surface.band)
+        for row in range(len(state.kept)):
+            self._put(state.surface, state, row)
+        self._shift(state.poses[-1].T_world_camera @ invert_transform(last))
 
 
 def _camera_twist(motion: MotionFilter, camera: Camera) -> Float64Array:

@@ -10,9 +10,10 @@ from seismo3d.errors import ParameterError
 from seismo3d.robot.frames import MeasureSettings
 from seismo3d.robot.tracking import TERMS, Located
 
-STATES = ("started", "tracked", "relocated", "lost", "empty")
-"""States of a frame: the first one; located where it was expected; located at a place that the map remembers, after a
-loss; not located; without depth to locate it by."""
+STATES = ("started", "tracked", "relocated", "joined", "lost", "empty")
+"""States of a frame: the first one of a local map; located where it was expected; located at a place that a map
+remembers, after a loss; located, and its local map joined with another one; not located; without depth to locate it
+by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +36,8 @@ class MapperSettings:
         0 leaves it at zero.
     view_distance : float
         A keyframe is made where it is farther from all others: radians plus half the metres.
+    new_map_after : int
+        After so many frames with depth that cannot be located, in a row, a new local map is begun; 0: never.
     keep_every : int
         Every so many frames one is kept, packed, to make the map anew after a loop was closed.
     n_threads : int
@@ -48,6 +51,7 @@ class MapperSettings:
     filtered: bool = True
     calibrate_frames: int = 90
     view_distance: float = 0.14
+    new_map_after: int = 30
     keep_every: int = 5
     n_threads: int = 0
 
@@ -56,6 +60,7 @@ class MapperSettings:
         as_number(self.band_voxels, "band_voxels", low=2.0, high=20.0)
         as_number(self.calibrate_frames, "calibrate_frames", low=0)
         as_number(self.view_distance, "view_distance", low=0.0, strict=True)
+        as_number(self.new_map_after, "new_map_after", low=0)
         as_number(self.keep_every, "keep_every", low=1)
         as_number(self.n_threads, "n_threads", low=0, high=1024)
         if self.terms not in TERMS:
@@ -71,23 +76,26 @@ class Tracked:
     state : str
         One of ``STATES``.
     T_world_camera : ndarray of shape (4, 4), float64
-        Pose at the colour's stamp; the world is the first frame's camera. The prediction where the frame is not
-        located.
+        Pose at the colour's stamp in the local map; the world is the first frame's camera. The prediction where the
+        frame is not located.
     covariance : ndarray of shape (6, 6), float64
         Of a perturbation on the left, (rotation, translation): the filter's, so that it grows while frames are lost.
     located : Located or None
         Details of the registration; None for the first frame and where there was none.
+    local_map : int
+        Number of the local map.
     """
 
     state: str
     T_world_camera: Float64Array
     covariance: Float64Array
     located: Located | None = None
+    local_map: int = 0
 
     @property
     def is_located(self) -> bool:
         """Whether the pose comes from the frame itself."""
-        return self.state in ("started", "tracked", "relocated")
+        return self.state in ("started", "tracked", "relocated", "joined")
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,9 +110,12 @@ class Closed:
         Those that keep more than a quarter of their weight in the solution.
     largest_turn, largest_shift : float
         Largest change of a keyframe, radians and metres.
+    n_joined : int
+        Local maps that were found to be one with the current map.
     """
 
     n_found: int
     n_agreeing: int
     largest_turn: float
     largest_shift: float
+    n_joined: int = 0

@@ -1,4 +1,4 @@
-"""What a mapper knows at a moment: the map, where the frames were, and the places that it remembers."""
+"""A local map: the surface, where its frames were, and the places that it remembers."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d.graph.poses import PoseGraph
+from seismo3d.robot.closures import Closure, make_graph
 from seismo3d.robot.kept import KeptFrame
-from seismo3d.robot.keyframes import Closure, PlaceMemory
+from seismo3d.robot.keyframes import PlaceMemory
 from seismo3d.robot.landmarks import View
 from seismo3d.robot.trajectory import TimedPose
 from seismo3d.robot.tsdf import SurfaceMap
@@ -16,7 +18,7 @@ from seismo3d.robot.tsdf import SurfaceMap
 
 @dataclass(slots=True, eq=False)
 class MapState:
-    """The state of a mapper between two frames, less its filter.
+    """A local map, in its own world frame.
 
     Attributes
     ----------
@@ -28,10 +30,13 @@ class MapState:
         Of the located frames.
     kept : list of KeptFrame
     closures : list of Closure
-    count : int
-        Frames given so far.
-    n_lost : int
-        Frames since the last one that was located.
+        What closing loops found last.
+    joints : list of Closure
+        What the map was joined by from local maps.
+    number : int
+        Which local map it is, from 0; the least of those that were joined.
+    part : int
+        Local map that new frames belong to; parts are tied to each other by closures and joints alone.
     """
 
     surface: SurfaceMap
@@ -40,10 +45,17 @@ class MapState:
     poses: list[TimedPose] = field(default_factory=list)
     kept: list[KeptFrame] = field(default_factory=list)
     closures: list[Closure] = field(default_factory=list)
-    count: int = 0
-    n_lost: int = 0
+    joints: list[Closure] = field(default_factory=list)
+    number: int = 0
+    part: int = 0
 
     @property
     def key_poses(self) -> Float64Array:
         """Poses of the keyframes, (n, 4, 4)."""
         return np.array([k.T_world_camera for k in self.memory.keyframes]).reshape(-1, 4, 4)
+
+    @property
+    def graph(self) -> PoseGraph:
+        """Keyframes as poses, their order, closures and joints as edges."""
+        parts = [k.part for k in self.memory.keyframes]
+        return make_graph(self.key_poses, self.joints + self.closures, parts=parts)

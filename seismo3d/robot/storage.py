@@ -17,17 +17,19 @@ from seismo3d.errors import FileAccessError, FormatError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.io._files import as_readable_file, written_aside
 from seismo3d.robot.camera import Camera
+from seismo3d.robot.closures import Closure
 from seismo3d.robot.frames import MeasureSettings
 from seismo3d.robot.kept import KeptFrame
 from seismo3d.robot.keyframes import describe_keyframe
 from seismo3d.robot.landmarks import View
 from seismo3d.robot.results import MapperSettings
+from seismo3d.robot.state import MapState
 from seismo3d.robot.trajectory import TimedPose
 
 if TYPE_CHECKING:
     from seismo3d.robot.mapper import Mapper
 
-_VERSION = 1
+_VERSION = 2
 
 
 def save_mapper(path: str | Path, mapper: Mapper) -> Path:
@@ -38,37 +40,18 @@ def save_mapper(path: str | Path, mapper: Mapper) -> Path:
     FileAccessError
         If it cannot be written.
     """
-    state = mapper.state
-    surface, n = state.surface, state.surface.n_blocks
+    maps = mapper.maps.every
     header = {
         "version": _VERSION,
         "settings": asdict(mapper.settings),
         "cameras": [_camera_fields(camera) for camera in mapper.cameras],
-        "frames": state.count,
+        "frames": mapper.n_frames,
+        "maps": [{"number": state.number, "part": state.part} for state in maps],
+        "current": next(k for k, state in enumerate(maps) if state is mapper.state),
     }
-    arrays: dict[str, Any] = {
-        "header": np.frombuffer(json.dumps(header).encode(), dtype=np.uint8),
-        "keys": surface.keys[:n],
-        "distance": surface.distance[:n],
-        "weight": surface.weight[:n],
-        "colour": surface.colour[:n],
-        "poses": np.array([pose.T_world_camera for pose in state.poses]).reshape(-1, 4, 4),
-        "times": np.array([[p.stamp, p.time, *p.twist, p.frame, p.camera] for p in state.poses]).reshape(-1, 10),
-        "key_numbers": np.array([[k.frame, k.camera, k.grey is not None] for k in state.memory.keyframes]).reshape(
-            -1, 3
-        ),
-        "key_poses": state.key_poses,
-        "kept_numbers": np.array([[k.pose, k.camera] for k in state.kept], dtype=np.int64).reshape(-1, 2),
-        "view_poses": np.array([v.T_world_camera for v in state.views]).reshape(-1, 4, 4),
-        "view_cameras": np.array([v.camera for v in state.views], dtype=np.int64),
-    }
-    arrays |= _joined("key_grey", [_png(k.grey) for k in state.memory.keyframes])
-    arrays |= _joined("key_depth", [_png(k.depth) for k in state.memory.keyframes])
-    arrays |= _joined("kept_depth", [k.depth for k in state.kept])
-    arrays |= _joined("kept_colour", [k.colour for k in state.kept])
-    arrays |= _joined("view_grey", [_png(v.grey) for v in state.views])
-    arrays |= _joined("view_pixels", [v.pixels.ravel() for v in state.views])
-    arrays |= _joined("view_points", [v.points.ravel() for v in state.views])
+    arrays: dict[str, Any] = {"header": np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)}
+    for place, state in enumerate(maps):
+        arrays |= {f"map{place}_{name}": array for name, array in _packed(state).items()}
     final = Path(path)
     with written_aside(final) as aside, aside.open("wb") as file:
         np.savez_compressed(file, **arrays)
@@ -99,23 +82,72 @@ def load_mapper(path: str | Path, kind: type[Mapper]) -> Mapper:
     return mapper
 
 
+def _packed(state: MapState) -> dict[str, Any]:
+    """Arrays of a local map, by name."""
+    surface, n = state.surface, state.surface.n_blocks
+    keys = state.memory.keyframes
+    arrays: dict[str, Any] = {
+        "keys": surface.keys[:n],
+        "distance": surface.distance[:n],
+        "weight": surface.weight[:n],
+        "colour": surface.colour[:n],
+        "poses": np.array([pose.T_world_camera for pose in state.poses]).reshape(-1, 4, 4),
+        "times": np.array([[p.stamp, p.time, *p.twist, p.frame, p.camera, p.part] for p in state.poses]).reshape(
+            -1, 11
+        ),
+        "key_numbers": np.array([[k.frame, k.camera, k.grey is not None, k.part] for k in keys]).reshape(-1, 4),
+        "key_poses": state.key_poses,
+        "kept_numbers": np.array([[k.pose, k.camera] for k in state.kept], dtype=np.int64).reshape(-1, 2),
+        "view_poses": np.array([v.T_world_camera for v in state.views]).reshape(-1, 4, 4),
+        "view_cameras": np.array([v.camera for v in state.views], dtype=np.int64),
+    }
+    arrays |= _joined("key_grey", [_png(k.grey) for k in keys])
+    arrays |= _joined("key_depth", [_png(k.depth) for k in keys])
+    arrays |= _joined("kept_depth", [k.depth for k in state.kept])
+    arrays |= _joined("kept_colour", [k.colour for k in state.kept])
+    arrays |= _joined("view_grey", [_png(v.grey) for v in state.views])
+    arrays |= _joined("view_pixels", [v.pixels.ravel() for v in state.views])
+    arrays |= _joined("view_points", [v.points.ravel() for v in state.views])
+    for name, links in (("joints", state.joints), ("closures", state.closures)):
+        arrays[f"{name}_ends"] = np.array([[c.target, c.source] for c in links], dtype=np.int64).reshape(-1, 2)
+        arrays[f"{name}_poses"] = np.array([c.T_target_source for c in links]).reshape(-1, 4, 4)
+        arrays[f"{name}_information"] = np.array([c.information for c in links]).reshape(-1, 6, 6)
+    return arrays
+
+
 def _restored(header: dict[str, Any], arrays: dict[str, AnyArray], kind: type[Mapper]) -> Mapper:
     fields = header["settings"]
     settings = MapperSettings(**{**fields, "measure": MeasureSettings(**fields["measure"])})
     mapper = kind([_as_camera(c) for c in header["cameras"]], settings=settings)
-    state = mapper.state
-    state.count = int(header["frames"])
+    states = []
+    for place, numbers in enumerate(header["maps"]):
+        prefix = f"map{place}_"
+        own = {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
+        state = mapper.maps.empty(int(numbers["number"]))
+        state.part = int(numbers["part"])
+        _fill(state, own)
+        states.append(state)
+    mapper.n_frames = int(header["frames"])
+    n_made = 1 + max(max(state.number, state.part) for state in states)
+    mapper.maps.restore(states, int(header["current"]), n_made)
+    return mapper
+
+
+def _fill(state: MapState, arrays: dict[str, AnyArray]) -> None:
+    """Put what :func:`_packed` gave into an empty local map."""
     surface = state.surface
     surface.add_blocks(arrays["keys"])
     n = surface.n_blocks
     for name in ("distance", "weight", "colour"):
         getattr(surface, name)[:n] = arrays[name]
     for T, row in zip(arrays["poses"], arrays["times"]):
-        state.poses.append(TimedPose(float(row[0]), float(row[1]), T, row[2:8], int(row[8]), int(row[9])))
+        numbers = (int(v) for v in row[8:11])
+        state.poses.append(TimedPose(float(row[0]), float(row[1]), T, row[2:8], *numbers))
     greys, depths = _split(arrays, "key_grey"), _split(arrays, "key_depth")
-    for (frame, camera, has_grey), T, grey, depth in zip(arrays["key_numbers"], arrays["key_poses"], greys, depths):
+    for row, T, grey, depth in zip(arrays["key_numbers"], arrays["key_poses"], greys, depths):
+        frame, camera, has_grey, part = (int(v) for v in row)
         image = _image(grey) if has_grey else None
-        state.memory.add(describe_keyframe(int(frame), int(camera), T, image, _image(depth)))
+        state.memory.add(describe_keyframe(frame, camera, T, image, _image(depth), part=part))
     for (pose, camera), depth, colour in zip(
         arrays["kept_numbers"], _split(arrays, "kept_depth"), _split(arrays, "kept_colour")
     ):
@@ -124,7 +156,9 @@ def _restored(header: dict[str, Any], arrays: dict[str, AnyArray], kind: type[Ma
     for T, camera, grey, pixels, points in zip(arrays["view_poses"], arrays["view_cameras"], *parts):
         image = _image(grey) if grey.size else np.empty((0, 0), np.uint8)
         state.views.append(View(T, image, pixels.reshape(-1, 2), points.reshape(-1, 3), int(camera)))
-    return mapper
+    for name, links in (("joints", state.joints), ("closures", state.closures)):
+        ends = (arrays[f"{name}_{part}"] for part in ("ends", "poses", "information"))
+        links += [Closure(int(i), int(j), T, W) for (i, j), T, W in zip(*ends)]
 
 
 def _camera_fields(camera: Camera) -> dict[str, Any]:

@@ -26,7 +26,8 @@ class TimedPose:
     T_world_camera : ndarray of shape (4, 4), float64
     twist : ndarray of shape (6,), float64
         Velocity in the camera's frame.
-    frame, camera : int
+    frame, camera, part : int
+        Part is the local map that the frame was located in first.
     """
 
     stamp: float
@@ -35,6 +36,7 @@ class TimedPose:
     twist: Float64Array
     frame: int
     camera: int = 0
+    part: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,21 +50,29 @@ class Trajectory:
     T_world_camera : ndarray of shape (n, 4, 4), float64
     frames : ndarray of shape (n,), int64
         Number of each frame among all that were given, from 0.
+    maps : ndarray of shape (n,), int64
+        Number of the local map that each pose is in. Those of maps that were not joined lie to each other as the filter
+        foresaw across the loss.
     """
 
     times: Float64Array
     T_world_camera: Float64Array
     frames: Int64Array
+    maps: Int64Array
 
     def __len__(self) -> int:
         return len(self.times)
 
     @classmethod
-    def of(cls, poses: Sequence[TimedPose]) -> Trajectory:
-        """Return the poses at the colours' stamps, interpolated between exposures that are less than 0.15 s apart."""
+    def of(cls, poses: Sequence[TimedPose], *, maps: Sequence[int] | None = None) -> Trajectory:
+        """Return the poses at the colours' stamps, interpolated between exposures that are less than 0.15 s apart.
+
+        ``maps`` gives each pose's local map; one for all by default.
+        """
         T = np.array([_at_stamp(poses, i) for i in range(len(poses))]).reshape(-1, 4, 4)
         times, frames = np.array([p.stamp for p in poses]), np.array([p.frame for p in poses], dtype=np.int64)
-        return cls(freeze(times), freeze(T), freeze(frames))
+        numbers = np.array([0] * len(poses) if maps is None else maps, dtype=np.int64)
+        return cls(freeze(times), freeze(T), freeze(frames), freeze(numbers))
 
     @property
     def length(self) -> float:
@@ -97,7 +107,7 @@ def _at_stamp(poses: Sequence[TimedPose], i: int) -> Float64Array:
     ahead = pose.stamp - pose.time
     step = 1 if ahead > 0.0 else -1
     j = i + step
-    while 0 <= j < len(poses) and poses[j].camera != pose.camera:
+    while 0 <= j < len(poses) and (poses[j].camera, poses[j].part) != (pose.camera, pose.part):
         j += step
     if 0 <= j < len(poses):
         span = poses[j].time - pose.time

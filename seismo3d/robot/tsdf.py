@@ -29,6 +29,8 @@ from seismo3d.robot.frames import Measured
 REACH = 0.15
 """Metres from the expected depth within which a surface is looked for."""
 _MARGIN = 40
+_SEEN_THROUGH = 2
+"""Pixels around one that must see through a voxel, too."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,18 +128,15 @@ class SurfaceMap:
         T_world_camera : ndarray of shape (4, 4), float64
             Pose at the time of the depth.
         carve : bool
-            Whether what the frame sees through is cleared, too; costs as much again.
+            Whether what the frame sees through is cleared, too.
         pool, n_threads
             Where the work goes; the result doesn't depend on it.
         """
+        if carve:
+            self._carve(measured, camera, T_world_camera, pool, n_threads)
         R, t = _parts(T_world_camera)
         keys = blocks.touched_blocks(measured.vertices, 2, R, t, self.block_size, self.band + self.voxel_size)
         numbers = self.add_blocks(keys)
-        if carve:
-            rows, columns = measured.depth.shape
-            every = self.coordinates[: self.n_blocks]
-            seen = rays.blocks_in_view(every, self.block_size, R, t, lens_numbers(camera), rows, columns)
-            numbers = np.union1d(numbers, seen)
         lens = lens_numbers(camera)
         table = self._pixel_table(camera, measured.depth.shape)
         rgb = measured.colour.reshape(-1, 3)
@@ -149,6 +148,25 @@ class SurfaceMap:
             )  # fmt: skip
 
         _spread(work, np.array_split(numbers, 4 * n_threads), pool)
+
+    def _carve(
+        self, measured: Measured, camera: PinholeCamera, T: Float64Array, pool: ThreadPoolExecutor, n_threads: int
+    ) -> None:
+        rows, columns = measured.depth.shape
+        R, t = _parts(T)
+        lens, table = lens_numbers(camera), self._pixel_table(camera, measured.depth.shape)
+        free = blocks.nearest_around(measured.depth, _SEEN_THROUGH)
+        farthest = rays.farthest_tiles(free, rows, columns)
+        every = self.coordinates[: self.n_blocks]
+        seen = rays.blocks_before(every, self.block_size, R, t, lens, farthest, 2.0 * self.band)
+
+        def work(part: Int64Array) -> None:
+            blocks.carve_blocks(
+                part, self.coordinates, self.distance, self.weight, self.voxel_size, R, t, lens, table, _MARGIN, free,
+                self.band,
+            )  # fmt: skip
+
+        _spread(work, np.array_split(seen, 4 * n_threads), pool)
 
     def cast(
         self,

@@ -36,7 +36,7 @@ def test_known_errors(way: np.ndarray) -> None:
 
 def test_truth_is_read_as_trajectories_are_written(way: np.ndarray, tmp_path: Path) -> None:
     times = np.arange(40) / 30 + 1e9
-    Trajectory(times, way, np.arange(40)).save_tum(tmp_path / "t.txt")
+    Trajectory(times, way, np.arange(40), np.zeros(40, np.int64)).save_tum(tmp_path / "t.txt")
     poses, near = read_truth(tmp_path / "t.txt", np.append(times + 0.004, 0.0))
     np.testing.assert_allclose(poses, way, atol=2e-6)
     assert near.tolist() == [True] * 40 + [False]

@@ -5,7 +5,8 @@ import pytest
 
 from seismo3d.geometry.rotations import exp_rotation, invert_transform, make_transform, rotation_angle
 from seismo3d.graph.poses import solve_poses
-from seismo3d.robot.keyframes import PlaceMemory, correct_poses, find_closures, make_graph, make_keyframe
+from seismo3d.robot.closures import correct_poses, find_closures, make_graph
+from seismo3d.robot.keyframes import PlaceMemory, make_keyframe
 from seismo3d.synthetic.rgbd import RgbdSequence, rgbd_sequence
 
 

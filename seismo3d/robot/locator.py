@@ -1,0 +1,101 @@
+"""Find where a frame was taken: near a predicted pose, or at one of the places that maps remember."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from seismo3d._typing import Float64Array
+from seismo3d.geometry.rotations import invert_transform
+from seismo3d.robot.camera import Camera
+from seismo3d.robot.ekf import log_motion
+from seismo3d.robot.frames import Measured, Timing
+from seismo3d.robot.keyframes import make_keyframe
+from seismo3d.robot.landmarks import sight_landmarks, time_sightings
+from seismo3d.robot.results import MapperSettings
+from seismo3d.robot.state import MapState
+from seismo3d.robot.tracking import Located, locate
+from seismo3d.robot.tsdf import Prediction, SurfaceMap
+
+
+class Locator:
+    """Locates frames of some cameras in local maps.
+
+    Parameters
+    ----------
+    cameras : list of Camera
+    settings : MapperSettings
+    pool : ThreadPoolExecutor
+    n_threads : int
+    """
+
+    def __init__(
+        self, cameras: list[Camera], settings: MapperSettings, pool: ThreadPoolExecutor, n_threads: int
+    ) -> None:
+        self._cameras = cameras
+        self._terms = settings.terms
+        self._pool = pool
+        self._n_threads = n_threads
+
+    def cast(
+        self, surface: SurfaceMap, measured: Measured, number: int, T: Float64Array, *, coarser: int
+    ) -> Prediction:
+        """Return a map's surface as a camera at a pose sees it, every ``coarser``-th pixel of the half image."""
+        k, lens = 2 * coarser, self._cameras[number].lens
+        expected = np.ascontiguousarray(measured.vertices[coarser // 2 :: coarser, coarser // 2 :: coarser, 2])
+        numbers = np.array([lens.fx / k, lens.fy / k, (lens.cx + 0.5) / k - 0.5, (lens.cy + 0.5) / k - 0.5])
+        return surface.cast(expected, numbers, T, pool=self._pool, n_threads=self._n_threads)
+
+    def locate(
+        self,
+        state: MapState,
+        measured: Measured,
+        number: int,
+        T: Float64Array,
+        twist: Float64Array,
+        timing: Timing,
+    ) -> Located:
+        """Fit a frame of a camera to a map from a pose."""
+        lens = self._cameras[number].lens
+        prediction = self.cast(state.surface, measured, number, T, coarser=3)
+        if measured.grey is None or self._terms == "planes":
+            nothing = np.empty((0, 3)), np.empty((0, 2))
+            seen = time_sightings(*nothing, lens, twist, timing, measured.depth.shape)
+        else:
+            seen = sight_landmarks(state.views, measured.grey, lens, T, twist, timing)
+        return locate(measured, prediction, seen, T, lens, terms=self._terms)
+
+    def places(
+        self, states: Iterable[MapState], measured: Measured, number: int
+    ) -> Iterable[tuple[MapState, Float64Array]]:
+        """Yield maps and poses in them at which remembered keyframes say that a frame may have been taken."""
+        if measured.grey is None:
+            return
+        asked = make_keyframe(-1, number, np.eye(4), measured.grey, measured.depth)
+        for state in states:
+            for place in state.memory.recall(asked.features):
+                found = state.memory.compare(int(place), asked)
+                if found is not None:
+                    yield state, state.memory.keyframes[place].T_world_camera @ found.T_target_source
+
+
+def is_sound(located: Located, T_expected: Float64Array, *, n_lost: int) -> bool:
+    """Judge a located frame by its support and its distance from where it was expected.
+
+    Parameters
+    ----------
+    located : Located
+    T_expected : ndarray of shape (4, 4), float64
+    n_lost : int
+        Frames lost before it: more support is asked for after a loss, and a larger distance granted.
+    """
+    if not located.converged:
+        return False
+    jump = log_motion(invert_transform(T_expected) @ located.T_world_camera)
+    reach = 1.0 + min(n_lost, 30) / 15.0
+    near = np.linalg.norm(jump[:3]) < 0.25 * reach and np.linalg.norm(jump[3:]) < 0.2 * reach
+    doubt = n_lost > 0
+    enough = located.share > (0.3 if doubt else 0.15) or located.n_landmarks >= (40 if doubt else 20)
+    return bool(near and enough)
