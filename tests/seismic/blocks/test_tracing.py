@@ -227,5 +227,5 @@ def test_memory_decides_and_a_folder_is_needed(cube, wanted, tmp_path, monkeypat
         trace_faults(cube, memory="440MB")
     with pytest.raises(ParameterError, match="folder is given without memory"):
         trace_faults(cube, folder=tmp_path / "none")
-    monkeypatch.setattr("seismo3d.seismic.blocks.tracing.whole_cube_bytes", lambda shape: 2 * 10**9)
+    monkeypatch.setattr("seismo3d.seismic.blocks.tracing.whole_cube_bytes", lambda _: 2 * 10**9)
     assert_same(trace_faults(cube, memory="1GB", folder=tmp_path / "run"), wanted)
