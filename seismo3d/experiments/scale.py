@@ -22,6 +22,8 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float32Array
+from seismo3d.io.cubes import open_cube
+from seismo3d.io.zarr_store import write_zarr
 from seismo3d.seismic.blocks.plan import parse_memory, plan_blocks
 from seismo3d.seismic.blocks.tracing import trace_in_blocks
 from seismo3d.seismic.faults import FaultSettings, trace_faults
@@ -101,18 +103,26 @@ def measure_part(part: tuple[int, int], *, memory: str) -> dict[str, Any]:
     shape = (*part, LARGE[2])
     stages: dict[str, float] = {}
     clock = StageClock(lambda stage, _: stages.__setitem__(stage, _peak_gb()))
-    start = time.process_time()
     with tempfile.TemporaryDirectory(dir=_scratch()) as folder:
-        faults = trace_in_blocks(
-            large_cube(shape), replace(plan, shape=shape), settings, folder=Path(folder) / "run", progress=clock
-        )
+        cube = open_cube(write_zarr(Path(folder) / "cube.zarr", large_cube(shape)), lazy=True)
+        start = time.process_time()
+        plan = replace(plan, shape=shape)
+        faults = trace_in_blocks(cube, plan, settings, folder=Path(folder) / "run", progress=clock)
+        n_ridges = _count_ridges(Path(folder) / "run" / "work")
     spent, seconds, n = time.process_time() - start, clock.stop(), int(np.prod(shape))
+    whole = float(np.prod(LARGE, dtype=np.float64))
     return {
         "shape": shape, "memory": memory, "edges": plan.edges, "peak_rss_gb": _peak_gb(), "peak_by_stage_gb": stages,
         "cpu_us_a_voxel": 1e6 * spent / n, "wall_us_a_voxel": 1e6 * sum(seconds.values()) / n, "wall_s": seconds,
-        "n_surfaces": len(faults.surfaces), "share_of_20_gb": n / float(np.prod(LARGE, dtype=np.float64)),
-        "whole_20_gb_cpu_hours": spent / n * float(np.prod(LARGE, dtype=np.float64)) / 3600.0,
+        "n_surfaces": len(faults.surfaces), "strong_ridges": n_ridges, "share_of_20_gb": n / whole,
+        "whole_20_gb_cpu_hours": spent / n * whole / 3600.0, "whole_20_gb_strong_ridges": n_ridges / n * whole,
     }  # fmt: skip
+
+
+def _count_ridges(work: Path) -> int:
+    from seismo3d.io.archive import read_archive
+
+    return sum(len(read_archive(part)[0]["score"]) for part in (work / "parts" / "thin").glob("*.npz"))
 
 
 def measure_kills(times: int, *, size: int) -> dict[str, Any]:
@@ -214,7 +224,9 @@ def main() -> None:
     parser.add_argument("what", choices=("equal", "part", "kills", "workers", "trace"))
     parser.add_argument("--size", type=int, default=256, help="edge of the cube")
     parser.add_argument("--edge", type=int, default=96, help="largest edge of a block")
-    parser.add_argument("--part", type=int, default=384, help="inlines and crosslines of the part of 20 GB")
+    parser.add_argument(
+        "--part", type=int, nargs=2, default=[384, 160], help="inlines and crosslines of the part of 20 GB"
+    )
     parser.add_argument("--memory", default="2GB")
     parser.add_argument("--times", type=int, default=20, help="kills")
     parser.add_argument("--folder", type=Path, default=Path("scale-run"))
@@ -224,7 +236,7 @@ def main() -> None:
         return
     found = {
         "equal": lambda: measure_equal(given.size, edge=given.edge),
-        "part": lambda: measure_part((given.part, given.part), memory=given.memory),
+        "part": lambda: measure_part((given.part[0], given.part[1]), memory=given.memory),
         "kills": lambda: measure_kills(given.times, size=given.size),
         "workers": lambda: measure_workers(given.size, edge=given.edge),
     }[given.what]()

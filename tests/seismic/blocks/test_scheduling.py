@@ -47,7 +47,7 @@ def test_a_cluster_gives_the_same_though_a_worker_dies(tmp_path):
 
 def test_a_cluster_that_does_not_answer_is_one_clear_error(monkeypatch):
     monkeypatch.setattr("seismo3d.seismic.blocks.scheduling._ANSWER_S", "1s")
-    with pytest.raises(FileAccessError, match="no dask scheduler answers at tcp://127.0.0.1:9"):
+    with pytest.raises(FileAccessError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
         OnCluster("tcp://127.0.0.1:9")
 
 
