@@ -10,12 +10,8 @@ from numba.typed import Dict
 
 
 @njit(cache=True, nogil=True)
-def index_points(voxels, n0, n1, n2):  # type: ignore[no-untyped-def]
-    """Index points by their voxels, in memory that grows with their number: cells of 4 x 4 x 4 voxels that hold some.
-
-    Returns the number of each cell, -1 where it is empty, and for every cell the number of the point in each of its
-    voxels, -1 where there is none.
-    """
+def number_cells(voxels, n0, n1, n2):  # type: ignore[no-untyped-def]
+    """Return a number for each cell of 4 x 4 x 4 voxels that holds points, -1 for the others, and how many hold any."""
     cells = np.full(((n0 + 3) >> 2, (n1 + 3) >> 2, (n2 + 3) >> 2), -1, np.int32)
     count = 0
     for a in range(len(voxels)):
@@ -23,11 +19,19 @@ def index_points(voxels, n0, n1, n2):  # type: ignore[no-untyped-def]
         if cells[i, j, k] < 0:
             cells[i, j, k] = count
             count += 1
-    points = np.full((count, 64), -1, np.int32)
+    return cells, count
+
+
+@njit(cache=True, nogil=True)
+def fill_cells(voxels, cells, points):  # type: ignore[no-untyped-def]
+    """Write, for every cell that holds points, the number of the point in each of its voxels, -1 where there is none.
+
+    This is an index whose memory grows with the number of points, not with the cube.
+    """
+    points[:] = -1
     for a in range(len(voxels)):
         i, j, k = voxels[a, 0], voxels[a, 1], voxels[a, 2]
         points[cells[i >> 2, j >> 2, k >> 2], ((i & 3) << 4) | ((j & 3) << 2) | (k & 3)] = a
-    return cells, points
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -63,24 +67,45 @@ def _carried(voxels, normals, a, down):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def grow_surfaces(  # type: ignore[no-untyped-def]
-    voxels, positions, normals, score, order, shape, index, step, reach, least_cosine, off_plane, fold, widest
+    voxels,
+    positions,
+    normals,
+    score,
+    order,
+    shape,
+    index,
+    step,
+    reach,
+    least_cosine,
+    off_plane,
+    fold,
+    widest,
+    first,
+    number,
+    most,
+    height,
+    owner,
+    label,
 ):
-    """Return the surface number of every point, growing each surface from the best point that is still free.
+    """Write the surface number of every point, growing each surface from the best point that is still free.
 
     A surface takes the best free point beside it that lies on the plane of the point it is reached from; beside means
     near where that plane passes through the levels above and below, which a low dip carries far off. A surface is a
     height field over its seed's plane: a point that would be its second one at a place (farther than `fold` from the
     first), or whose plane turns away too far from the seed's (cosine below `widest`), stays free.
+
+    Begins with the seed at `first` of the order and surface `number`, and pauses between two surfaces once `most`
+    points are taken: returns the next seed's place and surface. `height` and `owner` have room for each place of a
+    surface: (2 (inlines + crosslines) + 1, levels); `label` and `owner` are -1 at first.
     """
-    n = len(voxels)
     n0, n1, n2 = shape
     cells, points = index
-    label = np.full(n, -1, np.int32)
     span = n0 + n1
-    height = np.zeros((2 * span + 1, n2), np.float32)
-    owner = np.full((2 * span + 1, n2), -1, np.int32)
-    number = 0
-    for seed in order:
+    taken = 0
+    for place in range(first, len(order)):
+        if taken >= most:
+            return place, number
+        seed = order[place]
         if label[seed] >= 0:
             continue
         length = np.hypot(normals[seed, 0], normals[seed, 1])
@@ -109,6 +134,7 @@ def grow_surfaces(  # type: ignore[no-untyped-def]
             if not fits:
                 continue
             label[a] = number
+            taken += 1
             owner[row, k] = number
             height[row, k] = w
             for kk in range(max(0, k - reach), min(n2, k + reach + 1)):
@@ -128,19 +154,34 @@ def grow_surfaces(  # type: ignore[no-untyped-def]
                         if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
                             heapq.heappush(heap, (-score[b], np.int64(b)))
         number += 1
-    return label
+    return len(order), number
 
 
 @njit(cache=True, nogil=True)
 def count_contacts(  # type: ignore[no-untyped-def]
-    voxels, positions, normals, label, n_surfaces, shape, index, step, reach, least_cosine, off_plane
+    voxels,
+    positions,
+    normals,
+    label,
+    n_surfaces,
+    shape,
+    index,
+    step,
+    reach,
+    least_cosine,
+    off_plane,
+    first,
+    last,
+    near,
+    along,
 ):
-    """Return a row (surface, surface, pairs of near points, those of them that agree) for every two in touch."""
+    """Count, for every two surfaces in touch, pairs of near points, and those of them that agree.
+
+    Looks from the points `first` to `last`, and adds to `near` and `along`, whose keys are both surfaces in one number.
+    """
     n0, n1, n2 = shape
     cells, points = index
-    near = Dict.empty(types.int64, types.int64)
-    along = Dict.empty(types.int64, types.int64)
-    for a in range(len(voxels)):
+    for a in range(first, last):
         la = np.int64(label[a])
         if la < 0:
             continue
@@ -157,6 +198,17 @@ def count_contacts(  # type: ignore[no-untyped-def]
                     near[key] = near.get(key, 0) + 1
                     if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
                         along[key] = along.get(key, 0) + 1
+
+
+@njit(cache=True, nogil=True)
+def new_counts():  # type: ignore[no-untyped-def]
+    """Return counts with no key."""
+    return Dict.empty(types.int64, types.int64)
+
+
+@njit(cache=True, nogil=True)
+def list_contacts(near, along, n_surfaces):  # type: ignore[no-untyped-def]
+    """Return a row (surface, surface, pairs of near points, those of them that agree) for every two in touch."""
     out = np.empty((len(near), 4), np.int64)
     for row, key in enumerate(near):
         out[row, 0] = key // n_surfaces

@@ -18,7 +18,7 @@ from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_s
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence, refuse_in_blocks
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
-from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
+from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
 from seismo3d.seismic.misfit import MisfitSettings
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
@@ -203,13 +203,15 @@ def to_likelihood(score: Float32Array) -> Float32Array:
     return (1.0 - np.exp2(-np.maximum(score, 0.0))).astype(np.float32)
 
 
-def find_candidates(strong: RidgePoints, shape: tuple[int, ...], noise: float, settings: FaultSettings) -> list[Sheet]:
+def find_candidates(
+    strong: RidgePoints, shape: tuple[int, ...], noise: float, settings: FaultSettings, *, room: Room | None = None
+) -> list[Sheet]:
     """Link the strong ridges of a cube, whose evidence has this shape and noise, into sheets that may be faults."""
     least_area = min(settings.choice.company_area, settings.choice.least_area)
     sheets = link_sheets(
         strong, (shape[0], shape[1], shape[2]), step=settings.misfit.step,
         least_points=max(4, int(0.5 * least_area / settings.misfit.step)),
-        end_score=score_at_noise(settings.end_score, noise), settings=settings.link,
+        end_score=score_at_noise(settings.end_score, noise), settings=settings.link, room=room,
     )  # fmt: skip
     return may_be_faults(sheets, 1 in shape[:2], settings.choice)
 

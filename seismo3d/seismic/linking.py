@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
-from seismo3d.seismic._kernels_linking import count_contacts, grow_surfaces, index_points
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d.seismic._kernels_linking import (
+    count_contacts,
+    fill_cells,
+    grow_surfaces,
+    list_contacts,
+    new_counts,
+    number_cells,
+)
 from seismo3d.seismic.scan import RidgePoints
 
 
@@ -120,6 +128,36 @@ class Sheet:
         return np.column_stack([flat, self.first_sample + columns * self.step])
 
 
+class Room(Protocol):
+    """Where linking keeps what is as long as there are points."""
+
+    @property
+    def most(self) -> int:
+        """Points that are worked on between two rests."""
+        ...
+
+    def array(self, shape: tuple[int, ...], dtype: Any) -> AnyArray:
+        """Return an array to write to."""
+        ...
+
+    def rest(self) -> None:
+        """Do what keeps memory low."""
+        ...
+
+
+class InMemory:
+    """Keeps everything in memory."""
+
+    most = 2**62
+
+    def array(self, shape: tuple[int, ...], dtype: Any) -> AnyArray:
+        """Return an array to write to."""
+        return np.empty(shape, dtype)
+
+    def rest(self) -> None:
+        """Do nothing."""
+
+
 def link_sheets(
     ridges: RidgePoints,
     shape: tuple[int, int, int],
@@ -128,6 +166,7 @@ def link_sheets(
     least_points: int,
     end_score: float = 0.0,
     settings: LinkSettings | None = None,
+    room: Room | None = None,
 ) -> list[Sheet]:
     """Link ridge points into sheets, largest first.
 
@@ -148,6 +187,8 @@ def link_sheets(
         Support, averaged over the surface nearby, below which a surface ends.
     settings : LinkSettings, optional
         When points belong together.
+    room : Room, optional
+        Where arrays as long as there are points are kept; in memory without one.
 
     Returns
     -------
@@ -155,7 +196,9 @@ def link_sheets(
     """
     settings = settings or LinkSettings()
     sheets: list[Sheet] = []
-    for parts in _grow(ridges, shape, step, settings):
+    for number, parts in enumerate(_grow(ridges, shape, step, settings, room)):
+        if room is not None and number % 64 == 0:
+            room.rest()
         whole = np.concatenate(parts)
         sheet, share = _fit_sheet(ridges, whole, shape, step, end_score, settings)
         if len(parts) == 1 or share > settings.joint_share:
@@ -174,26 +217,47 @@ def _unit_normals(planes: Float32Array) -> Float32Array:
     return (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
 
 
-def _grow(ridges: RidgePoints, shape: tuple[int, int, int], step: int, settings: LinkSettings) -> list[list[IntArray]]:
+def _grow(
+    ridges: RidgePoints, shape: tuple[int, int, int], step: int, settings: LinkSettings, room: Room | None = None
+) -> list[list[IntArray]]:
     """Return the points of every surface: as parts grown apart, one continuing another across a gap."""
     if len(ridges.score) == 0:
         return []
-    normals = _unit_normals(ridges.planes)
-    index = index_points(ridges.voxels, *shape)
-    order = np.argsort(-ridges.score, kind="stable")
+    room = room or InMemory()
+    n, most = len(ridges.score), room.most
+    normals = room.array((n, 3), np.float32)
+    for start in range(0, n, min(n, most)):
+        normals[start : start + most] = _unit_normals(ridges.planes[start : start + most])
+    cells, n_cells = number_cells(ridges.voxels, *shape)
+    index = cells, room.array((n_cells, 64), np.int32)
+    fill_cells(ridges.voxels, *index)
+    order = room.array((n,), np.int64)
+    order[:] = np.argsort(-ridges.score, kind="stable")
     cosine = np.float32(np.cos(np.radians(settings.angle_deg)))
-    label = grow_surfaces(
-        ridges.voxels, ridges.positions, normals, ridges.score, order, shape, index, step, settings.reach, cosine,
-        np.float32(settings.off_plane), np.float32(settings.fold), np.float32(np.cos(np.radians(settings.turn_deg))),
-    )  # fmt: skip
+    label = np.full(n, -1, np.int32)
+    places = (2 * (shape[0] + shape[1]) + 1, shape[2])
+    height, owner = np.zeros(places, np.float32), np.full(places, -1, np.int32)
+    first = n_surfaces = 0
+    while first < n:
+        room.rest()
+        first, n_surfaces = grow_surfaces(
+            ridges.voxels, ridges.positions, normals, ridges.score, order, shape, index, step, settings.reach, cosine,
+            np.float32(settings.off_plane), np.float32(settings.fold),
+            np.float32(np.cos(np.radians(settings.turn_deg))), first, n_surfaces, most, height, owner, label,
+        )  # fmt: skip
     label[np.bincount(label)[label] < settings.fragment] = -1
     n_surfaces = int(label.max()) + 1
     if n_surfaces == 0:
         return []
-    contacts = count_contacts(
-        ridges.voxels, ridges.positions, normals, label, n_surfaces, shape, index, step, settings.gap,
-        np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(settings.off_plane),
-    )  # fmt: skip
+    near, along = new_counts(), new_counts()
+    for start in range(0, n, min(n, most)):
+        room.rest()
+        count_contacts(
+            ridges.voxels, ridges.positions, normals, label, n_surfaces, shape, index, step, settings.gap,
+            np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(settings.off_plane),
+            start, min(start + most, n), near, along,
+        )  # fmt: skip
+    contacts = list_contacts(near, along, n_surfaces)
     group = _join(n_surfaces, contacts, settings.contacts)
     parts: dict[int, list[IntArray]] = {}
     for part in _split(label):
@@ -203,8 +267,8 @@ def _grow(ridges: RidgePoints, shape: tuple[int, int, int], step: int, settings:
 
 def _split(label: IntArray) -> list[IntArray]:
     """Return the members of every label from 0 on, in order."""
-    order = np.argsort(label, kind="stable")
-    order = order[label[order] >= 0]
+    members = np.flatnonzero(label >= 0)
+    order = members[np.argsort(label[members], kind="stable")]
     starts = np.flatnonzero(np.diff(label[order]))
     return np.split(order, starts + 1) if len(order) else []
 

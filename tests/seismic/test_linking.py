@@ -56,7 +56,9 @@ def off(points, normal_deg, cotangent, centre=(20.0, 20.0, 32.0)):
 
 def test_points_are_indexed():
     voxels = np.array([[0, 1, 2], [3, 0, 1]], np.int32)
-    cells, points = kernels.index_points(voxels, 4, 3, 5)
+    cells, n_cells = kernels.number_cells(voxels, 4, 3, 5)
+    points = np.empty((n_cells, 64), np.int32)
+    kernels.fill_cells(voxels, cells, points)
     found = np.array([kernels.find_point(cells, points, *at) for at in np.ndindex(4, 3, 5)]).reshape(4, 3, 5)
     assert found[0, 1, 2] == 0
     assert found[3, 0, 1] == 1

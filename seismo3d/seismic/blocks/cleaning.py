@@ -117,10 +117,9 @@ def _boxes(run: BlockRun, number: int) -> tuple[Box, Box, tuple[slice, slice]]:
 
 def _read(piece: Any) -> Float32Array:
     """Return a piece of the input as amplitudes of its own; read by this process alone."""
-    data = getattr(piece, "data", piece)
-    if hasattr(data, "dask"):
-        data = data.compute(scheduler="synchronous")
-    return np.array(data, np.float32, order="C")
+    if hasattr(piece, "dask"):
+        piece = piece.compute(scheduler="synchronous")
+    return np.array(piece, np.float32, order="C")
 
 
 def _scaled(run: BlockRun, piece: Any) -> tuple[Float32Array, AnyArray]:

@@ -7,6 +7,7 @@ import numpy as np
 from seismo3d.seismic.blocks.evidence import final_noise, read_evidence, thinned_shape
 from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.results import write_result
+from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.faults import draw_ridges, score_at_noise
 from seismo3d.seismic.scan import (
@@ -75,12 +76,33 @@ def thin(run: BlockRun, number: int) -> None:
     )  # fmt: skip
 
 
-def gather_ridges(run: BlockRun) -> RidgePoints:
+def gather_ridges(run: BlockRun, room: OnDisk) -> RidgePoints:
     """Return the strong ridges of the whole cube, in the order in which the cube in one piece has them."""
-    parts = [run.read_part("thin", number)[0] for number in range(len(run.plan.tiling("draw")))]
-    joined = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])}
-    order = np.argsort(np.ravel_multi_index(tuple(joined["voxels"].T), thinned_shape(run)), kind="stable")
-    return RidgePoints(**{name: values[order] for name, values in joined.items()})
+    blocks = range(len(run.plan.tiling("draw")))
+    shape = thinned_shape(run)
+    keys = [
+        np.ravel_multi_index(tuple(run.read_part("thin", number, prefix="voxels")[0]["voxels"].T), shape)
+        for number in blocks
+    ]
+    flat = np.concatenate(keys)
+    del keys
+    order = np.argsort(flat, kind="stable")
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    del flat, order
+    n = len(place)
+    voxels, score = room.array((n, 3), np.int32), room.array((n,), np.float32)
+    positions, planes = room.array((n, 3), np.float32), room.array((n, 3), np.float32)
+    whole = {"voxels": voxels, "positions": positions, "planes": planes, "score": score}
+    first = 0
+    for number in blocks:
+        part, _ = run.read_part("thin", number)
+        at = place[first : first + len(part["score"])]
+        for name, values in whole.items():
+            values[at] = part[name]
+        first += len(at)
+        room.rest()
+    return RidgePoints(**whole)
 
 
 def _inside(ridges: RidgePoints, box: Box):  # type: ignore[no-untyped-def]

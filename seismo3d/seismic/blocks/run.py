@@ -210,10 +210,21 @@ def describe_source(cube: Any) -> dict[str, Any]:
     path = getattr(cube, "attrs", {}).get("path")
     if path and Path(path).exists():
         return found | {"file": {**fingerprint(path), "file": ""}}
+    return found | {"samples": _hash_samples(cube.data if hasattr(cube, "dims") else cube)}
+
+
+def _hash_samples(data: Any) -> str:
+    """Hash all samples, a line at a time; of a lazy array a chunk, which is read once."""
     digest = hashlib.sha256()
-    for line in range(cube.shape[0]):
-        digest.update(np.ascontiguousarray(cube[line]).tobytes())
-    return found | {"samples": digest.hexdigest()}
+    if not hasattr(data, "dask"):
+        for line in range(data.shape[0]):
+            digest.update(np.ascontiguousarray(data[line]).tobytes())
+        return digest.hexdigest()
+    ends = [np.cumsum((0, *sizes)) for sizes in data.chunks[:2]]
+    for i0, i1 in zip(ends[0][:-1], ends[0][1:], strict=True):
+        for j0, j1 in zip(ends[1][:-1], ends[1][1:], strict=True):
+            digest.update(np.ascontiguousarray(data[i0:i1, j0:j1].compute(scheduler="synchronous")).tobytes())
+    return digest.hexdigest()
 
 
 def pack_settings(settings: Any) -> dict[str, Any]:

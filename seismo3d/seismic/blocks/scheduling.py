@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
+from queue import Empty, Queue
 from typing import Any, Protocol
 
 from seismo3d.errors import FileAccessError, MissingDependencyError
@@ -16,6 +17,7 @@ from seismo3d.seismic.blocks.store import DamagedBlock
 Piece = Callable[[int], Any]
 """Gives what a block needs of the input, lazily, by the block's number."""
 
+_ANSWER_S = "15s"
 _PATIENCE_S = 60.0
 _one_at_a_time = threading.Lock()
 
@@ -74,7 +76,7 @@ class OnCluster(AbstractContextManager["OnCluster"]):
             ) from error
         self.address = address
         try:
-            self._client = Client(address, timeout="15s", set_as_default=False)
+            self._client = Client(address, timeout=_ANSWER_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise FileAccessError(
                 f"no dask scheduler answers at {address}. Start one (dask scheduler) and workers, or leave it out."
@@ -86,17 +88,15 @@ class OnCluster(AbstractContextManager["OnCluster"]):
     @property
     def n_workers(self) -> int:
         """How many workers there are."""
-        return len(self._client.scheduler_info(n_workers=-1)["workers"])
+        return len(self._client.scheduler_info()["workers"])
 
     def work(
         self, run: BlockRun, stage: str, numbers: Sequence[int], piece: Piece | None
     ) -> Iterator[tuple[int, DamagedBlock | None]]:
         """Work on a stage's blocks, on as many workers as there are; blocks of workers that die go to others."""
-        from distributed import as_completed
-
         folder = str(run.folder.resolve())
         waiting = list(reversed(numbers))
-        running = as_completed(with_results=False)
+        ended: Queue[Any] = Queue()
         place: dict[Any, int] = {}
 
         def submit() -> None:
@@ -104,12 +104,12 @@ class OnCluster(AbstractContextManager["OnCluster"]):
             job = _Job(folder, stage, number, None if piece is None else piece(number))
             future = self._client.submit(job, pure=False, retries=2)
             place[future.key] = number
-            running.add(future)
+            future.add_done_callback(ended.put)
 
         for _ in range(min(len(waiting), 2 * max(1, self.n_workers))):
             submit()
         while place:
-            future = self._next(running)
+            future = self._next(ended)
             number = place.pop(future.key)
             if waiting:
                 submit()
@@ -120,21 +120,19 @@ class OnCluster(AbstractContextManager["OnCluster"]):
             else:
                 yield number, None
 
-    def _next(self, running: Any) -> Any:
+    def _next(self, ended: Queue[Any]) -> Any:
         """Return the next job that ends; not for ever where no worker is left."""
         alone_since: float | None = None
-        while running.queue.empty():
-            if self.n_workers:
-                alone_since = None
-            elif alone_since is None:
-                alone_since = time.monotonic()
-            elif time.monotonic() - alone_since > _PATIENCE_S:
+        while True:
+            try:
+                return ended.get(timeout=1.0)
+            except Empty:
+                alone_since = None if self.n_workers else alone_since or time.monotonic()
+            if alone_since is not None and time.monotonic() - alone_since > _PATIENCE_S:
                 raise FileAccessError(
                     f"the cluster at {self.address} has no workers left. Start some and give the same command again: "
                     "finished blocks are kept."
                 )
-            time.sleep(0.05)
-        return next(running)
 
 
 class _Job:

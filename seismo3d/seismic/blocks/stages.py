@@ -140,6 +140,6 @@ def find_piece(run: BlockRun, cube: Any) -> Callable[[int], Any]:
     def piece(number: int) -> Any:
         box = cleaning.raw_box(run, number)
         part = cube[box.i0 : box.i1, box.j0 : box.j1]
-        return getattr(part, "data", part)
+        return part.data if hasattr(part, "dims") else part
 
     return piece
