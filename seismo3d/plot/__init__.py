@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from seismo3d.plot.stereonets import stereonet
     from seismo3d.plot.terrain_maps import change_map, lineament_rose, scarp_profile, terrain
     from seismo3d.plot.time_lapse_sections import time_lapse_section
-    from seismo3d.plot.track_pictures import track_map, track_section
+    from seismo3d.plot.track_pictures import loop_map, track_map, track_section
     from seismo3d.plot.unfaulted_sections import unfaulted_section
 
 _PUBLIC = {
@@ -33,6 +33,7 @@ _PUBLIC = {
     "flow_path_views": "network_pictures",
     "likelihood": "sections",
     "lineament_rose": "terrain_maps",
+    "loop_map": "track_pictures",
     "matches": "match_pictures",
     "occupancy_map": "robot_maps",
     "network_map": "network_pictures",
@@ -61,6 +62,7 @@ __all__ = [
     "flow_path_views",
     "likelihood",
     "lineament_rose",
+    "loop_map",
     "matches",
     "network_map",
     "occupancy_map",

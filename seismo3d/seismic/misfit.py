@@ -146,19 +146,26 @@ def compare_along(volume: Float32Array, valid: BoolArray, slopes: tuple[Float32A
 
 
 def fuse_misfits(
-    volume: Float32Array, valid: BoolArray, comparisons: list[Compare], *, settings: MisfitSettings | None = None
+    volume: Float32Array,
+    valid: BoolArray,
+    comparisons: list[Compare],
+    *,
+    share: tuple[float, float] = (0.5, 0.5),
+    settings: MisfitSettings | None = None,
 ) -> Evidence:
-    """Measure the misfit of both sides under several ways of carrying them, and take the mean of their logarithms.
+    """Measure the misfit of both sides under one or two ways of carrying them, and take the mean of their logarithms.
 
     Each way has the reach and the softness of its own noise, so that its evidence is a log ratio to what it leaves
-    where nothing breaks, and these add up.
+    where nothing breaks, and the two add up.
 
     Parameters
     ----------
     volume, valid : ndarray of shape (inline, crossline, sample)
         Amplitudes, float32, finite everywhere, and where there are any.
     comparisons : list of callable
-        As :func:`compare_along` returns them.
+        One or two, as :func:`compare_along` returns them.
+    share : tuple of (float, float)
+        Share of the second in a cube without noise, and in one whose noise is half as strong as its signal or more.
     settings : MisfitSettings, optional
         Windows.
 
@@ -171,15 +178,13 @@ def fuse_misfits(
     background = _background(noise, settings)
     for compare in comparisons[1:]:
         more, also_known, other_noise, other_noisiness = _log_ratios(volume, valid, compare, settings)
-        background += _background(other_noise, settings)
         noise, noisiness = min(noise, other_noise), min(noisiness, other_noisiness)
+        second = share[0] + min(1.0, 2.0 * noisiness) * (share[1] - share[0])
+        background += second * (_background(other_noise, settings) - background)
         for values, added in zip(logs + known, more + also_known, strict=True):
+            values *= np.float32(1.0 - second)
+            added *= np.float32(second)
             values += added
-    if len(comparisons) > 1:
-        share = np.float32(1.0 / len(comparisons))
-        background *= float(share)
-        for values in logs + known:
-            values *= share
     mean, spread = _moments(logs, known)
     # where there is next to no evidence, its own scatter must not be taken for faults
     mean, spread = max(mean, _LEAST_MEAN), max(spread, _LEAST_SPREAD * (1.0 - noisiness))
