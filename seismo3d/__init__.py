@@ -5,6 +5,7 @@ The flow of data, top to bottom::
     open_cube          SEG-Y, Zarr or NPY -> cube (xarray.DataArray: inline, crossline, time or depth)
     trace_faults       cube -> FaultSet (likelihood, labels, throw, surfaces)
     layer_time         cube, FaultSet -> layer time of every voxel
+    loop_closure       cube, FaultSet -> how well its shifts agree round closed loops
     trace_tracks       cube, seeds, FaultSet -> Tracks (horizons through the cube and across its faults)
     find_horizons      cube -> its best Tracks, without seeds
     align_cubes        base, monitor -> shifts with their uncertainty, and the aligned monitor (time lapse)
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from seismo3d.seismic.flow_paths import FlowPath, flow_path
     from seismo3d.seismic.horizon_search import find_horizons
     from seismo3d.seismic.layer_time import layer_time
+    from seismo3d.seismic.loop_closure import loop_closure
     from seismo3d.seismic.network import FractureNetwork, fracture_network
     from seismo3d.seismic.pick_scores import score_horizon, score_sticks
     from seismo3d.seismic.stick_tracking import follow_stick
@@ -78,6 +80,7 @@ _PUBLIC = {
     "follow_stick": "seismo3d.seismic.stick_tracking",
     "fracture_network": "seismo3d.seismic.network",
     "layer_time": "seismo3d.seismic.layer_time",
+    "loop_closure": "seismo3d.seismic.loop_closure",
     "match": "seismo3d.features.matching",
     "open_cube": "seismo3d.io.cubes",
     "read_horizon": "seismo3d.io.horizons",
@@ -113,6 +116,7 @@ __all__ = [
     "follow_stick",
     "fracture_network",
     "layer_time",
+    "loop_closure",
     "match",
     "open_cube",
     "plot",

@@ -54,6 +54,8 @@ def run(
     from seismo3d.plot.track_pictures import save_track_pictures
     from seismo3d.seismic.faultset import FaultSet
     from seismo3d.seismic.horizon_search import find_horizons
+    from seismo3d.seismic.layer_time import model_layers
+    from seismo3d.seismic.loop_closure import tabulate_loops
     from seismo3d.seismic.picks import horizon_seeds
     from seismo3d.seismic.track_exports import tabulate_tracks, write_tracks
     from seismo3d.seismic.tracks import trace_tracks
@@ -68,30 +70,37 @@ def run(
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
-        if points:
-            tracks = trace_tracks(opened, points, faults=known, event=event, progress=clock)
-        else:
-            tracks = find_horizons(opened, count, faults=known, event=event, progress=clock)
+        layers = model_layers(opened, faults=known, progress=clock) if opened.ndim == 3 else None
+        how: dict[str, Any] = {"faults": known, "event": event, "layers": layers, "progress": clock}
+        tracks = trace_tracks(opened, points, **how) if points else find_horizons(opened, count, **how)
+        closure = None if layers is None else layers.closure
         clock("export", 0.0)
         write_tracks(tracks, opened, directory=aside)
         clock("pictures", 0.0)
-        pictures = save_track_pictures(aside, opened, tracks, faults=known)
+        pictures = save_track_pictures(aside, opened, tracks, faults=known, closure=closure)
         asked = {**reading, "seed": seed, "horizon": horizon, "faults": faults, "event": event, "count": count}
         timings = clock.stop()
-        record = {**describe_run(cube, options=asked), "timings_s": timings}
-        page = tracks_page(tracks, opened, title=f"Horizons in {cube.name}", pictures=pictures, run=record)
+        record = {**describe_run(cube, options=asked), "loops": tabulate_loops(closure), "timings_s": timings}
+        title = f"Horizons in {cube.name}"
+        page = tracks_page(tracks, opened, title=title, pictures=pictures, run=record, closure=closure)
         write_page(aside / "report.html", page)
         write_record(aside / RECORD, record)
     if json:
-        print_json({"folder": out, "tracks": tabulate_tracks(tracks), "timings_s": timings})
+        found = {"folder": out, "tracks": tabulate_tracks(tracks), "loops": tabulate_loops(closure)}
+        print_json({**found, "timings_s": timings})
     else:
-        _say(out, tracks)
+        _say(out, tracks, closure)
     say_timings(timings)
 
 
-def _say(out: Path, tracks: list[Any]) -> None:
+def _say(out: Path, tracks: list[Any], closure: Any) -> None:
     for number, track in enumerate(tracks, start=1):
         typer.echo(f"{number:4d}  traced on {100 * track.share:3.0f} % of the traces")
+    if closure is not None and closure.n_loops:
+        typer.echo(
+            f"loops of {closure.length} traces miss by {closure.median:.2f} samples (median), "
+            f"{100 * closure.over_one:.1f} % by more than one"
+        )
     typer.echo(str(out))
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from seismo3d.plot.stereonets import stereonet
     from seismo3d.plot.terrain_maps import change_map, lineament_rose, scarp_profile, terrain
     from seismo3d.plot.time_lapse_sections import time_lapse_section
-    from seismo3d.plot.track_pictures import track_map, track_section
+    from seismo3d.plot.track_pictures import loop_map, track_map, track_section
     from seismo3d.plot.unfaulted_sections import unfaulted_section
 
 _PUBLIC = {
@@ -34,6 +34,7 @@ _PUBLIC = {
     "flow_path_views": "seismo3d.plot.network_pictures",
     "likelihood": "seismo3d.plot.sections",
     "lineament_rose": "seismo3d.plot.terrain_maps",
+    "loop_map": "seismo3d.plot.track_pictures",
     "matches": "seismo3d.plot.match_pictures",
     "occupancy_map": "seismo3d.plot.robot_maps",
     "network_map": "seismo3d.plot.network_pictures",
@@ -62,6 +63,7 @@ __all__ = [
     "flow_path_views",
     "likelihood",
     "lineament_rose",
+    "loop_map",
     "matches",
     "network_map",
     "occupancy_map",

@@ -56,6 +56,13 @@ class ReportPage:
     notes: list[str] = field(default_factory=list)
 
 
+_LOOP = (
+    "A reflector followed over {0} traces along the inlines and {0} along the crosslines, and the other way round, "
+    "must come out at the same sample. How far it misses says how well neighbouring traces were registered, without "
+    "knowing the truth; loops that cross a fault or a dead trace are left out."
+)
+
+
 def write_page(path: str | Path, page: ReportPage) -> Path:
     """Write a report as one self-contained HTML file: no links to other files or hosts.
 
@@ -86,7 +93,13 @@ def write_page(path: str | Path, page: ReportPage) -> Path:
 
 
 def tracks_page(
-    tracks: Sequence[Any], cube: Any, *, title: str, pictures: Sequence[PictureFile], run: Mapping[str, Any]
+    tracks: Sequence[Any],
+    cube: Any,
+    *,
+    title: str,
+    pictures: Sequence[PictureFile],
+    run: Mapping[str, Any],
+    closure: Any = None,
 ) -> ReportPage:
     """Lay out the report of tracks.
 
@@ -102,6 +115,8 @@ def tracks_page(
         What to show.
     run : mapping
         What else to record, as in ``run.json``.
+    closure : LoopClosure, optional
+        How well the cube's shifts agree round closed loops.
 
     Returns
     -------
@@ -119,6 +134,10 @@ def tracks_page(
         ("Track", "One reflector followed from its seeds. Places where it is not known are left empty, not guessed."),
         ("Correlation", "How well the waveform there matches that at the seeds, 0 to 1, averaged over the track."),
     ]
+    if closure is not None and closure.n_loops:
+        numbers.append((f"{closure.median:.2f}", "samples missed by closed loops, in the median"))
+        numbers.append((f"{100 * closure.over_one:.1f} %", "of the loops miss by more than one sample"))
+        meanings.append(("Closed loop", _LOOP.format(closure.length)))
     notes = [] if tracks else ["No horizon was found: nothing in the data is continuous enough."]
     subtitle = f"Horizons followed by seismo3d through a {'section' if np.ndim(cube) == 2 else 'cube'}"
     return ReportPage(title, subtitle, numbers, pictures, [table], meanings, _facts(cube, run), notes)

@@ -63,6 +63,49 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
     return ax
 
 
+def loop_map(closure: Any, cube: Any, *, cmap: str = "magma_r", most: float = 1.0, ax: Any = None) -> Any:
+    """Draw from above by how much closed loops miss; traces where none begins stay empty.
+
+    Parameters
+    ----------
+    closure : LoopClosure
+        Loops of ``cube``.
+    cube : DataArray or ndarray
+        Gives the line numbers.
+    cmap : str
+        Any matplotlib colour map.
+    most : float
+        Error in samples at which the colours end.
+    ax : matplotlib Axes, optional
+        Where to draw; a new pyplot figure by default.
+
+    Returns
+    -------
+    matplotlib Axes
+        Crosslines to the right, inlines down.
+
+    Raises
+    ------
+    ShapeError
+        If the loops are of another cube.
+    """
+    if closure.error.shape != tuple(cube.shape[:-1]):
+        raise ShapeError(
+            f"closure has shape {closure.error.shape}; expected {tuple(cube.shape[:-1])}. Give the cube it is of."
+        )
+    names = name_axes(cube)
+    ax = new_axes(8.0, 6.0) if ax is None else ax
+    ax.set_facecolor("#e9edf2")
+    columns, rows = axis_coordinates(cube, 1), axis_coordinates(cube, 0)
+    error = np.ma.masked_invalid(closure.error)
+    drawn = ax.pcolormesh(columns, rows, error, cmap=cmap, vmin=0.0, vmax=most, shading="nearest")
+    ax.set_xlabel(axis_label(names[1]))
+    ax.set_ylabel(axis_label(names[0]))
+    ax.invert_yaxis()
+    ax.figure.colorbar(drawn, ax=ax, label="median loop error (samples)", pad=0.02, shrink=0.8, extend="max")
+    return ax
+
+
 def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: Any) -> Any:
     """Draw a section with the tracks, and faults if given, that cross it.
 
@@ -100,7 +143,7 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
 
 
 def save_track_pictures(
-    directory: str | Path, cube: Any, tracks: Sequence[Any], *, faults: Any = None
+    directory: str | Path, cube: Any, tracks: Sequence[Any], *, faults: Any = None, closure: Any = None
 ) -> list[PictureFile]:
     """Draw the pictures of a tracks run: a map of each track, and sections through the first seed with all of them.
 
@@ -114,12 +157,14 @@ def save_track_pictures(
         Its tracks.
     faults : FaultSet, optional
         Its faults, drawn on the sections.
+    closure : LoopClosure, optional
+        Its closed loops.
 
     Returns
     -------
     list of PictureFile
         ``tracks_inline.png`` and ``tracks_crossline.png`` (``tracks_section.png`` of a section), ``track_01_map.png``
-        and so on.
+        and so on, and ``loops.png`` where there are loops.
     """
     from matplotlib.figure import Figure
 
@@ -141,6 +186,12 @@ def save_track_pictures(
         path = directory / f"track_{number:02d}_map.png"
         figure.savefig(path, dpi=130)
         files.append(PictureFile(path, f"Track {number} from above, with contours; seeds are stars.", kind="half"))
+    if closure is not None and closure.n_loops:
+        figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+        loop_map(closure, cube, ax=figure.add_subplot())
+        figure.savefig(directory / "loops.png", dpi=130)
+        text = f"By how many samples closed loops of {closure.length} traces miss, in the median of each trace."
+        files.append(PictureFile(directory / "loops.png", text, kind="half"))
     return files
 
 

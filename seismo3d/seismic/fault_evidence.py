@@ -76,6 +76,7 @@ def measure_evidence(
         If there is no such kind.
     """
     check_evidence(kind)
+    registration = registration or RegistrationSettings()
     comparisons = []
     if kind != "registration":
         comparisons.append(compare_along(volume, valid, slopes))
@@ -83,7 +84,7 @@ def measure_evidence(
         fields = register_slices(volume, valid, settings=registration)
         sides = [carry_sides(field, settings=registration) for field in fields]
         comparisons.append(compare_registered(volume, valid, sides))
-    return fuse_misfits(volume, valid, comparisons, settings=misfit)
+    return fuse_misfits(volume, valid, comparisons, share=registration.share, settings=misfit)
 
 
 def compare_registered(volume: Float32Array, valid: BoolArray, sides: list[SideShifts]) -> Compare:

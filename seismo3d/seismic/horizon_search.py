@@ -8,6 +8,8 @@ import numpy as np
 
 from seismo3d._typing import Progress
 from seismo3d._validate import as_number
+from seismo3d.errors import ParameterError
+from seismo3d.seismic.layer_time import LayerModel, model_layers
 from seismo3d.seismic.section_tracks import cut_middle, thicken
 from seismo3d.seismic.tracks import Track, TrackSettings, axes_of, axis_points, find_seeds, trace_tracks
 
@@ -18,7 +20,7 @@ _LEAST_GAP = 0.5
 
 def find_horizons(
     cube: Any, count: int = 5, *, faults: Any = None, event: str | None = None,
-    settings: TrackSettings | None = None, progress: Progress | None = None,
+    layers: LayerModel | None = None, settings: TrackSettings | None = None, progress: Progress | None = None,
 ) -> list[Track]:  # fmt: skip
     """Find the best horizons of a cube or section without seeds.
 
@@ -36,6 +38,8 @@ def find_horizons(
         Faults of this cube.
     event : {"peak", "trough", "zero"}, optional
         Put each horizon on the nearest such event.
+    layers : LayerModel, optional
+        Of this cube and these faults, from :func:`model_layers`, to save its computation.
     settings : TrackSettings, optional
         Windows and thresholds.
     progress : callable, optional
@@ -51,15 +55,15 @@ def find_horizons(
     ShapeError
         If the cube has neither two nor three axes, or the faults are of another cube.
     ParameterError
-        If `count` is not a positive number.
+        If `count` is not a positive number, or `layers` is given for a section.
     """
-    from seismo3d.seismic.layer_time import model_layers
-
     wanted = int(as_number(count, "count", low=1))
     settings = settings or TrackSettings()
     is_section = np.ndim(cube) == 2
+    if is_section and layers is not None:
+        raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")
     thick, surfaces = thicken(cube, faults) if is_section else (cube, faults)
-    layers = model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
+    layers = layers or model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
     points = axis_points(axes_of(thick), find_seeds(layers, count=_CANDIDATES * wanted))
     more: dict[str, Any] = {"event": event, "layers": layers, "settings": settings, "progress": progress}
     tracks = trace_tracks(thick, list(points), faults=surfaces, **more)

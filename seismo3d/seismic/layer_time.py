@@ -13,6 +13,7 @@ from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_inc
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_links import SurfaceGrid, cut_grid, grid_surface, match_grid
 from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, solve_graph
+from seismo3d.seismic.loop_closure import LoopClosure, close_fields
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.shifts import measure_shifts
 
@@ -35,6 +36,8 @@ class LayerModel:
         "ms", "m" or "samples".
     rejected : float
         Share of all measurements that the solution rejects.
+    closure : LoopClosure
+        How well the shifts agree with each other round closed loops.
     """
 
     times: Float32Array
@@ -44,6 +47,7 @@ class LayerModel:
     live: BoolArray
     sample_unit: str
     rejected: float
+    closure: LoopClosure
 
 
 def layer_time(
@@ -108,12 +112,12 @@ def model_layers(
     grids = [grid_surface(s, beyond=settings.links.beyond) for s in (faults.surfaces if faults is not None else ())]
     for grid in grids:
         cut_grid(grid, cuts)
-    times, rejected = _solve_times(volume, valid, cuts, grids, settings, report)
+    times, rejected, closure = _solve_times(volume, valid, cuts, grids, settings, report)
     live: BoolArray = np.asarray(valid.any(axis=2))
     if not live.any():
         raise ShapeError("cube has no live trace. Give a cube with data.")
     times += _datum(times, live)
-    return LayerModel(times, cuts, volume, valid, live, unit, rejected)
+    return LayerModel(times, cuts, volume, valid, live, unit, rejected, closure)
 
 
 def _unheard(stage: str, share: float) -> None:
@@ -131,7 +135,7 @@ def _datum(times: Float32Array, live: BoolArray) -> np.float32:
 def _solve_times(
     volume: Float32Array, valid: BoolArray, cuts: AnyArray, grids: list[SurfaceGrid], settings: LayerTimeSettings,
     report: Progress,
-) -> tuple[Float32Array, float]:  # fmt: skip
+) -> tuple[Float32Array, float, LoopClosure]:  # fmt: skip
     step = settings.shifts.step
     report("dip", 0.0)
     p, q = (np.ascontiguousarray(s[:, :, ::step]) for s in estimate_slopes(volume, valid, settings=settings.dip))
@@ -148,4 +152,4 @@ def _solve_times(
     fill_samples(values, breaks, step, times)
     make_increasing(times, settings.least)
     report("solve", 1.0)
-    return times, rejected
+    return times, rejected, close_fields(fields, cuts, settings=settings)

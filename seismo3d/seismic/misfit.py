@@ -146,19 +146,26 @@ def compare_along(volume: Float32Array, valid: BoolArray, slopes: tuple[Float32A
 
 
 def fuse_misfits(
-    volume: Float32Array, valid: BoolArray, comparisons: list[Compare], *, settings: MisfitSettings | None = None
+    volume: Float32Array,
+    valid: BoolArray,
+    comparisons: list[Compare],
+    *,
+    share: tuple[float, float] = (0.5, 0.5),
+    settings: MisfitSettings | None = None,
 ) -> Evidence:
-    """Measure the misfit of both sides under several ways of carrying them, and take the mean of their logarithms.
+    """Measure the misfit of both sides under one or two ways of carrying them, and take the mean of their logarithms.
 
     Each way has the reach and the softness of its own noise, so that its evidence is a log ratio to what it leaves
-    where nothing breaks, and these add up.
+    where nothing breaks, and the two add up.
 
     Parameters
     ----------
     volume, valid : ndarray of shape (inline, crossline, sample)
         Amplitudes, float32, finite everywhere, and where there are any.
     comparisons : list of callable
-        As :func:`compare_along` returns them.
+        One or two, as :func:`compare_along` returns them.
+    share : tuple of (float, float)
+        Share of the second in a cube without noise, and in one whose noise is half as strong as its signal or more.
     settings : MisfitSettings, optional
         Windows.
 
@@ -172,15 +179,13 @@ def fuse_misfits(
     background = find_background(noise, settings)
     for compare in comparisons[1:]:
         more, also_known, other_noise, other_noisiness = _log_ratios(volume, compare, floor, settings)
-        background += find_background(other_noise, settings)
         noise, noisiness = min(noise, other_noise), min(noisiness, other_noisiness)
+        second = share[0] + min(1.0, 2.0 * noisiness) * (share[1] - share[0])
+        background += second * (find_background(other_noise, settings) - background)
         for values, added in zip(logs + known, more + also_known, strict=True):
+            values *= np.float32(1.0 - second)
+            added *= np.float32(second)
             values += added
-    if len(comparisons) > 1:
-        share = np.float32(1.0 / len(comparisons))
-        background *= float(share)
-        for values in logs + known:
-            values *= share
     sums = [trace_moments(ratio, weight) for ratio, weight in zip(logs, known, strict=True)]
     mean, spread = find_moments(sums, noisiness)
     filled = [fill_unknown(ratio, weight, background) for ratio, weight in zip(logs, known, strict=True)]

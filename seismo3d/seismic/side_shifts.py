@@ -35,6 +35,9 @@ class RegistrationSettings:
         The same along the samples.
     memory : float
         Traces over which the mean of one side forgets.
+    share : tuple of (float, float)
+        Share of registration where it is used beside semblance: in a cube without noise, and in one whose noise is half
+        as strong as its signal or more.
     """
 
     farthest: int = 4
@@ -42,9 +45,10 @@ class RegistrationSettings:
     shifts: ShiftSettings = field(default_factory=ShiftSettings)
     wide: float = 4.0
     jump: float = 0.15
-    across: float = 2.0
+    across: float = 3.0
     down: float = 4.0
-    memory: float = 3.0
+    memory: float = 5.0
+    share: tuple[float, float] = (0.5, 0.9)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

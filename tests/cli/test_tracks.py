@@ -32,7 +32,7 @@ def test_run_writes_tracks_in_map_coordinates(
     names = {path.name for path in out.iterdir()}
     assert names == {
         "track_01.xyz", "track_01.charisma.txt", "track_01.irap.txt", "track_01_map.png", "tracks_inline.png",
-        "tracks_crossline.png", "tracks.csv", "report.html", "run.json",
+        "tracks_crossline.png", "tracks.csv", "loops.png", "report.html", "run.json",
     }  # fmt: skip
     rows = [line.split() for line in (out / "track_01.charisma.txt").read_text().splitlines()]
     assert rows[0][:2] == ["INLINE", ":"]
@@ -83,6 +83,9 @@ def test_json_has_a_row_a_track(folded: SyntheticCube, tmp_path: Path, capsys: p
     found = json.loads(out)
     assert [row["track"] for row in found["tracks"]] == [1, 2]
     assert {"dip", "shifts", "solve", "tracks", "export"} <= set(found["timings_s"])
+    assert found["loops"]["side_traces"] == 4
+    assert found["loops"]["n_loops"] > 1000
+    assert 0.0 <= found["loops"]["median_error_samples"] < 0.5
     assert err.startswith("time     ")
 
 
@@ -108,7 +111,9 @@ def test_report_shows_every_track(folded: SyntheticCube, tmp_path: Path) -> None
     page = (tmp_path / "out" / "report.html").read_text()
     n = len(list((tmp_path / "out").glob("track_*_map.png")))
     assert 1 <= n <= 2
-    assert page.count("data:image/png;base64") == n + 2
+    assert page.count("data:image/png;base64") == n + 3
+    assert "samples missed by closed loops" in page
+    assert (tmp_path / "out" / "loops.png").is_file()
     assert "Horizons in cube.sgy" in page
 
 
