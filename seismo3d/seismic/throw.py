@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import ndimage
@@ -18,6 +18,7 @@ from seismo3d.seismic._kernels_throw import (
     sum_paths,
 )
 from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.slip_fields import Sides, SlipSettings, refine_slip
 from seismo3d.seismic.throw_trends import fit_trend, local_trend
 
 # how far a throw may lie from those around it, before and after these are known well
@@ -46,6 +47,8 @@ class ThrowSettings:
         Misfit ratio that a throw is given where its other side lies outside the surface.
     step, jump : float
         Cost, as a misfit ratio, of a throw that changes by a sample from a place to the next, and by more.
+    slip
+        How throws are refined.
     """
 
     near: int = 2
@@ -58,6 +61,7 @@ class ThrowSettings:
     unmatched: float = 0.4
     step: float = 0.3
     jump: float = 16.0
+    slip: SlipSettings = field(default_factory=SlipSettings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,16 +82,6 @@ class SheetThrow:
     throw: Float32Array
     fit: Float32Array
     hanging_side: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sides:
-    """Both sides read along the surface, and where they are known (1) or not (0)."""
-
-    hanging: Float32Array
-    foot: Float32Array
-    in_hanging: Float32Array
-    in_foot: Float32Array
 
 
 def measure_throw(
@@ -159,12 +153,17 @@ def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settin
     w = every_sample(sheet)
     hanging_side = 1 if np.nanmean(np.gradient(sheet.w, axis=1)) >= 0 else -1 if sheet.w.shape[1] > 1 else 1
     up = 1 if hanging_side > 0 else 0
-    sides = _Sides(both[up], both[1 - up], known[up], known[1 - up])
+    sides = Sides(both[up], both[1 - up], known[up], known[1 - up])
     columns = np.arange(sheet.w.shape[1]) * sheet.step
     if not (sides.in_hanging.any() and sides.in_foot.any()):
         return SheetThrow(np.full(sheet.w.shape, np.nan, np.float32), np.zeros_like(sheet.w), hanging_side)
-    throw, fit = _match(sides, np.isfinite(w), settings)
-    throw, fit = (_enlarge(part, w.shape, settings.thin)[:, columns] for part in (throw, fit))
+    inside = np.isfinite(w)
+    rough = _match(sides, inside, settings)
+    thin = settings.thin
+    slip = refine_slip(sides, *rough, inside[::thin, ::thin], thin=thin, settings=settings.slip)
+    found = np.clip(slip.throw, -settings.longest, settings.longest)
+    fit = np.where(slip.misfit < _MISMATCH, 1.0 - slip.misfit, 0.0).astype(np.float32)
+    throw, fit = (_enlarge(part, w.shape, thin)[:, columns] for part in (found, fit))
     throw[~sheet.inside] = np.nan
     return SheetThrow(throw, fit, hanging_side)
 
@@ -181,7 +180,7 @@ def every_sample(sheet: Sheet) -> Float32Array:
     return np.where(np.isfinite(between), between, sheet.w[:, np.rint(at).astype(np.int64)]).astype(np.float32)
 
 
-def _match(sides: _Sides, inside: BoolArray, settings: ThrowSettings) -> tuple[Float32Array, Float32Array]:
+def _match(sides: Sides, inside: BoolArray, settings: ThrowSettings) -> tuple[Float32Array, Float32Array]:
     """Return throw and fit at every `thin`-th place."""
     thin = settings.thin
     cost = _costs(sides, settings)
@@ -190,7 +189,7 @@ def _match(sides: _Sides, inside: BoolArray, settings: ThrowSettings) -> tuple[F
     for _ in range(2):
         throw, fit = _cheapest(cost, trend, settings)
         # what matches where the trend has the counterpart out of view does so by chance
-        in_view = _has_counterpart(sides, throw, thin) & _has_counterpart(sides, trend, thin)
+        in_view = sides.in_view(throw, thin) & sides.in_view(trend, thin)
         matched = inside & in_view & (fit > 1.0 - _MISMATCH)
         trend = local_trend(throw, matched, width=24.0 / thin)
         near = matched & (np.abs(throw - trend) < _OUTLIER)
@@ -200,15 +199,14 @@ def _match(sides: _Sides, inside: BoolArray, settings: ThrowSettings) -> tuple[F
     return np.where(kept, throw, trend).astype(np.float32), np.where(kept, fit, 0.0).astype(np.float32)
 
 
-def _costs(sides: _Sides, settings: ThrowSettings) -> Float32Array:
+def _costs(sides: Sides, settings: ThrowSettings) -> Float32Array:
     """Return the misfit ratio of every throw at every `thin`-th place: (row, sample, throw)."""
     n_rows, n_samples = sides.hanging.shape
     thin = settings.thin
     n_shifts = 2 * min(settings.longest, max(1, n_samples - 1)) + 1
     shape = (n_shifts, (n_rows - 1) // thin + 1, (n_samples - 1) // thin + 1)
     cost, energy, weight = (np.empty(shape, np.float32) for _ in range(3))
-    known = sides.in_hanging.sum() + sides.in_foot.sum()
-    mean = float(((sides.hanging**2).sum() + (sides.foot**2).sum()) / max(known, 1.0)) + 1e-12
+    mean = sides.mean_energy()
     match_costs(
         sides.hanging, sides.foot, sides.in_hanging, sides.in_foot, 0.0, thin, np.float32(4.0 * mean),
         cost, energy, weight,
@@ -231,15 +229,6 @@ def _cheapest(cost: Float32Array, trend: Float32Array, settings: ThrowSettings) 
     throw, fit = np.empty(cost.shape[:2], np.float32), np.empty(cost.shape[:2], np.float32)
     pick_shifts(total, cost, throw, fit)
     return throw, fit
-
-
-def _has_counterpart(sides: _Sides, throw: Float32Array, thin: int) -> BoolArray:
-    """Tell where the hanging wall is known and so is the footwall at the place that it came from."""
-    rows, columns = np.indices(throw.shape) * thin
-    above = np.rint(columns - throw).astype(np.int64)
-    reach = (above >= 0) & (above < sides.foot.shape[1])
-    above = np.clip(above, 0, sides.foot.shape[1] - 1)
-    return reach & (sides.in_hanging[rows, columns] > 0) & (sides.in_foot[rows, above] > 0)
 
 
 def _enlarge(values: Float32Array, shape: tuple[int, int], thin: int) -> Float32Array:

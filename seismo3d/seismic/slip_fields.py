@@ -1,0 +1,210 @@
+"""Throw over a fault, refined: a stiff field of throw about which both sides match best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+from scipy.linalg import solveh_banded
+
+from seismo3d._typing import BoolArray, Float32Array
+from seismo3d.seismic._kernels_filters import filter_crosslines, filter_samples, gaussian_taps
+from seismo3d.seismic._kernels_slip import add_bending, add_places, match_about, pull_shifts
+from seismo3d.seismic._kernels_throw import finish_costs
+
+# grid places between the nodes of a field, and how firmly a field that nothing holds stays at the mean
+_COARSE, _RIDGE = 4, 1e-3
+# shifts tried to either side of a field
+_REACH = 8
+# misfit ratio beyond which the sides do not match
+_MISMATCH = 0.6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sides:
+    """Both sides of a fault read along its surface, and where they are known (1) or not (0).
+
+    Attributes
+    ----------
+    hanging, foot : ndarray of shape (row, sample), float32
+        Amplitudes of the two sides.
+    in_hanging, in_foot : ndarray of the same shape, float32
+        Where these are known.
+    """
+
+    hanging: Float32Array
+    foot: Float32Array
+    in_hanging: Float32Array
+    in_foot: Float32Array
+
+    def mean_energy(self) -> float:
+        """Return the mean square of both sides."""
+        known = float(self.in_hanging.sum() + self.in_foot.sum())
+        return float((self.hanging**2).sum() + (self.foot**2).sum()) / max(known, 1.0) + 1e-12
+
+    def in_view(self, throw: Float32Array, thin: int, share: float = 0.0) -> BoolArray:
+        """Tell where the hanging wall is known and so is the footwall at the place that it came from."""
+        rows, columns = np.indices(throw.shape) * thin
+        above = np.rint(columns - throw).astype(np.int64)
+        beside = np.rint(rows - share * throw).astype(np.int64)
+        n_rows, n_samples = self.foot.shape
+        reach = (above >= 0) & (above < n_samples) & (beside >= 0) & (beside < n_rows)
+        above, beside = np.clip(above, 0, n_samples - 1), np.clip(beside, 0, n_rows - 1)
+        return reach & (self.in_hanging[rows, columns] > 0) & (self.in_foot[beside, above] > 0)
+
+
+@dataclass(frozen=True, slots=True)
+class SlipSettings:
+    """How throws are refined.
+
+    Attributes
+    ----------
+    start : float
+        Stiffness of the field through the throws that matched.
+    rounds : tuple of tuple of (float, float)
+        For each comparison about the field so far, the steps of its fit: how far, in samples, a throw may lie from the
+        field for half a misfit ratio, and the stiffness of the field.
+    along_strike, down : float
+        Widths of the Gaussian window over which the sides are compared.
+    """
+
+    start: float = 300.0
+    rounds: tuple[tuple[tuple[float, float], ...], ...] = (((4.0, 100.0), (3.0, 30.0)), ((3.0, 30.0), (2.0, 30.0)))
+    along_strike: float = 3.0
+    down: float = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SlipField:
+    """Refined throw on a grid.
+
+    Attributes
+    ----------
+    throw, misfit : ndarray of shape (row, sample), float32
+        Throw in samples; misfit ratio of the sides about it, infinite where it leads out of view.
+    share : float
+        Slip along the rows over throw.
+    """
+
+    throw: Float32Array
+    misfit: Float32Array
+    share: float
+
+
+def refine_slip(
+    sides: Sides, throw: Float32Array, fit: Float32Array, inside: BoolArray, *, thin: int, settings: SlipSettings
+) -> SlipField:
+    """Refine a throw.
+
+    The sides are compared again, each place with its counterpart and a few samples above and below it, so that the
+    window follows the throw as it changes. At every place the shift is taken that costs least together with its
+    distance from the field; the field is the thin plate through all of them, weighed by their match. Both are repeated
+    with less leeway.
+
+    Parameters
+    ----------
+    sides : Sides
+        Both sides, at every sample.
+    throw, fit : ndarray of shape (row, sample), float32
+        Throw at every `thin`-th place, and how well it matches, 0 where it is guessed.
+    inside : ndarray of the same shape, bool
+        Places on the surface.
+    thin : int
+        Places of the sides for one of the throw.
+    settings : SlipSettings
+        Windows and limits.
+
+    Returns
+    -------
+    SlipField
+    """
+    longest = float(max(1, sides.hanging.shape[1] - 1))
+    field = smooth_field(throw, np.where(inside, fit, 0.0).astype(np.float32), stiffness=settings.start)
+    field = np.clip(field, -longest, longest)
+    return _refine(sides, field, 0.0, inside, thin, settings.rounds, settings)
+
+
+def smooth_field(values: Float32Array, weights: Float32Array, *, stiffness: float) -> Float32Array:
+    """Fit a thin plate to weighted values on a grid; it goes on straight where there are none.
+
+    Parameters
+    ----------
+    values, weights : ndarray of two axes, float32
+        Values, and what each counts.
+    stiffness : float
+        What its squared bending counts against them.
+
+    Returns
+    -------
+    ndarray of the same shape, float32
+        0 where nothing counts.
+    """
+    total = float(weights.sum())
+    if total <= 0.0:
+        return np.zeros(values.shape, np.float32)
+    mean = float((values * weights).sum()) / total
+    n_rows, n_columns = ((n - 1) // _COARSE + 2 if n > 1 else 1 for n in values.shape)
+    size = n_rows * n_columns
+    bands, right = np.zeros((min(2 * n_columns, size - 1) + 1, size)), np.zeros(size)
+    add_places(values.astype(np.float64) - mean, weights.astype(np.float64), _COARSE, n_columns, bands, right)
+    add_bending(n_columns, stiffness, bands)
+    bands[-1] += _RIDGE
+    nodes = solveh_banded(bands, right, check_finite=False).reshape(n_rows, n_columns)
+    at = np.stack(np.meshgrid(*(np.arange(n) / _COARSE for n in values.shape), indexing="ij"))
+    return np.asarray(ndimage.map_coordinates(nodes, at, order=1, mode="nearest") + mean, np.float32)
+
+
+def _refine(
+    sides: Sides,
+    field: Float32Array,
+    share: float,
+    inside: BoolArray,
+    thin: int,
+    rounds: tuple[tuple[tuple[float, float], ...], ...],
+    settings: SlipSettings,
+) -> SlipField:
+    """Refine a field of throw, its slip along the rows a given share of it."""
+    longest = float(max(1, sides.hanging.shape[1] - 1))
+    cost = np.empty((*field.shape, 1), np.float32)
+    change = np.zeros_like(field)
+    for steps in rounds:
+        cost = _costs_about(sides, field, share, thin, settings)
+        change = _fit_change(cost, inside & sides.in_view(field, thin, share), steps)
+        field = np.clip(field + change, -longest, longest).astype(np.float32)
+    at = np.rint(change).astype(np.int64) + _REACH
+    misfit = np.take_along_axis(cost, at[..., None], axis=2)[..., 0]
+    misfit[~sides.in_view(field, thin, share)] = np.inf
+    return SlipField(field, misfit, share)
+
+
+def _costs_about(sides: Sides, field: Float32Array, share: float, thin: int, settings: SlipSettings) -> Float32Array:
+    """Return the misfit ratios of throws about a field: (row, sample, throw); infinite without a counterpart."""
+    shape = (2 * _REACH + 1, *field.shape)
+    cost, energy, weight = (np.empty(shape, np.float32) for _ in range(3))
+    mean = sides.mean_energy()
+    match_about(
+        sides.hanging, sides.foot, sides.in_hanging, sides.in_foot, field, np.float32(share), thin,
+        np.float32(4.0 * mean), cost, energy, weight,
+    )  # fmt: skip
+    rows, samples = gaussian_taps(settings.along_strike / thin), gaussian_taps(settings.down / thin)
+    buffer = np.empty_like(cost)
+    for part in (cost, energy, weight):
+        filter_samples(part, samples, buffer)
+        filter_crosslines(buffer, rows, part)
+    out = np.empty((*field.shape, shape[0]), np.float32)
+    finish_costs(cost, energy, weight, np.float32(0.6 * mean), np.float32(np.inf), out)
+    return out
+
+
+def _fit_change(cost: Float32Array, known: BoolArray, steps: tuple[tuple[float, float], ...]) -> Float32Array:
+    """Return the stiff field of shifts that cost little."""
+    shape = cost.shape[:2]
+    field = np.zeros(shape, np.float32)
+    shift, least, rise = (np.empty(shape, np.float32) for _ in range(3))
+    for leeway, stiffness in steps:
+        pull_shifts(cost, known, field, np.float32(0.5 / leeway**2), shift, least, rise)
+        weight = np.clip(1.0 - least / _MISMATCH, 0.0, 1.0) ** 2 * np.clip(rise / 0.3, 0.02, 1.0)
+        weight[~known | (np.abs(shift - field) > 2.5 * leeway)] = 0.0
+        field = smooth_field(shift, weight.astype(np.float32), stiffness=stiffness)
+    return np.clip(field, -_REACH, _REACH)
