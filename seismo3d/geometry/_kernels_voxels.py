@@ -25,16 +25,16 @@ def survey(points: Float64Array, out: Float64Array) -> bool:
     """Write minimum, maximum and sum of each axis and the sum of squares to ``out``; return whether all are finite."""
     n, d = points.shape
     for k in range(d):
-        out[k] = out[d + k] = points[0, k]
-        out[2 * d + k] = out[3 * d + k] = 0.0
-    for i in range(n):
-        for k in range(d):
+        first = low = high = points[0, k]
+        total = squares = 0.0
+        for i in range(n):
             v = points[i, k]
-            offset = v - points[0, k]
-            out[k] = min(out[k], v)
-            out[d + k] = max(out[d + k], v)
-            out[2 * d + k] += offset
-            out[3 * d + k] += offset * offset
+            offset = v - first
+            low = min(low, v)
+            high = max(high, v)
+            total += offset
+            squares += offset * offset
+        out[k], out[d + k], out[2 * d + k], out[3 * d + k] = low, high, total, squares
     for k in range(d):
         offset = out[2 * d + k] / n
         out[3 * d + k] = max(0.0, out[3 * d + k] - n * offset * offset)

@@ -14,7 +14,7 @@ from seismo3d.registration._kernels_newton import parameter_jacobian
 from seismo3d.registration.certificate import Certificate
 from seismo3d.registration.constraints import model_number
 from seismo3d.registration.icp import LoopResult
-from seismo3d.registration.matching import match_surface, surface_meat
+from seismo3d.registration.matching import match_surface, pool, surface_meat
 from seismo3d.registration.observability import assess
 from seismo3d.registration.result import Registration
 from seismo3d.registration.sensitivity import rematched_form
@@ -76,10 +76,14 @@ def _bread_and_meat(task: Task, found: LoopResult) -> tuple[Float64Array, Float6
     meat = np.zeros_like(joint.form)
     weight = 0.0
     if surface is not None and surface.weight > 0.0:
+        target, n_threads = task.pair.target[0], task.settings.n_threads
         drawn = draw(task.pair.source[0].surface, task.settings.max_elements)
+        jacobian = parameter_jacobian(found.A, model_number(task.model))
+        own = (surface, drawn, target, found.cutoff, jacobian)
+        other = pool(n_threads - 1).submit(surface_meat, *own) if n_threads > 1 else None
         left = rematched_form(
             surface.form,
-            task.pair.target[0],
+            target,
             draw(drawn, N_PROBES),
             found.A,
             found.t,
@@ -90,9 +94,7 @@ def _bread_and_meat(task: Task, found: LoopResult) -> tuple[Float64Array, Float6
         if joint.unseen is not None and joint.unseen.shape[1]:
             left = without(left, found.A, found.t, task.model, joint.unseen)
         Q += left * (joint.shares[0] * max(surface.slope / surface.weight, 0.2))
-        meat += joint.shares[0] ** 2 * surface_meat(
-            surface, drawn, task.pair.target[0], found.cutoff, parameter_jacobian(found.A, model_number(task.model))
-        )
+        meat += joint.shares[0] ** 2 * (surface_meat(*own) if other is None else other.result())
         weight += joint.shares[0] * surface.weight
     if features is not None:
         Q += features.form * joint.shares[1]

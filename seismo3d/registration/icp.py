@@ -119,7 +119,7 @@ def _run_coarsest(job: _LevelJob, A: Float64Array, t: Float64Array, trail: _Trai
     target, source = job.level.target, job.level.source
     search = WideSearch(target, source, keeps_all=False) if is_far(target, source, A, t) else None
     found = _run_level(job, A, t, trail, search=search)
-    if not is_loose(target, source, found.A, found.t):
+    if found.joint.surface is None or not is_loose(found.joint.surface, source, target.size):
         return found
     widely: _Trail = []
     other = _run_level(job, found.A, found.t, widely, search=WideSearch(target, source, keeps_all=True))

@@ -26,28 +26,24 @@ def draw(surface: Float32Array, most: int) -> Float32Array:
 
 def is_far(target: VoxelMap, source: Float32Array, A: Float64Array, t: Float64Array) -> bool:
     """Return whether most source elements have no partner within half a voxel."""
-    return _look_near(target, source, A, t).matched < NEAR_SHARE
+    seen = match_surface(source, target, A, t, radius=0.5 * target.size, cutoff=target.size, least_cosine=0.7)
+    return seen.matched < NEAR_SHARE
 
 
-def is_loose(target: VoxelMap, source: Float32Array, A: Float64Array, t: Float64Array) -> bool:
-    """Return whether source elements have lost their hold along some direction.
+def is_loose(seen: Pass, source: Float32Array, size: float) -> bool:
+    """Return whether source elements have lost their hold along some direction in a pass over voxels of a size.
 
     Where one of three walls lies outside the reach of the search, most elements slide along the other two and have
     partners; that nothing holds across the lost one shows in the normals: those of elements with a partner within half
     a voxel miss a direction that those of all elements span.
     """
-    seen = _look_near(target, source, A, t)
-    normals = source[:, 4 : 4 + target.dim].astype(np.float64)
+    normals = source[:, 4:7].astype(np.float64)
     weights = np.maximum(source[:, 3], 0.0) * source[:, 7]
-    lost = np.where(np.isfinite(seen.residuals), 0.0, weights)
+    lost = np.where(seen.distances2 < (0.5 * size) ** 2, 0.0, weights)
     values, vectors = np.linalg.eigh((normals * weights[:, None]).T @ normals)
     roots = vectors / np.sqrt(np.maximum(values, LEAST_SPANNED * max(values[-1], 1e-300)))
     shares = np.linalg.eigvalsh(roots.T @ (normals * lost[:, None]).T @ normals @ roots)
     return bool(shares[-1] > 1.0 - LEAST_HOLD)
-
-
-def _look_near(target: VoxelMap, source: Float32Array, A: Float64Array, t: Float64Array) -> Pass:
-    return match_surface(source, target, A, t, radius=0.5 * target.size, cutoff=target.size, least_cosine=0.7)
 
 
 class WideSearch:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from seismo3d.geometry.voxels import voxel_levels
+from seismo3d.registration.matching import match_surface
 from seismo3d.registration.register import register
 from seismo3d.registration.wide_search import WideSearch, is_far, is_loose
 
@@ -28,6 +29,11 @@ def coarse(points):
     )[0]
 
 
+def look(target, source, shift):
+    size = target.size
+    return match_surface(source, target, np.eye(3), np.array(shift), radius=1.5 * size, cutoff=size)
+
+
 @pytest.mark.parametrize(
     ("shift", "far", "loose"),
     [
@@ -41,14 +47,15 @@ def coarse(points):
 def test_a_wall_out_of_reach_leaves_its_direction_loose(rng, shift, far, loose):
     target, source = coarse(room_corner(rng)), coarse(room_corner(rng)).surface
     assert is_far(target, source, np.eye(3), np.array(shift)) == far
-    assert is_loose(target, source, np.eye(3), np.array(shift)) == loose
+    assert is_loose(look(target, source, shift), source, target.size) == loose
 
 
 def test_a_lone_plane_has_nothing_to_lose(rng):
     def plane():
         return coarse(np.column_stack([rng.uniform(-1, 1, size=(8000, 2)), np.zeros(8000)]))
 
-    assert not is_loose(plane(), plane().surface, np.eye(3), np.array([0.5, 0.5, 0.0]))
+    target, source = plane(), plane().surface
+    assert not is_loose(look(target, source, [0.5, 0.5, 0.0]), source, target.size)
 
 
 def test_elements_without_a_near_partner_set_the_radius(rng):
