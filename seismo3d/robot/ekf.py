@@ -1,8 +1,9 @@
-r"""Where the robot is between measurements: an extended Kalman filter over pose and velocity.
+r"""Where the robot is between measurements: an extended Kalman filter over pose, velocity and a few landmarks.
 
 The state is the pose of the body :math:`T_{wb}` and its twist :math:`v` (rotation, translation; in the body's frame),
 with :math:`\dot T = T v^\wedge` and white acceleration [1]_. Errors of the pose are perturbations on the left, in the
-world frame. Measurements come in any order of cameras, each at its own time.
+world frame. Landmarks are points of the world; there are never more than a fixed number of them, and those that leave
+are marginalised: their rows and columns go. Measurements come in any order of cameras, each at its own time.
 
 References
 ----------
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seismo3d._typing import Float64Array
+from seismo3d._typing import BoolArray, Float64Array, Int64Array
 from seismo3d.geometry.rotations import exp_rotation, invert_transform, left_jacobian, log_rotation, skew
 
 _FLOOR = 0.0015**2
@@ -38,8 +39,30 @@ class Innovation:
     accepted: bool
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Glimpses:
+    """Landmarks of the state seen by a camera.
+
+    Attributes
+    ----------
+    index : ndarray of shape (n,), int64
+        Rows of the filter's landmarks.
+    rays : ndarray of shape (n, 2), float64
+        Where each is seen, at depth 1, free of distortion.
+    delay : ndarray of shape (n,), float64
+        When, less the filter's time, seconds.
+    sigma : float
+        Standard deviation of the rays.
+    """
+
+    index: Int64Array
+    rays: Float64Array
+    delay: Float64Array
+    sigma: float
+
+
 class MotionFilter:
-    """Pose and velocity of the body with their covariance.
+    """Pose and velocity of the body, and landmarks, with their covariance.
 
     Parameters
     ----------
@@ -55,6 +78,7 @@ class MotionFilter:
         self.T_world_body = T_world_body.copy()
         self.twist = np.zeros(6)
         self.covariance = np.diag([1e-10] * 6 + [0.5] * 3 + [0.25] * 3)
+        self.landmarks = np.empty((0, 3))
         self._noise = np.diag([turning**2] * 3 + [moving**2] * 3)
 
     def pose_at(self, time: float) -> Float64Array:
@@ -69,9 +93,11 @@ class MotionFilter:
         F[:6, 6:] = adjoint(self.T_world_body) * dt
         G = np.vstack([F[:6, 6:] * (0.5 * dt), np.eye(6) * dt])
         span = abs(dt)
-        self.covariance = F @ self.covariance @ F.T
+        P = self.covariance
+        P[:12] = F @ P[:12]
+        P[:, :12] = P[:, :12] @ F.T
         if span > 0.0:
-            self.covariance += G @ self._noise @ G.T / span
+            P[:12, :12] += G @ self._noise @ G.T / span
         self.time = time
 
     def update(self, T_world_body: Float64Array, covariance: Float64Array, *, gate: float | None) -> Innovation:
@@ -97,15 +123,86 @@ class MotionFilter:
         distance = float(z @ np.linalg.solve(S, z))
         if gate is not None and not distance <= gate:
             return Innovation(distance, accepted=False)
-        K = np.linalg.solve(S, self.covariance[:6, :]).T
-        move = K @ z
-        self.T_world_body = exp_motion(move[:6]) @ self.T_world_body
-        self.twist = self.twist + move[6:]
-        keep = np.eye(12)
-        keep[:, :6] -= K
-        P = keep @ self.covariance @ keep.T + K @ R @ K.T
-        self.covariance = (P + P.T) / 2
+        self._correct(np.eye(6, len(self.covariance)), z, R)
         return Innovation(distance, accepted=True)
+
+    def add_landmark(self, point: Float64Array, covariance: Float64Array) -> None:
+        """Take a point of the world into the state.
+
+        Parameters
+        ----------
+        point : ndarray of shape (3,), float64
+        covariance : ndarray of shape (3, 3), float64
+            Beside the error that it shares with the pose from which it was seen.
+        """
+        J = np.zeros((3, len(self.covariance)))
+        J[:, :3], J[:, 3:6] = -skew(point), np.eye(3)
+        across = J @ self.covariance
+        corner = across @ J.T + covariance
+        self.covariance = np.block([[self.covariance, across.T], [across, corner]])
+        self.landmarks = np.vstack([self.landmarks, point])
+
+    def drop_landmarks(self, drop: BoolArray) -> None:
+        """Marginalise the landmarks of a mask (n,)."""
+        keep = np.concatenate([np.ones(12, dtype=bool), np.repeat(~drop, 3)])
+        self.covariance = self.covariance[np.ix_(keep, keep)]
+        self.landmarks = self.landmarks[~drop]
+
+    def sight(self, seen: Glimpses, T_body_camera: Float64Array, *, gate: float) -> BoolArray:
+        """Take in where a camera sees landmarks of the state, each at its own time.
+
+        Parameters
+        ----------
+        seen : Glimpses
+        T_body_camera : ndarray of shape (4, 4), float64
+        gate : float
+            Largest squared Mahalanobis distance of a landmark's innovation (2 degrees of freedom) that is accepted.
+
+        Returns
+        -------
+        ndarray of shape (n,), bool
+            Which were accepted.
+        """
+        rows, misses, accepted = [], [], np.zeros(len(seen.index), dtype=bool)
+        R = np.eye(2) * seen.sigma**2
+        for k, (index, ray, delay) in enumerate(zip(seen.index, seen.rays, seen.delay)):
+            H, expected = self._expect(int(index), float(delay), T_body_camera)
+            miss = ray - expected
+            distance = float(miss @ np.linalg.solve(H @ self.covariance @ H.T + R, miss))
+            if distance <= gate:
+                accepted[k] = True
+                rows.append(H)
+                misses.append(miss)
+        if rows:
+            self._correct(np.concatenate(rows), np.concatenate(misses), np.eye(2 * len(rows)) * seen.sigma**2)
+        return accepted
+
+    def _expect(self, index: int, delay: float, T_body_camera: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """Where a landmark should be seen at a time, at depth 1, and the derivative (2, n) by the state."""
+        T_body = self.pose_at(self.time + delay)
+        T = T_body @ T_body_camera
+        point = self.landmarks[index]
+        R = T[:3, :3].T
+        x, y, z = R @ (point - T[:3, 3])
+        z = max(z, 0.05)
+        project = np.array([[1.0, 0.0, -x / z], [0.0, 1.0, -y / z]]) / z @ R
+        H = np.zeros((2, len(self.covariance)))
+        H[:, :3], H[:, 3:6] = project @ skew(point), -project
+        H[:, 6:12] = H[:, :6] @ adjoint(T_body) * delay
+        H[:, 12 + 3 * index : 15 + 3 * index] = project
+        return H, np.array([x / z, y / z])
+
+    def _correct(self, H: Float64Array, miss: Float64Array, R: Float64Array) -> None:
+        """Update the state by a measurement with derivative H and covariance R."""
+        P = self.covariance
+        K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+        move = K @ miss
+        self.T_world_body = exp_motion(move[:6]) @ self.T_world_body
+        self.twist = self.twist + move[6:12]
+        self.landmarks = self.landmarks + move[12:].reshape(-1, 3)
+        keep = np.eye(len(P)) - K @ H
+        P = keep @ P @ keep.T + K @ R @ K.T
+        self.covariance = (P + P.T) / 2
 
 
 def exp_motion(twist: Float64Array) -> Float64Array:

@@ -6,17 +6,22 @@ back), in the views that looked most alike, so that coming back to a place ties 
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, BoolArray, Float64Array
+from seismo3d._typing import AnyArray, BoolArray, Float64Array, Int64Array
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import skew
 from seismo3d.robot.ekf import exp_motion
 from seismo3d.robot.frames import Timing
 from seismo3d.robot.tsdf import Prediction
+
+_FARTHEST = 0.9
+"""Views that are farther, by ``View.apart``, are not searched."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +76,8 @@ class Sightings:
         That time, less the depth's, seconds.
     row : ndarray of shape (n,), float64
         Row over the image's rows, less a half.
+    names : ndarray of shape (n, 2), int64
+        View, and landmark of it.
     """
 
     points: Float64Array
@@ -79,9 +86,14 @@ class Sightings:
     T_depth_pixel: Float64Array
     delay: Float64Array
     row: Float64Array
+    names: Int64Array
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def only(self, which: BoolArray) -> Sightings:
+        """Return some of them, by a mask (n,)."""
+        return Sightings(*(getattr(self, name)[which] for name in self.__slots__))
 
 
 def sight_landmarks(
@@ -92,11 +104,12 @@ def sight_landmarks(
     twist: Float64Array,
     timing: Timing,
     *,
+    also: Sequence[tuple[int, int]] = (),
     most_views: int = 3,
     enough: int = 200,
     radius: int = 7,
 ) -> Sightings:
-    """Find the landmarks of the nearest views in an image.
+    """Find the landmarks of the nearest views, and some named ones, in an image.
 
     Parameters
     ----------
@@ -108,6 +121,8 @@ def sight_landmarks(
     twist : ndarray of shape (6,), float64
         Camera's velocity in its own frame.
     timing : Timing
+    also : sequence of (int, int)
+        View and landmark of those that are looked for from other views, too: from two more at most.
     most_views, enough, radius : int
         Views that are searched at most, landmarks after which no other view is, half the side of a patch in pixels.
 
@@ -118,17 +133,32 @@ def sight_landmarks(
     T_colour = T_world_camera @ exp_motion(twist * timing.colour_lead)
     apart = np.array([view.apart(T_colour) for view in views])
     found_points, found_pixels = [np.empty((0, 3))], [np.empty((0, 2))]
-    for number in np.argsort(apart, kind="stable")[:most_views]:
+    found_names = [np.empty((0, 2), dtype=np.int64)]
+
+    def search(number: int, wanted: Sequence[int] | None) -> None:
         view = views[number]
-        if apart[number] > 0.9 or sum(len(p) for p in found_pixels) > enough:
-            break
         expected, visible = _expected(view, lens, T_colour, grey.shape)
-        if visible.sum() < 6:
-            continue
+        if wanted is not None:
+            visible &= np.isin(np.arange(len(visible)), wanted)
+        if visible.sum() < (6 if wanted is None else 1):
+            return
         pixels, good = _follow(view.grey, grey, view.pixels[visible], expected[visible], radius)
-        found_points.append(view.points[visible][good])
+        which = np.flatnonzero(visible)[good]
+        found_points.append(view.points[which])
         found_pixels.append(pixels[good])
-    return time_sightings(np.concatenate(found_points), np.concatenate(found_pixels), lens, twist, timing, grey.shape)
+        found_names.append(np.column_stack([np.full(len(which), number), which]))
+
+    searched = []
+    for number in np.argsort(apart, kind="stable")[:most_views].tolist():
+        if apart[number] > _FARTHEST or sum(len(p) for p in found_pixels) > enough:
+            break
+        search(number, None)
+        searched.append(number)
+    others = Counter(number for number, _ in also if number not in searched and apart[number] < _FARTHEST)
+    for number, _ in others.most_common(2):
+        search(number, [k for name, k in also if name == number])
+    points, pixels = np.concatenate(found_points), np.concatenate(found_pixels)
+    return time_sightings(points, pixels, lens, twist, timing, grey.shape, names=np.concatenate(found_names))
 
 
 def time_sightings(
@@ -138,12 +168,15 @@ def time_sightings(
     twist: Float64Array,
     timing: Timing,
     shape: tuple[int, ...],
+    *,
+    names: Int64Array | None = None,
 ) -> Sightings:
-    """Return pairs of landmarks (n, 3) and pixels (n, 2) with the ray and the time of each pixel."""
+    """Return pairs of landmarks (n, 3) and pixels (n, 2), perhaps named, with the ray and the time of each pixel."""
     row = pixels[:, 1] / shape[0] - 0.5
     delay = timing.colour_lead + row * timing.readout
     rays = np.column_stack([lens.rays(pixels), np.ones(len(pixels))])
-    return Sightings(points, pixels, rays, _motions(twist, delay), delay, row)
+    called = np.full((len(pixels), 2), -1, dtype=np.int64) if names is None else names
+    return Sightings(points, pixels, rays, _motions(twist, delay), delay, row, called)
 
 
 def make_view(

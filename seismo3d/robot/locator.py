@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -13,11 +13,16 @@ from seismo3d.robot.camera import Camera
 from seismo3d.robot.ekf import log_motion
 from seismo3d.robot.frames import Measured, Timing
 from seismo3d.robot.keyframes import make_keyframe
-from seismo3d.robot.landmarks import sight_landmarks, time_sightings
+from seismo3d.robot.landmarks import Sightings, sight_landmarks, time_sightings
 from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.state import MapState
 from seismo3d.robot.tracking import Located, locate
 from seismo3d.robot.tsdf import Prediction, SurfaceMap
+
+_FAIR = 0.4
+"""Share of the vertices that agree with the map where nothing is wrong, even with half of the view unseen before."""
+_STEADY, _SCATTERED = 5.0, 15.0
+"""Spreads of landmarks, pixels: those below agree on a pose, those above on none, however many they are."""
 
 
 class Locator:
@@ -48,7 +53,7 @@ class Locator:
         numbers = np.array([lens.fx / k, lens.fy / k, (lens.cx + 0.5) / k - 0.5, (lens.cy + 0.5) / k - 0.5])
         return surface.cast(expected, numbers, T, pool=self._pool, n_threads=self._n_threads)
 
-    def locate(
+    def sight(
         self,
         state: MapState,
         measured: Measured,
@@ -56,16 +61,20 @@ class Locator:
         T: Float64Array,
         twist: Float64Array,
         timing: Timing,
-    ) -> Located:
-        """Fit a frame of a camera to a map from a pose."""
+        *,
+        also: Sequence[tuple[int, int]] = (),
+    ) -> Sightings:
+        """Find a map's landmarks in a frame of a camera that is nearly at a pose; none without colour."""
         lens = self._cameras[number].lens
-        prediction = self.cast(state.surface, measured, number, T, coarser=3)
         if measured.grey is None or self._terms == "planes":
             nothing = np.empty((0, 3)), np.empty((0, 2))
-            seen = time_sightings(*nothing, lens, twist, timing, measured.depth.shape)
-        else:
-            seen = sight_landmarks(state.views, measured.grey, lens, T, twist, timing)
-        return locate(measured, prediction, seen, T, lens, terms=self._terms)
+            return time_sightings(*nothing, lens, twist, timing, measured.depth.shape)
+        return sight_landmarks(state.views, measured.grey, lens, T, twist, timing, also=also)
+
+    def locate(self, state: MapState, measured: Measured, number: int, T: Float64Array, seen: Sightings) -> Located:
+        """Fit a frame of a camera, with landmarks seen in it, to a map from a pose."""
+        prediction = self.cast(state.surface, measured, number, T, coarser=3)
+        return locate(measured, prediction, seen, T, self._cameras[number].lens, terms=self._terms)
 
     def places(
         self, states: Iterable[MapState], measured: Measured, number: int
@@ -97,5 +106,11 @@ def is_sound(located: Located, T_expected: Float64Array, *, n_lost: int) -> bool
     reach = 1.0 + min(n_lost, 30) / 15.0
     near = np.linalg.norm(jump[:3]) < 0.25 * reach and np.linalg.norm(jump[3:]) < 0.2 * reach
     doubt = n_lost > 0
-    enough = located.share > (0.3 if doubt else 0.15) or located.n_landmarks >= (40 if doubt else 20)
-    return bool(near and enough)
+    steady = located.n_landmarks >= (40 if doubt else 20) and located.landmark_spread < _STEADY
+    denied = located.n_landmarks >= 20 and located.landmark_spread > _SCATTERED and located.share < _FAIR
+    return bool(near and (steady or located.share > (0.3 if doubt else 0.15)) and not denied)
+
+
+def is_certain(located: Located) -> bool:
+    """Whether a frame fits so well that it needs not be looked for elsewhere."""
+    return located.share > _FAIR or (located.n_landmarks >= 40 and located.landmark_spread < _STEADY)

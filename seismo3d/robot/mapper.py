@@ -23,13 +23,14 @@ from seismo3d.robot.frames import Measured, Measurer, Timing
 from seismo3d.robot.ground import make_ground, make_occupancy
 from seismo3d.robot.kept import KeptFrame
 from seismo3d.robot.keyframes import PlaceMemory, make_keyframe
-from seismo3d.robot.landmarks import make_view
+from seismo3d.robot.landmarks import Sightings, make_view
 from seismo3d.robot.local_maps import LocalMaps, change_poses
-from seismo3d.robot.locator import Locator, is_sound
+from seismo3d.robot.locator import Locator, is_certain, is_sound
 from seismo3d.robot.mesh import Mesh, extract_mesh
 from seismo3d.robot.moving import MotionMemory
 from seismo3d.robot.occupancy import Occupancy
 from seismo3d.robot.results import Closed, MapperSettings, Tracked
+from seismo3d.robot.semantic_landmarks import LandmarkBook
 from seismo3d.robot.state import MapState
 from seismo3d.robot.tracking import Located
 from seismo3d.robot.trajectory import TimedPose, Trajectory
@@ -180,6 +181,7 @@ class Mapper:
         self._n_lost = self._n_unplaced = 0
         self._moving = [MotionMemory() for _ in self.cameras]
         self._filter: MotionFilter | None = None
+        self._book = LandmarkBook()
 
     def _empty_map(self, number: int) -> MapState:
         s = self.settings
@@ -192,18 +194,17 @@ class Mapper:
         number, self.n_frames = self.n_frames, self.n_frames + 1
         timing = Timing(camera.readout or 0.0, frame.time - frame.depth_time + (camera.depth_delay or 0.0))
         motion = self._predict(frame, camera)
-        T = motion.T_world_body @ camera.T_body_camera
-        twist = _camera_twist(motion, camera)
-        measured = self._measurers[frame.camera].measure(frame, twist, timing)
+        measured = self._measurers[frame.camera].measure(frame, _camera_twist(motion, camera), timing)
+        motion, T, seen = self._sight(measured, frame.camera, motion, timing)
         state, located = "empty", None
         if measured.n_normals >= _LEAST_NORMALS:
-            state, located = self._place(measured, frame.camera, T, twist, timing)
+            state, located = self._place(measured, frame.camera, T, seen, timing)
             motion = self._filter or motion
+        twist = _camera_twist(motion, camera)
         if state in ("lost", "empty"):
             self._lose(motion, state)
         else:
             T = T if located is None else located.T_world_camera
-            twist = _camera_twist(motion, camera)
             self._n_lost = self._n_unplaced = 0
             stamp = frame.time + camera.clock_offset
             self.state.poses.append(TimedPose(stamp, motion.time, T, twist, number, frame.camera, self.state.part))
@@ -217,7 +218,8 @@ class Mapper:
     def _lose(self, motion: MotionFilter, state: str) -> None:
         self._n_lost += 1
         self._n_unplaced += state == "lost"
-        motion.twist *= 0.95
+        if not self._book.sees_any:
+            motion.twist *= 0.95
         if not self.state.poses:
             self._filter = None
 
@@ -233,41 +235,72 @@ class Mapper:
         self._filter.predict(now)
         return self._filter
 
+    def _sight(
+        self, measured: Measured, number: int, motion: MotionFilter, timing: Timing
+    ) -> tuple[MotionFilter, Float64Array, Sightings]:
+        """Update the filter by its landmarks; return it, the camera's pose, and the sightings that are left."""
+        camera = self.cameras[number]
+        T, twist = motion.T_world_body @ camera.T_body_camera, _camera_twist(motion, camera)
+        seen = self._locator.sight(self.state, measured, number, T, twist, timing, also=self._book.names)
+        if not self.settings.filtered:
+            return motion, T, seen
+        own = self._book.take_in(motion, seen, camera.lens, camera.T_body_camera)
+        return motion, motion.T_world_body @ camera.T_body_camera, seen.only(~own)
+
     def _place(
-        self, measured: Measured, number: int, T: Float64Array, twist: Float64Array, timing: Timing
+        self, measured: Measured, number: int, T: Float64Array, seen: Sightings, timing: Timing
     ) -> tuple[str, Located | None]:
         """Locate a frame near the predicted pose, else at a place that looks like it, else begin a new local map."""
         if not self.state.poses:
             return "started", None
-        located = self._locator.locate(self.state, measured, number, T, twist, timing)
-        if is_sound(located, T, n_lost=self._n_lost):
-            self._take(located, number)
+        located = self._locator.locate(self.state, measured, number, T, seen)
+        sound = is_sound(located, T, n_lost=self._n_lost)
+        if not (sound and is_certain(located)):
+            found = self._place_elsewhere(measured, number, timing, located.share + 0.1 if sound else 0.0)
+            if found is not None:
+                return found
+        if sound:
+            self._take(located, number, seen)
             return "tracked", located
-        if self._n_lost % _RELOCATE_EVERY == 0:
-            for state, place in self._locator.places(self.maps.every[::-1], measured, number):
-                again = self._locator.locate(state, measured, number, place, np.zeros(6), timing)
-                if again.share > 0.4 and is_sound(again, place, n_lost=self._n_lost):
-                    self._go_on(state, again.T_world_camera, number)
-                    return "relocated", again
         if self._n_unplaced + 1 >= self.settings.new_map_after > 0:
             self.maps.begin()
             self._go_on(self.state, T, number)
             return "started", None
         return "lost", located
 
-    def _take(self, located: Located, number: int) -> None:
+    def _place_elsewhere(
+        self, measured: Measured, number: int, timing: Timing, least_share: float
+    ) -> tuple[str, Located] | None:
+        """Locate a frame at a place that looks like it: after a loss now and then, and when it fits badly."""
+        if self._n_lost % _RELOCATE_EVERY:
+            return None
+        for state, place in self._locator.places(self.maps.every[::-1], measured, number):
+            there = self._locator.sight(state, measured, number, place, np.zeros(6), timing)
+            again = self._locator.locate(state, measured, number, place, there)
+            if again.share > max(0.4, least_share) and is_sound(again, place, n_lost=self._n_lost):
+                if state is self.state and self._n_lost == 0:  # it moved faster than foreseen: that says how fast
+                    self._take(again, number, there)
+                    return "tracked", again
+                self._go_on(state, again.T_world_camera, number)
+                return "relocated", again
+        return None
+
+    def _take(self, located: Located, number: int, seen: Sightings) -> None:
         """Take a located frame into the filter; the pose is the registration's, so that it fits the map."""
         if self._filter is None:
             return
         T_world_body = located.T_world_camera @ invert_transform(self.cameras[number].T_body_camera)
         self._filter.update(T_world_body, located.covariance, gate=None)
         self._filter.T_world_body = T_world_body
+        if self.settings.filtered and len(seen):
+            self._book.learn(self._filter, seen, located.landmark_weights, located.T_world_camera)
 
     def _go_on(self, state: MapState, T_world_camera: Float64Array, number: int) -> None:
         """Go on from a pose in a local map, with nothing known of the velocity."""
         if state is not self.state:
             self.maps.go_to(state)
         T_world_body = T_world_camera @ invert_transform(self.cameras[number].T_body_camera)
+        self._book.forget(None)
         self._filter = MotionFilter(0.0 if self._filter is None else self._filter.time, T_world_body)
         for memory in self._moving:
             memory.forget()
@@ -309,6 +342,7 @@ class Mapper:
 
     def _shift(self, change: Float64Array) -> None:
         """Carry a change of the world's frame where the camera is now over to the filter."""
+        self._book.forget(self._filter)
         if self._filter is not None:
             self._filter.T_world_body = change @ self._filter.T_world_body
         for memory in self._moving:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from seismo3d.geometry.rotations import exp_rotation, make_transform, rotation_angle
-from seismo3d.robot.ekf import MotionFilter, adjoint, exp_motion, log_motion
+from seismo3d.robot.ekf import Glimpses, MotionFilter, adjoint, exp_motion, log_motion
 
 
 def test_exp_and_log_are_inverse(rng: np.random.Generator) -> None:
@@ -72,3 +72,78 @@ def test_uncertainty_grows_while_nothing_is_measured() -> None:
         motion.predict(step * 0.1)
         spans.append(np.trace(motion.covariance[3:6, 3:6]))
     assert np.all(np.diff(spans) > 0)
+
+
+def seen_from(T: np.ndarray, points: np.ndarray) -> np.ndarray:
+    local = (points - T[:3, 3]) @ T[:3, :3]
+    return np.asarray(local[:, :2] / local[:, 2:])
+
+
+def test_landmarks_correct_pose_and_velocity_each_at_its_own_time(rng: np.random.Generator) -> None:
+    """A camera on a body that moves otherwise than the filter thinks; rows of its image are exposed one by one."""
+    T_body_camera = make_transform(exp_rotation([0.1, 0.0, 0.2]), [0.05, 0.0, 0.1])
+    points = rng.uniform([-1.0, -1.0, 1.5], [1.0, 1.0, 3.0], (12, 3))
+    motion = MotionFilter(0.0, np.eye(4))
+    for point in points:
+        motion.add_landmark(point, 1e-8 * np.eye(3))
+    assert motion.covariance.shape == (48, 48)
+    twist = np.array([0.1, -0.4, 0.2, 0.3, -0.1, 0.2])
+    for step in range(1, 9):
+        motion.predict(step / 30)
+        delay = np.linspace(-0.02, 0.02, 12)
+        times = step / 30 + delay
+        rays = np.array([seen_from(exp_motion(twist * t) @ T_body_camera, p[None])[0] for t, p in zip(times, points)])
+        seen = Glimpses(np.arange(12), rays, delay, 1e-3)
+        assert motion.sight(seen, T_body_camera, gate=30.0).all()
+    exact = exp_motion(twist * 8 / 30)
+    assert np.linalg.norm(motion.T_world_body[:3, 3] - exact[:3, 3]) < 0.002
+    assert rotation_angle(motion.T_world_body[:3, :3].T @ exact[:3, :3]) < 0.002
+    np.testing.assert_allclose(motion.twist, twist, atol=0.05)
+    assert np.linalg.eigvalsh(motion.covariance).min() > -1e-12
+
+
+def test_derivatives_of_a_sighting(rng: np.random.Generator) -> None:
+    motion = MotionFilter(0.0, exp_motion(0.3 * rng.normal(size=6)))
+    motion.twist = 0.5 * rng.normal(size=6)
+    T_body_camera = exp_motion(0.2 * rng.normal(size=6))
+    ahead = motion.T_world_body @ T_body_camera @ [0.3, -0.2, 2.0, 1.0]
+    motion.add_landmark(ahead[:3], np.eye(3))
+    H, expected = motion._expect(0, 0.02, T_body_camera)
+    for k in range(15):
+        moved = MotionFilter(0.0, motion.T_world_body)
+        moved.landmarks, moved.covariance, step = motion.landmarks.copy(), motion.covariance, 1e-6 * np.eye(15)[k]
+        moved.T_world_body = exp_motion(step[:6]) @ motion.T_world_body
+        moved.twist = motion.twist + step[6:12]
+        moved.landmarks[0] += step[12:]
+        slope = (moved._expect(0, 0.02, T_body_camera)[1] - expected) / 1e-6
+        np.testing.assert_allclose(slope, H[:, k], atol=0.02 * max(1.0, np.abs(H).max()))
+
+
+def test_a_landmark_that_moved_is_gated_and_can_be_marginalised(rng: np.random.Generator) -> None:
+    points = rng.uniform([-1.0, -1.0, 1.5], [1.0, 1.0, 3.0], (6, 3))
+    motion = MotionFilter(0.0, np.eye(4))
+    for point in points:
+        motion.add_landmark(point, 1e-6 * np.eye(3))
+    motion.predict(1 / 30)
+    rays = seen_from(np.eye(4), points)
+    rays[2] += 0.2
+    accepted = motion.sight(Glimpses(np.arange(6), rays, np.zeros(6), 2e-3), np.eye(4), gate=9.21)
+    assert accepted.tolist() == [True, True, False, True, True, True]
+    assert np.linalg.norm(motion.T_world_body[:3, 3]) < 1e-3
+    held = motion.covariance[:12, :12].copy()
+    motion.drop_landmarks(np.arange(6) == 2)
+    np.testing.assert_array_equal(motion.covariance[:12, :12], held)
+    assert motion.covariance.shape == (27, 27)
+    np.testing.assert_allclose(motion.landmarks, points[[0, 1, 3, 4, 5]], atol=1e-3)
+
+
+def test_a_landmark_shares_the_error_of_the_pose_that_it_was_seen_from() -> None:
+    motion = MotionFilter(0.0, np.eye(4))
+    motion.covariance[:6, :6] = np.diag([1e-4, 1e-4, 1e-4, 4e-4, 4e-4, 4e-4])
+    motion.add_landmark(np.array([0.0, 0.0, 2.0]), np.zeros((3, 3)))
+    # 2 m ahead: turning by 0.01 moves it by 2 cm, beside the 2 cm of the camera itself
+    np.testing.assert_allclose(np.diag(motion.covariance)[12:], [8e-4, 8e-4, 4e-4])
+    seen = motion.sight(Glimpses(np.array([0]), np.zeros((1, 2)), np.zeros(1), 1e-6), np.eye(4), gate=9.21)
+    assert seen.all()
+    # what was known of the landmark came from the pose: seeing it again says little of the pose
+    np.testing.assert_allclose(np.diag(motion.covariance)[:6], [1e-4] * 3 + [4e-4] * 3, rtol=1e-3)
