@@ -65,14 +65,12 @@ def run(
     if smooth_tv is not None and not attributes:
         raise ParameterError("--smooth-tv is given without --attributes; it smooths those. Add --attributes.")
     check_run_folder(out, inputs=[cube], overwrite=overwrite)
-    opened = open_cube(cube, **reading)
+    is_bounded = memory is not None or scheduler is not None
+    opened = open_cube(cube, **reading, lazy=True if is_bounded else None)
     if unfault and opened.ndim != 3:
         raise ParameterError("--unfault is given for a 2D line; it takes the slip out of cubes. Leave it out.")
-    if memory is not None or scheduler is not None:
-        in_blocks = _asks_for_blocks(opened, memory, scheduler, out)
-        _refuse_whole(in_blocks, attributes=attributes, unfault=unfault)
-    else:
-        in_blocks = False
+    in_blocks = is_bounded and _asks_for_blocks(opened, memory, scheduler, out)
+    _refuse_whole(in_blocks, attributes=attributes, unfault=unfault)
     folder = _kept_aside(out) if in_blocks else written_aside(out, folder=True)
     with folder as aside, shown_progress() as show:
         aside.mkdir(exist_ok=in_blocks)
