@@ -70,14 +70,12 @@ def run(
     if smooth_tv is not None and not attributes:
         raise ParameterError("--smooth-tv is given without --attributes; it smooths those. Add --attributes.")
     check_run_folder(out, inputs=[cube], overwrite=overwrite)
-    opened = open_cube(cube, **reading)
+    is_bounded = memory is not None or scheduler is not None
+    opened = open_cube(cube, **reading, lazy=True if is_bounded else None)
     if unfault and opened.ndim != 3:
         raise ParameterError("--unfault is given for a 2D line; it takes the slip out of cubes. Leave it out.")
-    if memory is not None or scheduler is not None:
-        in_blocks = _asks_for_blocks(opened, memory, scheduler, out)
-        refuse_whole(in_blocks, attributes=attributes, unfault=unfault)
-    else:
-        in_blocks = False
+    in_blocks = is_bounded and _asks_for_blocks(opened, memory, scheduler, out)
+    _refuse_whole(in_blocks, attributes=attributes, unfault=unfault)
     folder = _kept_aside(out) if in_blocks else written_aside(out, folder=True)
     with folder as aside, shown_progress() as show:
         aside.mkdir(exist_ok=in_blocks)
@@ -106,7 +104,7 @@ def _asks_for_blocks(cube: Any, memory: str | None, scheduler: str | None, out: 
     return asks_for_blocks(cube, memory, folder=out, scheduler=scheduler)
 
 
-def refuse_whole(in_blocks: bool, *, attributes: bool, unfault: bool) -> None:
+def _refuse_whole(in_blocks: bool, *, attributes: bool, unfault: bool) -> None:
     """Refuse what takes the cube in one piece, where that is worked on in blocks."""
     from seismo3d.errors import ParameterError
 
@@ -118,14 +116,18 @@ def refuse_whole(in_blocks: bool, *, attributes: bool, unfault: bool) -> None:
 @contextmanager
 def _kept_aside(out: Path) -> Iterator[Path]:
     """Give a folder beside ``out`` that stays until all is done, and then takes its place."""
+    from seismo3d.errors import FileAccessError
     from seismo3d.io._files import refuse_os_errors, replace_path
     from seismo3d.seismic.blocks.tracing import forget_work
 
     aside = out.parent / f"{out.name}.unfinished"
-    with refuse_os_errors(out, "write"):
-        yield aside
-        forget_work(aside)
-        replace_path(aside, out, folder=True)
+    try:
+        with refuse_os_errors(out, "write"):
+            yield aside
+            replace_path(aside, out, folder=True)
+            forget_work(out)
+    except FileAccessError as error:
+        raise FileAccessError(f"{error} Finished blocks are kept: give the same command again to go on.") from error
 
 
 def _trace(cube: Any, out: Path, *, clock: Progress, evidence: str, larger: dict[str, Any]) -> Any:

@@ -86,9 +86,12 @@ class BlockRun:
 
     def sweep(self) -> None:
         """Remove what a killed run left half-written."""
-        for path in (self.work / "parts", self.work / "facts"):
-            for left in path.rglob(".*.part") if path.is_dir() else ():
-                left.unlink(missing_ok=True)
+        for pattern in (".*.part", "work/.*.part", "work/parts/*/.*.part", "work/facts/.*.part"):
+            for left in self.folder.glob(pattern):
+                if left.is_dir():
+                    shutil.rmtree(left, ignore_errors=True)
+                else:
+                    left.unlink(missing_ok=True)
 
     def lock(self) -> IO[str]:
         """Keep other runs out of the folder until what is returned is closed, or this process ends."""
@@ -141,11 +144,6 @@ class BlockRun:
     def forget_part(self, stage: str, number: int) -> None:
         """Take a block for not done."""
         (self.work / "parts" / stage / f"{number:06d}.npz").unlink(missing_ok=True)
-
-    def forget_parts(self, *stages: str) -> None:
-        """Remove what blocks came to, once the facts that follow from it are found."""
-        for stage in stages:
-            shutil.rmtree(self.work / "parts" / stage, ignore_errors=True)
 
     def gather(self, stage: str, name: str, tiling: str) -> AnyArray:
         """Put together a map of the traces, from each block's: the last two axes are inlines and crosslines."""

@@ -61,6 +61,11 @@ class Stage:
         """Whether it reads the input itself."""
         return self.tiling == "raw"
 
+    @property
+    def finds(self) -> bool:
+        """Whether it finds a fact, which has its name."""
+        return self.find is not _nothing
+
 
 def _misfit_stages(attempt: str, wanted: Callable[[BlockRun], bool]) -> dict[str, Stage]:
     return {

@@ -69,6 +69,7 @@ def trace_larger(
 
     A finished run of the same input with the same settings is not done again.
     """
+    cube = cube if hasattr(cube, "dtype") else np.asarray(cube)
     room = parse_memory(_MEMORY if memory is None else memory)
     shape = (cube.shape[0], cube.shape[1], cube.shape[2])
     if scheduler is None:
@@ -145,7 +146,8 @@ class _Worker:
     def run_stage(self, stage: str, progress: Progress) -> None:
         """Bring a stage to its end, unless it is there."""
         run, described = self._run, STAGES[stage]
-        if run.knows(f"done_{stage}") or not described.wanted(run):
+        found = run.knows(stage) or not described.finds
+        if (run.knows(f"done_{stage}") and found) or not described.wanted(run):
             return
         progress(described.shown, 0.0)
         described.make(run)

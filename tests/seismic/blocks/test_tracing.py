@@ -123,12 +123,12 @@ def test_a_run_killed_at_any_point_goes_on_to_the_same(cube, wanted, tmp_path):
     np.save(tmp_path / "cube.npy", cube)
     env = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
     n_killed = 0
-    for after in (3, 29, 41, 67, 10**6):
+    for after in (5, 61, 10**6):
         command = [sys.executable, "-c", KILLED, str(tmp_path / "cube.npy"), str(after), str(tmp_path / "run")]
         code = subprocess.run(command, env=env, check=False).returncode
         assert code in (0, -signal.SIGKILL)
         n_killed += code != 0
-    assert n_killed == 4
+    assert n_killed == 2
     assert code == 0
     assert_same(trace(cube, tmp_path / "run"), wanted)
 
@@ -195,29 +195,27 @@ class _Either:
         self.kind(self.array)[key] = values
 
 
-def test_another_input_or_setting_is_noticed(cube, tmp_path):
-    trace(cube, tmp_path / "run")
+def test_a_finished_run_is_not_done_again_and_what_changed_is_noticed(cube, wanted, tmp_path):
+    run = tmp_path / "run"
+    assert_same(trace(cube, run), wanted)
+    told = []
+    (run / "work" / "facts" / "choice.npz").write_bytes(b"damaged")
+    assert_same(trace(cube, run, progress=lambda *state: told.append(state)), wanted)
+    assert {stage for stage, _ in told} == {"surfaces"}
     other = cube.copy()
     other[30, 30, 30] += 1.0
     with pytest.raises(ParameterError, match=r"the input of the run in .* has changed: samples was"):
-        trace(other, tmp_path / "run")
+        trace(other, run)
     settings = FaultSettings()
     changed = replace(settings, dip=replace(settings.dip, lateral=4.0))
     with pytest.raises(
         ParameterError, match=r"the setting of the run in .* has changed: dip\.lateral was 5\.0, now 4\.0\."
     ):
-        trace(cube, tmp_path / "run", settings=changed)
+        trace(cube, run, settings=changed)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "letter.txt").touch()
     with pytest.raises(FileAccessError, match="holds no run in blocks"):
         trace(cube, tmp_path / "other")
-
-
-def test_a_finished_run_is_not_done_again(cube, wanted, tmp_path):
-    trace(cube, tmp_path / "run")
-    told = []
-    assert_same(trace(cube, tmp_path / "run", progress=lambda *state: told.append(state)), wanted)
-    assert told == [("surfaces", 1.0)]
 
 
 def test_memory_decides_and_a_folder_is_needed(cube, wanted, tmp_path, monkeypatch):
