@@ -76,7 +76,7 @@ class SlipSettings:
     along_strike: float = 3.0
     down: float = 4.0
     least_share: float = 0.15
-    least_gain: float = 0.3
+    least_gain: float = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
