@@ -14,11 +14,14 @@ from seismo3d.io.gocad import write_gocad
 from seismo3d.io.surface_mesh import SurfaceMesh
 from seismo3d.io.tables import write_csv
 from seismo3d.io.vtk_surfaces import write_vtp
-from seismo3d.seismic.fault_table import tabulate_faults
+from seismo3d.seismic.fault_table import measure_slip, tabulate_faults
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.sticks import cut_sticks
 
-_UNITS = {"throw": "samples", "throw_ms": "ms", "throw_m": "m", "strike": "deg", "dip": "deg"}
+_UNITS = {
+    "throw": "samples", "throw_ms": "ms", "throw_m": "m", "heave": "traces", "heave_m": "m", "strike_slip": "traces",
+    "strike_slip_m": "m", "rake": "deg", "strike": "deg", "dip": "deg",
+}  # fmt: skip
 _COLUMNS_3D = ("fault", "confidence", "likelihood_mean", "area_index", "strike_deg", "dip_deg", "throw_mean_samples")
 _COLUMNS_2D = ("fault", "confidence", "likelihood_mean", "length_index", "dip_deg", "throw_mean_samples")
 
@@ -86,22 +89,32 @@ def mesh_faults(faults: FaultSet, cube: Any) -> list[SurfaceMesh]:
     -------
     list of SurfaceMesh
         One a surface, named ``fault_001`` and so on by label; properties ``throw`` (samples), ``throw_ms`` or
-        ``throw_m`` where the sample interval is known, ``throw_fit`` (0 to 1), ``likelihood``, ``strike`` and ``dip``
-        (degrees).
+        ``throw_m`` where the sample interval is known, ``throw_fit`` (0 to 1), ``heave`` and ``strike_slip`` (traces),
+        ``heave_m`` and ``strike_slip_m`` on a map, ``rake`` (degrees from strike, 90 straight down), ``likelihood``,
+        ``strike`` and ``dip`` (degrees); in a section no strike slip and no rake.
     """
     section = np.ndim(faults.labels) == 2
     geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
     return [
-        SurfaceMesh(f"fault_{i:03d}", geometry.index_to_map(surface.vertices), surface.cells, _properties(surface))
+        SurfaceMesh(
+            f"fault_{i:03d}", geometry.index_to_map(surface.vertices), surface.cells, _properties(surface, geometry)
+        )
         for i, surface in enumerate(faults.surfaces, start=1)
     ]
 
 
-def _properties(surface: FaultSurface) -> dict[str, Any]:
+def _properties(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry) -> dict[str, Any]:
     properties = {"throw": surface.throw}
     if surface.sample_unit != "samples":
         properties[f"throw_{surface.sample_unit}"] = surface.throw * np.float32(surface.sample_interval)
-    properties["throw_fit"] = surface.throw_fit
+    properties |= {"throw_fit": surface.throw_fit, "heave": surface.heave}
+    if isinstance(geometry, SurveyGeometry):
+        properties |= {"strike_slip": surface.strike_slip, "rake": surface.rake_deg}
+    if geometry.has_map:
+        heave, strike_slip = measure_slip(surface, geometry)
+        properties["heave_m"] = heave
+        if isinstance(geometry, SurveyGeometry):
+            properties["strike_slip_m"] = strike_slip
     return properties | {"likelihood": surface.likelihood, "strike": surface.strike_deg, "dip": surface.dip_deg}
 
 
@@ -113,6 +126,7 @@ def _describe(cube: Any) -> tuple[str, dict[str, str]]:
     z = {"ms": "two-way time in ms", "m": "depth in m"}.get(unit, "sample number")
     properties = (
         "throw: samples, positive where the hanging wall is down; throw_fit: 1 where the sides match, 0 where throw is "
-        "carried on; strike and dip: degrees"
+        "carried on; heave and strike_slip: traces (_m: metres), positive where the fault opens and where the hanging "
+        "wall went along strike; rake: degrees from strike, 90 straight down the dip; strike and dip: degrees"
     )
     return unit, {"xy": f"x, y: {place}", "z": f"z: {z}, positive down", "properties": properties}

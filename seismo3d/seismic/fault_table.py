@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float64Array
+from seismo3d._typing import AnyArray, Float32Array, Float64Array
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.geometry.triangles import measure_cells, weigh_vertices
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
@@ -33,8 +34,9 @@ def tabulate_faults(faults: FaultSet, cube: Any) -> list[dict[str, Any]]:
         (depth cubes on a map), ``length_m`` (along strike, on a map), ``strike_deg``, ``dip_deg``,
         ``throw_mean_samples``, ``throw_max_samples`` (largest by size, with its sign), the same in ``_ms`` or ``_m``,
         ``throw_known`` (share of the area), ``throw_fit`` (mean match of the sides, 0 to 1), ``kind`` (normal, reverse,
-        mixed or unknown), ``heave_mean_m`` (of slip down the dip, on a map), and the extents in line numbers and time
-        or depth.
+        mixed or unknown), ``dip_slip_mean_index`` and ``strike_slip_mean_index`` (index units), ``rake_deg`` (from
+        strike, 90 straight down the dip) and ``slip_certainty`` (0 to 1) in a cube, ``heave_mean_m`` (of slip down the
+        dip) and ``strike_slip_mean_m`` on a map, and the extents in line numbers and time or depth.
     """
     section = np.ndim(faults.labels) == 2
     geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
@@ -69,7 +71,7 @@ def _row(number: int, surface: FaultSurface, geometry: SurveyGeometry | SectionG
     if isinstance(geometry, SurveyGeometry):
         row["strike_deg"] = mean_strike_deg(surface.strike_deg, weights)
     row["dip_deg"] = _mean(surface.dip_deg, weights)
-    return row | _throws(surface, weights) | _heave(surface, geometry, weights) | _extents(surface, geometry, cube)
+    return row | _throws(surface, weights) | _slips(surface, geometry, weights) | _extents(surface, geometry, cube)
 
 
 def _mean(values: AnyArray, weights: Float64Array) -> float:
@@ -108,12 +110,52 @@ def _throws(surface: FaultSurface, weights: Float64Array) -> dict[str, Any]:
     return row | {"throw_known": share, "throw_fit": _mean(surface.throw_fit, weights), "kind": _kind(throw, weights)}
 
 
-def _heave(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry, weights: Float64Array) -> dict[str, Any]:
+def measure_slip(
+    surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry
+) -> tuple[Float32Array, Float32Array]:
+    """Heave and strike slip of a surface in metres.
+
+    Parameters
+    ----------
+    surface : FaultSurface
+        A fault.
+    geometry : SurveyGeometry or SectionGeometry
+        Of its cube, with map coordinates.
+
+    Returns
+    -------
+    heave, strike_slip : ndarray of shape (n,), float32
+        With the signs of :attr:`FaultSurface.heave` and :attr:`FaultSurface.strike_slip`.
+    """
+    straight = replace(surface, strike_share=0.0)
+    start, down, full = (
+        np.asarray(geometry.index_to_map(points), dtype=np.float64)[:, :2]
+        for points in (
+            surface.vertices, surface.vertices + straight.slip, surface.vertices + surface.slip
+        )
+    )  # fmt: skip
+    heave = np.hypot(*(down - start).T) * np.sign(surface.heave)
+    along = np.hypot(*(full - down).T) * np.sign(surface.strike_slip)
+    return heave.astype(np.float32), along.astype(np.float32)
+
+
+def _slips(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry, weights: Float64Array) -> dict[str, Any]:
+    row: dict[str, Any] = {}
+    if isinstance(geometry, SurveyGeometry):
+        rake = surface.rake_deg.astype(np.float64)
+        known = np.isfinite(rake) & (weights > 0)
+        turned = (weights[known] * np.abs(surface.throw[known]) * np.exp(1j * np.radians(rake[known]))).sum()
+        row = {
+            "dip_slip_mean_index": _mean(surface.dip_slip, weights),
+            "strike_slip_mean_index": _mean(surface.strike_slip, weights),
+            "rake_deg": float(np.degrees(np.angle(turned))) if known.any() else float("nan"),
+            "slip_certainty": float(surface.slip_certainty),
+        }
     if not geometry.has_map:
-        return {}
-    ends = (geometry.index_to_map(surface.vertices + sign * surface.slip) for sign in (0.0, 1.0))
-    start, end = (np.asarray(points, dtype=np.float64)[:, :2] for points in ends)
-    return {"heave_mean_m": _mean(np.hypot(*(end - start).T), weights)}
+        return row
+    heave, along = measure_slip(surface, geometry)
+    row["heave_mean_m"] = _mean(np.abs(heave), weights)
+    return row | ({"strike_slip_mean_m": _mean(along, weights)} if isinstance(geometry, SurveyGeometry) else {})
 
 
 def _kind(throw: Float64Array, weights: Float64Array) -> str:

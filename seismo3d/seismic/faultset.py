@@ -7,6 +7,9 @@ Frame and sign conventions, here once for the whole seismic side:
 - A surface's normals point into its hanging wall, so that their sample component is not positive (up) on a dipping
   surface; where a surface is vertical the sign is that of its neighbours.
 - Throw is vertical: positive where the hanging wall went down (normal fault), negative where it went up (reverse).
+- Slip is the motion of the hanging wall against the footwall: down the dip (dip slip, its horizontal part heave, its
+  vertical part throw) and along strike (strike slip, positive where the hanging wall went along strike by the
+  right-hand rule on the index grid).
 - Strike obeys the right-hand rule: looking along it, the surface dips to the right. It is measured from north where the
   cube knows its map coordinates, else from the direction of growing inline numbers towards growing crosslines.
 """
@@ -19,12 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import Float32Array, Int32Array
+from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d._validate import freeze
 from seismo3d.errors import FileAccessError, FormatError, GeometryError
 
 _FILE = "faultset.npz"
-_VERSION = 2
+_VERSION = 3
 _VOLUMES = ("likelihood", "labels", "throw")
 
 
@@ -59,6 +62,11 @@ class FaultSurface:
         Mean likelihood over the surface, weighed down for small surfaces; 0 to 1.
     area : float
         Area (cube) or length (section) in index units.
+    strike_share : float
+        Strike slip in traces for each sample of throw; one for the surface. 0 where slip straight down the dip explains
+        what is seen as well, and in a section.
+    slip_certainty : float
+        How sharply the direction of slip is told, 0 to 1; 0 in layers that are level along strike.
     """
 
     vertices: Float32Array
@@ -73,6 +81,8 @@ class FaultSurface:
     sample_unit: str = "samples"
     confidence: float = 0.0
     area: float = 0.0
+    strike_share: float = 0.0
+    slip_certainty: float = 0.0
 
     @property
     def throw_ms(self) -> Float32Array:
@@ -85,18 +95,51 @@ class FaultSurface:
         return self._throw_in("m")
 
     @property
-    def slip(self) -> Float32Array:
-        """Motion of the hanging wall at each vertex, straight down or up the dip, in index units; shape (n, d).
+    def strike_slip(self) -> Float32Array:
+        """Motion of the hanging wall along strike at each vertex, in traces."""
+        return self.throw * np.float32(self.strike_share)
 
-        The last component is the throw, the others are the heave. Slip along strike leaves too little in layered rock
-        to be told: where there was some, it is not in here.
+    @property
+    def heave(self) -> Float32Array:
+        """Horizontal part of the slip down the dip at each vertex, in traces; negative where it closes up."""
+        rise, flat = self._rise_and_run()
+        return (self.throw * rise / flat).astype(np.float32)
+
+    @property
+    def dip_slip(self) -> Float32Array:
+        """Slip down the dip at each vertex, in index units; negative where it is up."""
+        rise, flat = self._rise_and_run()
+        return (self.throw * np.hypot(1.0, rise / flat)).astype(np.float32)
+
+    @property
+    def rake_deg(self) -> Float32Array:
+        """Direction of slip in the plane of the fault at each vertex, in degrees from strike, downwards positive.
+
+        90 where the hanging wall went straight down the dip, -90 where straight up; less than 90 off strike where it
+        went along strike too. Index units.
+        """
+        return np.degrees(np.arctan2(self.dip_slip, self.strike_slip)).astype(np.float32)
+
+    @property
+    def slip(self) -> Float32Array:
+        """Motion of the hanging wall at each vertex, in index units; shape (n, d).
+
+        The last component is the throw, the others are heave and, in a cube, strike slip.
         """
         flat = self.normals[:, :-1].astype(np.float64)
-        rise = -self.normals[:, -1].astype(np.float64)
-        # a surface flatter than about two degrees has no dip to slide down
-        heave = flat * (rise / np.maximum((flat**2).sum(axis=1), 1e-3))[:, None]
-        down = np.column_stack([heave, np.ones(len(flat))])
+        rise, run = self._rise_and_run()
+        outwards = flat / run[:, None]
+        motion = outwards * (rise / run)[:, None]
+        if flat.shape[1] == 2:
+            motion += self.strike_share * np.column_stack([outwards[:, 1], -outwards[:, 0]])
+        down = np.column_stack([motion, np.ones(len(flat))])
         return (down * self.throw[:, None]).astype(np.float32)
+
+    def _rise_and_run(self) -> tuple[Float64Array, Float64Array]:
+        """Return the vertical and horizontal part of the normals; their ratio is the heave of a unit throw."""
+        flat = self.normals[:, :-1].astype(np.float64)
+        # a surface flatter than about two degrees has no dip to slide down
+        return -self.normals[:, -1].astype(np.float64), np.sqrt(np.maximum((flat**2).sum(axis=1), 1e-3))
 
     def _throw_in(self, unit: str) -> Float32Array:
         if self.sample_unit != unit:
@@ -246,7 +289,7 @@ def _open_lazy(folder: Path, description: dict[str, Any]) -> Any:
     return found
 
 
-_SCALARS = ("sample_interval", "sample_unit", "confidence", "area")
+_SCALARS = ("sample_interval", "sample_unit", "confidence", "area", "strike_share", "slip_certainty")
 _ARRAYS = tuple(entry.name for entry in fields(FaultSurface) if entry.name not in _SCALARS)
 
 

@@ -67,12 +67,16 @@ class SlipSettings:
         field for half a misfit ratio, and the stiffness of the field.
     along_strike, down : float
         Widths of the Gaussian window over which the sides are compared.
+    least_share, least_gain : float
+        Strike slip over throw, and share of what throws leave over that it explains, from which on slip is oblique.
     """
 
     start: float = 300.0
     rounds: tuple[tuple[tuple[float, float], ...], ...] = (((4.0, 100.0), (3.0, 30.0)), ((3.0, 30.0), (2.0, 30.0)))
     along_strike: float = 3.0
     down: float = 4.0
+    least_share: float = 0.15
+    least_gain: float = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,15 +89,25 @@ class SlipField:
         Throw in samples; misfit ratio of the sides about it, infinite where it leads out of view.
     share : float
         Slip along the rows over throw.
+    certainty : float
+        How sharply that share is told, 0 to 1.
     """
 
     throw: Float32Array
     misfit: Float32Array
     share: float
+    certainty: float = 0.0
 
 
 def refine_slip(
-    sides: Sides, throw: Float32Array, fit: Float32Array, inside: BoolArray, *, thin: int, settings: SlipSettings
+    sides: Sides,
+    throw: Float32Array,
+    fit: Float32Array,
+    inside: BoolArray,
+    *,
+    thin: int,
+    settings: SlipSettings,
+    share: float = 0.0,
 ) -> SlipField:
     """Refine a throw.
 
@@ -114,6 +128,8 @@ def refine_slip(
         Places of the sides for one of the throw.
     settings : SlipSettings
         Windows and limits.
+    share : float
+        Slip along the rows over throw.
 
     Returns
     -------
@@ -122,7 +138,37 @@ def refine_slip(
     longest = float(max(1, sides.hanging.shape[1] - 1))
     field = smooth_field(throw, np.where(inside, fit, 0.0).astype(np.float32), stiffness=settings.start)
     field = np.clip(field, -longest, longest)
-    return _refine(sides, field, 0.0, inside, thin, settings.rounds, settings)
+    return _refine(sides, field, share, inside, thin, settings.rounds, settings)
+
+
+def match_about_field(
+    sides: Sides, slip: SlipField, inside: BoolArray, thin: int, leeway: float, settings: SlipSettings
+) -> tuple[Float32Array, Float32Array]:
+    """Return the shifts that match best about a field, place by place, and what each counts.
+
+    Parameters
+    ----------
+    sides : Sides
+        Both sides, at every sample.
+    slip : SlipField
+        The field.
+    inside : ndarray of shape (row, sample), bool
+        Places on the surface.
+    thin : int
+        Places of the sides for one of the field.
+    leeway : float
+        Distance from the field, in samples, that counts as half a misfit ratio.
+    settings : SlipSettings
+        Windows.
+
+    Returns
+    -------
+    shift, weight : ndarray of shape (row, sample), float32
+        Samples; weight 0 where nothing matches.
+    """
+    known = inside & sides.in_view(slip.throw, thin, slip.share)
+    cost = _costs_about(sides, slip.throw, slip.share, thin, settings)
+    return _pull(cost, known, np.zeros_like(slip.throw), leeway, 0.0)
 
 
 def smooth_field(values: Float32Array, weights: Float32Array, *, stiffness: float) -> Float32Array:
@@ -199,12 +245,19 @@ def _costs_about(sides: Sides, field: Float32Array, share: float, thin: int, set
 
 def _fit_change(cost: Float32Array, known: BoolArray, steps: tuple[tuple[float, float], ...]) -> Float32Array:
     """Return the stiff field of shifts that cost little."""
-    shape = cost.shape[:2]
-    field = np.zeros(shape, np.float32)
-    shift, least, rise = (np.empty(shape, np.float32) for _ in range(3))
+    field = np.zeros(cost.shape[:2], np.float32)
     for leeway, stiffness in steps:
-        pull_shifts(cost, known, field, np.float32(0.5 / leeway**2), shift, least, rise)
-        weight = np.clip(1.0 - least / _MISMATCH, 0.0, 1.0) ** 2 * np.clip(rise / 0.3, 0.02, 1.0)
-        weight[~known | (np.abs(shift - field) > 2.5 * leeway)] = 0.0
-        field = smooth_field(shift, weight.astype(np.float32), stiffness=stiffness)
+        shift, weight = _pull(cost, known, field, leeway, 0.02)
+        weight[np.abs(shift - field) > 2.5 * leeway] = 0.0
+        field = smooth_field(shift, weight, stiffness=stiffness)
     return np.clip(field, -_REACH, _REACH)
+
+
+def _pull(
+    cost: Float32Array, known: BoolArray, field: Float32Array, leeway: float, least: float
+) -> tuple[Float32Array, Float32Array]:
+    """Return the best shifts near a field, and weights by their match and sharpness, the latter `least` or more."""
+    shift, misfit, rise = (np.empty(cost.shape[:2], np.float32) for _ in range(3))
+    pull_shifts(cost, known, field, np.float32(0.5 / leeway**2), shift, misfit, rise)
+    weight = np.clip(1.0 - misfit / _MISMATCH, 0.0, 1.0) ** 2 * np.clip(rise / 0.3, least, 1.0)
+    return shift, np.where(known, weight, 0.0).astype(np.float32)

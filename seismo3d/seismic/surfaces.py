@@ -71,6 +71,9 @@ def build_surface(
         sample_unit=sampling[1],
         confidence=confidence,
         area=area,
+        # where a sheet's `across` points to the hanging wall its `along` lies against the strike
+        strike_share=-throw.hanging_side * throw.strike_share if geometry is not None else 0.0,
+        slip_certainty=throw.slip_certainty,
     )
 
 

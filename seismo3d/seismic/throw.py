@@ -18,7 +18,8 @@ from seismo3d.seismic._kernels_throw import (
     sum_paths,
 )
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.slip_fields import Sides, SlipSettings, refine_slip
+from seismo3d.seismic.slip_direction import refine_free_slip
+from seismo3d.seismic.slip_fields import Sides, SlipSettings
 from seismo3d.seismic.throw_trends import fit_trend, local_trend
 
 # how far a throw may lie from those around it, before and after these are known well
@@ -48,7 +49,7 @@ class ThrowSettings:
     step, jump : float
         Cost, as a misfit ratio, of a throw that changes by a sample from a place to the next, and by more.
     slip
-        How throws are refined.
+        How throws are refined and the direction of slip is found.
     """
 
     near: int = 2
@@ -77,11 +78,17 @@ class SheetThrow:
         is carried on from matched places around it.
     hanging_side : int
         1 where the hanging wall lies along the sheet's `across`, else -1.
+    strike_share : float
+        Motion of the hanging wall along the sheet's `along`, in traces, for each sample of throw.
+    slip_certainty : float
+        How sharply that is told, 0 to 1.
     """
 
     throw: Float32Array
     fit: Float32Array
     hanging_side: int
+    strike_share: float = 0.0
+    slip_certainty: float = 0.0
 
 
 def measure_throw(
@@ -160,12 +167,12 @@ def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settin
     inside = np.isfinite(w)
     rough = _match(sides, inside, settings)
     thin = settings.thin
-    slip = refine_slip(sides, *rough, inside[::thin, ::thin], thin=thin, settings=settings.slip)
+    slip = refine_free_slip(sides, *rough, inside[::thin, ::thin], thin=thin, settings=settings.slip)
     found = np.clip(slip.throw, -settings.longest, settings.longest)
     fit = np.where(slip.misfit < _MISMATCH, 1.0 - slip.misfit, 0.0).astype(np.float32)
     throw, fit = (_enlarge(part, w.shape, thin)[:, columns] for part in (found, fit))
     throw[~sheet.inside] = np.nan
-    return SheetThrow(throw, fit, hanging_side)
+    return SheetThrow(throw, fit, hanging_side, slip.share, slip.certainty)
 
 
 def every_sample(sheet: Sheet) -> Float32Array:

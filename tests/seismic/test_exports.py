@@ -46,15 +46,20 @@ def test_gocad_surfaces(tmp_path: Path) -> None:
     for written, surface in zip(objects, faults.surfaces, strict=True):
         assert written["ZPOSITIVE"] == ["Depth"]
         assert written["AXIS_UNIT"] == ['"m"', '"m"', '"ms"']
-        assert written["PROPERTIES"] == ["throw", "throw_ms", "throw_fit", "likelihood", "strike", "dip"]
-        assert written["UNITS"] == ["samples", "ms", "none", "none", "deg", "deg"]
+        assert written["PROPERTIES"] == [
+            "throw", "throw_ms", "throw_fit", "heave", "strike_slip", "rake", "heave_m", "strike_slip_m", "likelihood",
+            "strike", "dip",
+        ]  # fmt: skip
+        assert written["UNITS"] == [
+            "samples", "ms", "none", "traces", "traces", "deg", "m", "m", "none", "deg", "deg",
+        ]  # fmt: skip
         np.testing.assert_allclose(written["points"], survey.index_to_map(surface.vertices), atol=1e-3)
         np.testing.assert_array_equal(np.array(written["cells"]) - 1, surface.cells)
         throw = np.array(written["values"])[:, 0]
         assert (throw[:3] == -99999).all()
         np.testing.assert_allclose(throw[3:], surface.throw[3:], rtol=1e-5)
         np.testing.assert_allclose(np.array(written["values"])[:, 2], surface.throw_fit, atol=1e-5)
-        np.testing.assert_allclose(np.array(written["values"])[:, 3], surface.likelihood, rtol=1e-5)
+        np.testing.assert_allclose(np.array(written["values"])[:, 8], surface.likelihood, rtol=1e-5)
 
 
 def test_vtk_surfaces_are_read_by_vtk(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -135,6 +137,36 @@ def test_slip_runs_down_the_dip_within_the_surface(normal_deg, cotangent):
     np.testing.assert_allclose(np.hypot(surface.slip[:, 0], surface.slip[:, 1]), 3.0 * abs(cotangent), rtol=1e-4)
     # down the dip of a normal fault: towards its hanging wall
     assert ((surface.slip[:, :2] * surface.normals[:, :2]).sum(axis=1) > 0).all()
+
+
+@pytest.mark.parametrize("normal_deg", [0.0, 30.0, 250.0])
+@pytest.mark.parametrize("share", [0.6, -0.4])
+@pytest.mark.parametrize("throw", [3.0, -3.0])
+def test_oblique_slip_lies_in_the_surface_and_has_the_parts_that_it_is_made_of(normal_deg, share, throw):
+    cotangent = 0.5
+    surface = replace(surface_of(flat_sheet(normal_deg, cotangent)), strike_share=share)
+    surface = replace(surface, throw=np.full(len(surface.vertices), throw, np.float32))
+    np.testing.assert_allclose((surface.slip * surface.normals).sum(axis=1), 0.0, atol=1e-4)
+    outwards = surface.normals[:, :2] / np.hypot(*surface.normals[:, :2].T)[:, None]
+    # looking along strike the hanging wall lies to the right: inlines ahead, crosslines to the right
+    strike = np.column_stack([outwards[:, 1], -outwards[:, 0]])
+    np.testing.assert_allclose((surface.slip[:, :2] * strike).sum(axis=1), share * throw, rtol=1e-4)
+    np.testing.assert_allclose((surface.slip[:, :2] * outwards).sum(axis=1), cotangent * throw, rtol=1e-3)
+    np.testing.assert_allclose(surface.strike_slip, share * throw, rtol=1e-5)
+    np.testing.assert_allclose(surface.heave, cotangent * throw, rtol=1e-3)
+    np.testing.assert_allclose(surface.dip_slip, throw * np.hypot(1.0, cotangent), rtol=1e-3)
+    expected = np.degrees(np.arctan2(throw * np.hypot(1.0, cotangent), share * throw))
+    np.testing.assert_allclose(surface.rake_deg, expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize("hanging_side", [1, -1])
+def test_sheets_that_face_either_way_slip_alike(hanging_side):
+    """What slides along the sheet's own `along` does so on the surface."""
+    sheet = flat_sheet(30.0, 0.5 * hanging_side)
+    throw = SheetThrow(np.where(sheet.inside, 3.0, np.nan).astype(np.float32), np.ones_like(sheet.w), hanging_side, 0.5)
+    surface = build_surface(sheet, throw, sheet.score, geometry=SurveyGeometry.from_cube(np.zeros((40, 40, 40))),
+                            sampling=(1.0, "samples"))  # fmt: skip
+    np.testing.assert_allclose(surface.slip[:, :2] @ sheet.along, 1.5, atol=1e-3)
 
 
 def test_upright_surface_slips_straight_down():

@@ -1,0 +1,117 @@
+"""Direction of slip on a fault: what has slid along strike, told by the slopes of the layers that it cuts."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d.seismic.slip_fields import Sides, SlipField, SlipSettings, match_about_field, refine_slip
+
+# shares of strike slip that are tried, and how far aside certainty is measured
+_SHARES = np.linspace(-1.0, 1.0, 21)
+_ASIDE = 0.3
+# leeway of the throws that are read, and width of the window in which layers' slopes are
+_LEEWAY, _WIDTH = 4.0, 4.0
+# every so many places are read, and fewer matched ones than this tell nothing
+_EVERY, _LEAST_PLACES = 2, 80
+
+
+def refine_free_slip(
+    sides: Sides, throw: Float32Array, fit: Float32Array, inside: BoolArray, *, thin: int, settings: SlipSettings
+) -> SlipField:
+    r"""Refine a throw, and find the slip along strike that goes with it.
+
+    Where the hanging wall has moved by a share :math:`s` of its throw :math:`t` along strike, over layers that slope by
+    :math:`m` along the fault, it seems to have come down by :math:`t (1 - s m)`. So what is seen straight down the dip
+    wavers with the slopes of the layers, while throws themselves change smoothly: a quadratic :math:`t` and one
+    :math:`s` are fitted to it, robustly. The share is believed where it explains much of what a quadratic alone leaves;
+    the throw is then refined along it, and the share once more.
+
+    Parameters
+    ----------
+    sides, throw, fit, inside, thin, settings
+        As for :func:`~seismo3d.seismic.slip_fields.refine_slip`.
+
+    Returns
+    -------
+    SlipField
+        With ``share`` 0 where slip down the dip alone explains what is seen as well.
+    """
+    straight = refine_slip(sides, throw, fit, inside, thin=thin, settings=settings)
+    if inside.shape[0] < 8:
+        return straight
+    slopes = _layer_slopes(sides)
+    share, gain, certainty = _find_share(sides, straight, slopes, inside, thin, settings)
+    if abs(share) < settings.least_share or gain < settings.least_gain:
+        return SlipField(straight.throw, straight.misfit, 0.0, certainty)
+    for _ in range(2):
+        field = straight.throw / (1.0 - share * _at_counterparts(slopes, straight, thin))
+        known = np.where(np.isfinite(straight.misfit), np.maximum(1.0 - straight.misfit, 0.0), 0.0)
+        oblique = refine_slip(
+            sides, field.astype(np.float32), known.astype(np.float32), inside, thin=thin, settings=settings, share=share
+        )
+        more, _, certainty = _find_share(sides, oblique, slopes, inside, thin, settings)
+        share = float(np.clip(share + more, -1.0, 1.0))
+    return SlipField(oblique.throw, oblique.misfit, share, certainty)
+
+
+def _layer_slopes(sides: Sides) -> Float64Array:
+    """Slopes of the footwall's layers along the surface, in samples a row, smoothed over a window."""
+    along, down = np.gradient(sides.foot.astype(np.float64))
+    both = ndimage.gaussian_filter(along * down * sides.in_foot, _WIDTH)
+    energy = ndimage.gaussian_filter(down * down * sides.in_foot, _WIDTH)
+    return np.asarray(-both / (energy + 1e-3 * energy.mean() + 1e-12), np.float64)
+
+
+def _at_counterparts(slopes: Float64Array, slip: SlipField, thin: int) -> Float64Array:
+    """Slopes at the places of the footwall that those of the hanging wall came from."""
+    rows, columns = np.indices(slip.throw.shape) * float(thin)
+    at = np.stack([rows - slip.share * slip.throw, columns - slip.throw])
+    return np.clip(ndimage.map_coordinates(slopes, at, order=1, mode="nearest"), -0.9, 0.9)
+
+
+def _find_share(
+    sides: Sides, slip: SlipField, slopes: Float64Array, inside: BoolArray, thin: int, settings: SlipSettings
+) -> tuple[float, float, float]:
+    """Return the strike slip over throw, beyond that of the field, that the throws about a field ask for.
+
+    Also by how much of itself it lowers what a quadratic throw leaves over, and how much of what is left over a share
+    aside leaves it is gone.
+    """
+    shift, weight = match_about_field(sides, slip, inside, thin, _LEEWAY, settings)
+    taken = np.zeros_like(inside)
+    taken[::_EVERY, ::_EVERY] = weight[::_EVERY, ::_EVERY] > 0
+    if int(taken.sum()) < _LEAST_PLACES:
+        return 0.0, 0.0, 0.0
+    slope = _at_counterparts(slopes, slip, thin)[taken]
+    terms = _quadratic(taken)
+    throw, counts = (slip.throw + shift)[taken].astype(np.float64), weight[taken].astype(np.float64)
+    left = np.array([_left_over(throw, counts, terms * (1.0 - share * slope)[:, None]) for share in _SHARES])
+    best = int(left.argmin())
+    share, least = float(_SHARES[best]), float(left[best])
+    if 0 < best < len(left) - 1:
+        before, after = left[best - 1] - least, left[best + 1] - least
+        if before + after > 1e-12:
+            share += float(0.5 * (before - after) / (before + after)) * float(_SHARES[1] - _SHARES[0])
+    aside = float(np.interp([share - _ASIDE, share + _ASIDE], _SHARES, left).min())
+    straight = float(left[len(left) // 2])
+    return share, 1.0 - least / max(straight, 1e-12), float(np.clip(1.0 - least / max(aside, 1e-12), 0.0, 1.0))
+
+
+def _quadratic(taken: BoolArray) -> Float64Array:
+    """Terms of a quadratic over the places taken, centred and scaled."""
+    a, b = (values / max(float(values.std()), 1.0) for values in (p - p.mean() for p in np.nonzero(taken)))
+    return np.column_stack([np.ones_like(a), a, b, a * a, a * b, b * b])
+
+
+def _left_over(values: Float64Array, weights: Float64Array, terms: Float64Array) -> float:
+    """Mean robust square, at most one, of what a combination of terms leaves of the values."""
+    robust = weights
+    error = values
+    for _ in range(3):
+        normal = (terms * robust[:, None]).T @ terms
+        normal[np.diag_indices_from(normal)] += 1e-9 * np.trace(normal)
+        error = values - terms @ np.linalg.solve(normal, terms.T @ (robust * values))
+        robust = weights / (1.0 + error**2) ** 2
+    return float((weights * error**2 / (1.0 + error**2)).sum() / weights.sum())
