@@ -118,7 +118,8 @@ def measure_part(part: tuple[int, int], *, memory: str) -> dict[str, Any]:
     return {
         "shape": shape, "memory": memory, "edges": plan.edges, "peak_rss_gb": peak, "peak_by_stage_gb": stages,
         "cpu_us_a_voxel": 1e6 * spent / n, "one_piece_256_cpu_us_a_voxel": 1e6 * one_piece,
-        "cpu_over_one_piece": spent / n / one_piece, "wall_us_a_voxel": 1e6 * sum(seconds.values()) / n, "wall_s": seconds,
+        "cpu_over_one_piece": spent / n / one_piece, "wall_us_a_voxel": 1e6 * sum(seconds.values()) / n,
+        "wall_s": seconds,
         "n_surfaces": len(faults.surfaces), "share_of_20_gb": n / whole, "strong_ridges": n_ridges,
         "whole_20_gb_cpu_hours": spent / n * whole / 3600.0, "whole_20_gb_strong_ridges": n_ridges / n * whole,
     }  # fmt: skip
