@@ -95,7 +95,7 @@ def measure_equal(size: int, *, edge: int) -> dict[str, Any]:
 
 
 def measure_part(part: tuple[int, int], *, memory: str) -> dict[str, Any]:
-    """Trace a part of a 20 GB cube, in the blocks that the whole would be traced in."""
+    """Trace a part of a 20 GB cube, in the blocks that the whole would be traced in, and 256^3 of it in one piece."""
     from seismo3d.cli._stages import StageClock
 
     settings = FaultSettings()
@@ -110,11 +110,17 @@ def measure_part(part: tuple[int, int], *, memory: str) -> dict[str, Any]:
         faults = trace_in_blocks(cube, plan, settings, folder=Path(folder) / "run", progress=clock)
         n_ridges = _count_ridges(Path(folder) / "run" / "work")
     spent, seconds, n = time.process_time() - start, clock.stop(), int(np.prod(shape))
-    whole = float(np.prod(LARGE, dtype=np.float64))
+    whole, peak = float(np.prod(LARGE, dtype=np.float64)), _peak_gb()
+    small = np.asarray(large_cube((256, 256, 256)))
+    start = time.process_time()
+    trace_faults(small)
+    one_piece = (time.process_time() - start) / small.size
     return {
-        "shape": shape, "memory": memory, "edges": plan.edges, "peak_rss_gb": _peak_gb(), "peak_by_stage_gb": stages,
-        "cpu_us_a_voxel": 1e6 * spent / n, "wall_us_a_voxel": 1e6 * sum(seconds.values()) / n, "wall_s": seconds,
-        "n_surfaces": len(faults.surfaces), "strong_ridges": n_ridges, "share_of_20_gb": n / whole,
+        "shape": shape, "memory": memory, "edges": plan.edges, "peak_rss_gb": peak, "peak_by_stage_gb": stages,
+        "cpu_us_a_voxel": 1e6 * spent / n, "one_piece_256_cpu_us_a_voxel": 1e6 * one_piece,
+        "cpu_over_one_piece": spent / n / one_piece, "wall_us_a_voxel": 1e6 * sum(seconds.values()) / n,
+        "wall_s": seconds,
+        "n_surfaces": len(faults.surfaces), "share_of_20_gb": n / whole, "strong_ridges": n_ridges,
         "whole_20_gb_cpu_hours": spent / n * whole / 3600.0, "whole_20_gb_strong_ridges": n_ridges / n * whole,
     }  # fmt: skip
 

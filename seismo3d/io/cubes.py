@@ -41,7 +41,7 @@ def open_cube(
     Parameters
     ----------
     path : path
-        A SEG-Y file (any suffix), a Zarr folder, ``.npy`` or ``.npz``.
+        A SEG-Y file (any suffix), a Zarr folder, an MDIO store (version 1), ``.npy`` or ``.npz``.
     inline_byte, crossline_byte : int, optional
         SEG-Y trace header bytes, from 1, of the line numbers. Without them 189 and 193, and where those hold no
         geometry, the first pair that does (9 and 21, 17 and 21, ...); the attribute ``header_bytes`` says which.

@@ -76,7 +76,8 @@ def read_zarr(path: Any, *, variable: str | None = None, lazy_above: int = 2 * 2
     if not store.is_dir():
         raise FormatError(f"{store} is a file; expected a folder that holds a Zarr group.")
     with refuse_damage(store, "Zarr group"):
-        dataset = xr.open_zarr(store, chunks=None, consolidated=False)
+        is_mdio = _is_mdio(store)
+        dataset = xr.open_zarr(store, chunks=None, consolidated=False, drop_variables=_MDIO_RECORDS)
         names = [str(n) for n, v in dataset.data_vars.items() if v.ndim in (2, 3) and set(v.dims) & {"time", "depth"}]
         chosen = variable or (names[0] if len(names) == 1 else None)
         if chosen is None or chosen not in dataset.data_vars:
@@ -86,9 +87,36 @@ def read_zarr(path: Any, *, variable: str | None = None, lazy_above: int = 2 * 2
         if loaded > 0:
             check_declared(loaded, _stored_bytes(store, loaded), str(store))
         coords = {n: c.compute() for n, c in cube.coords.items() if c.nbytes < 2**30}
-        lazy = xr.DataArray(_as_dask(cube, store), dims=cube.dims, coords=coords, name=cube.name, attrs=cube.attrs)
-        made = as_cube(lazy, name=str(store)).assign_attrs(path=str(store), file_format="Zarr")
+        attrs = dict(cube.attrs)
+        if is_mdio:
+            coords |= _mdio_coordinates(dataset, cube)
+            attrs.pop("statsV1", None)
+        lazy = xr.DataArray(_as_dask(cube, store), dims=cube.dims, coords=coords, name=cube.name, attrs=attrs)
+        file_format = "MDIO" if is_mdio else "Zarr"
+        made = as_cube(lazy, name=str(store)).assign_attrs(path=str(store), file_format=file_format)
     return made if made.nbytes > lazy_above else made.compute()
+
+
+# trace and file headers of an MDIO store: records, which no cube needs
+_MDIO_RECORDS = ("headers", "raw_headers", "segy_file_header")
+
+
+def _is_mdio(store: Path) -> bool:
+    """Tell whether a Zarr group is an MDIO store of the first version."""
+    import zarr
+
+    group = zarr.open_group(str(store), mode="r")
+    return "apiVersion" in group.attrs and "trace_mask" in group
+
+
+def _mdio_coordinates(dataset: Any, cube: Any) -> dict[str, Any]:
+    """Return the coordinates that a cube of an MDIO store has under other names, or as integers."""
+    vertical = str(cube.dims[-1])
+    axis = dataset[vertical]
+    return {
+        vertical: (vertical, axis.values.astype(np.float64), {"units": "ms" if vertical == "time" else "m"}),
+        "live": (cube.dims[:-1], dataset["trace_mask"].values.astype(bool)),
+    }
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -238,3 +238,29 @@ def test_damaged_bricks_are_one_clear_line_also_where_they_are_read_late(tmp_pat
     lazy = read_zarr(tmp_path / "a.zarr", lazy_above=0)
     with pytest.raises(FormatError, match="no Zarr group whose bricks can be read"):
         lazy.compute()
+
+
+def test_an_mdio_store_is_opened_as_it_is(tmp_path, rng):
+    """The layout of MDIO 1: integer times, a mask of the traces, map coordinates named beside the samples."""
+    store, samples = tmp_path / "survey.mdio", rng.normal(size=(5, 6, 20)).astype(np.float32)
+    mask = np.ones((5, 6), bool)
+    mask[4, 5] = False
+    samples[~mask] = np.nan
+    lateral = ("inline", "crossline")
+    dataset = xr.Dataset(
+        {"amplitude": ((*lateral, "time"), samples, {"statsV1": "{}"}), "trace_mask": (lateral, mask)},
+        coords={
+            "inline": np.arange(10, 15, dtype=np.int32), "crossline": np.arange(20, 26, dtype=np.int32),
+            "time": np.arange(0, 80, 4, dtype=np.int32), "cdp_x": (lateral, np.zeros((5, 6))),
+        },
+        attrs={"apiVersion": "1.1.3", "name": "PostStack3DTime"},
+    )  # fmt: skip
+    dataset.to_zarr(store, zarr_format=3, consolidated=False)
+    for lazy in (False, True):
+        cube = s3.open_cube(store, lazy=lazy)
+        assert cube.attrs["file_format"] == "MDIO"
+        assert "statsV1" not in cube.attrs
+        np.testing.assert_array_equal(cube.values, samples)
+        np.testing.assert_array_equal(cube["live"], mask)
+        assert cube["time"].dtype == np.float64
+        assert cube["time"].values[-1] == 76.0

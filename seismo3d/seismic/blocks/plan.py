@@ -227,7 +227,7 @@ def _needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callable[[in
     return {
         "dip": lambda edge: 66 * square(edge, dip_reach(settings.dip)) * n2,
         "misfit": lambda edge: 60 * square(edge, misfit_reach(settings.misfit.reach[1], settings.misfit)) * n2,
-        "evidence": lambda edge: 52 * square(edge, evidence_reach(settings.misfit)) * thinned,
+        "evidence": lambda edge: 44 * square(edge, evidence_reach(settings.misfit)) * thinned,
         "scan": scan_bytes,
         "draw": lambda edge: 30 * square(edge, settings.throw.far + settings.throw.clear + 2) * n2,
     }

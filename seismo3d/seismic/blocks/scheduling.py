@@ -94,6 +94,8 @@ class OnCluster(AbstractContextManager["OnCluster"]):
         self, run: BlockRun, stage: str, numbers: Sequence[int], piece: Piece | None
     ) -> Iterator[tuple[int, DamagedBlock | None]]:
         """Work on a stage's blocks, on as many workers as there are; blocks of workers that die go to others."""
+        from distributed import KilledWorker
+
         folder = str(run.folder.resolve())
         waiting = list(reversed(numbers))
         ended: Queue[Any] = Queue()
@@ -117,6 +119,11 @@ class OnCluster(AbstractContextManager["OnCluster"]):
                 future.result()
             except DamagedBlock as damage:
                 yield number, damage
+            except KilledWorker as error:
+                raise FileAccessError(
+                    f"workers died again and again over block {number} of {stage}, most likely for want of memory. "
+                    "Start workers with more of it and give the same command again: finished blocks are kept."
+                ) from error
             else:
                 yield number, None
 
