@@ -204,7 +204,8 @@ def _check_spread(pair: DensePair, d: int) -> None:
     for levels, name in ((pair.target, "target"), (pair.source, "source")):
         if d == 2:
             continue
-        points = levels[-1].surface[:, :3].astype(np.float64)
+        moments = levels[-1].moments
+        points = moments[:, 1:4] / moments[:, :1]  # elements of the surface may have been joined across layers
         points -= points.mean(axis=0)
         squares = np.linalg.eigvalsh(points.T @ points)
         if squares[1] < 1e-10 * squares[2]:

@@ -175,6 +175,13 @@ def test_disjoint_scans_are_a_named_state(rng):
     assert found.overlap == 0.0
 
 
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (1.0, 1.0, 1.0), (1.0, 2.0, 0.3)])
+def test_points_on_one_line_are_refused_whatever_its_direction(rng, direction):
+    line = np.outer(np.linspace(0.0, 1.0, 100), direction)
+    with pytest.raises(GeometryError, match="source's points lie on one line"):
+        register(hill(rng, 3000), line)
+
+
 def test_refusals(rng):
     points = hill(rng, 100)
     bad = points.copy()
