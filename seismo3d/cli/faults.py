@@ -23,9 +23,7 @@ EXAMPLES = (
 def run(
     cube: Cube,
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
-    evidence: str = typer.Option(
-        "semblance", help="What shows a fault: semblance, registration, or both.", metavar="KIND"
-    ),
+    evidence: str = typer.Option("both", help="What shows a fault: semblance, registration, or both.", metavar="KIND"),
     attributes: bool = typer.Option(False, "--attributes", help="Write dip, azimuth, semblance and curvature too."),
     smooth_tv: float | None = typer.Option(
         None, help="With --attributes: weight of a total-variation smoothing, such as 0.1. [default: none]"

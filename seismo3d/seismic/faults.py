@@ -76,7 +76,7 @@ class FaultSettings:
 
 
 def trace_faults(
-    cube: Any, *, evidence: str = "semblance", settings: FaultSettings | None = None, progress: Progress | None = None
+    cube: Any, *, evidence: str = "both", settings: FaultSettings | None = None, progress: Progress | None = None
 ) -> FaultSet:
     """Trace the faults of a cube or section: surfaces with likelihood, strike, dip and throw.
 
@@ -92,7 +92,8 @@ def trace_faults(
         A cube (inline, crossline, sample) or a section (trace, sample), as ``open_cube`` gives it or a bare array.
         NaN, dead traces and constant zones count as no data.
     evidence : {"semblance", "registration", "both"}
-        How sides are carried: along their slopes, by registration, or by both ways, whose log ratios add up.
+        How sides are carried: along their slopes, by registration, or by both ways, registration
+        counting more the more noise there is.
     settings : FaultSettings, optional
         Thresholds and windows; by default ``FaultSettings()`` for a cube and ``FaultSettings.for_section()`` for a
         section.
