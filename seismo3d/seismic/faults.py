@@ -62,13 +62,15 @@ class FaultSettings:
         Nothing is gained by sharing a window with neighbours along the strike, so slopes are averaged over more traces
         of the section; and what a cube's strike averages away, windows across the fault must not smear, so the sides
         are compared where they touch and the evidence is hardly smoothed. A line's mean scatters more than a plane's,
-        above all in noise, and asks for a higher threshold. Sizes are lengths of lines.
+        above all in noise, and asks for a higher threshold. Shifts have no neighbours along the strike to be averaged
+        with: beside semblance registration does not count. Sizes are lengths of lines.
         """
         return cls(
             least_score=(0.6, 0.5, 0.65),
             end_score=(0.5, 0.5, 0.65),
             dip=DipSettings(lateral=8.0),
             misfit=MisfitSettings(reach=(1, 6), lateral=0.5, background=(10.0, 16.0), levelling=1.0),
+            registration=RegistrationSettings(share=(0.0, 0.0)),
             scan=ScanSettings(n_dips=(33, 41)),
             link=LinkSettings(fragment=6, contacts=5),
             choice=ChoiceSettings.for_section(),
@@ -92,8 +94,8 @@ def trace_faults(
         A cube (inline, crossline, sample) or a section (trace, sample), as ``open_cube`` gives it or a bare array.
         NaN, dead traces and constant zones count as no data.
     evidence : {"semblance", "registration", "both"}
-        How sides are carried: along their slopes, by registration, or by both ways, registration
-        counting more the more noise there is.
+        How sides are carried: along their slopes, by registration, or by both ways, registration counting more the more
+        noise there is: not at all in a cube without noise, or a section.
     settings : FaultSettings, optional
         Thresholds and windows; by default ``FaultSettings()`` for a cube and ``FaultSettings.for_section()`` for a
         section.
