@@ -144,7 +144,7 @@ def make_section() -> tuple[xr.DataArray, FaultSet]:
     return section, FaultSet((surface,), *volumes, settings={})
 
 
-def fake_trace_faults(cube: Any, *, evidence: str = "semblance", progress: Any = None) -> FaultSet:
+def fake_trace_faults(cube: Any, *, evidence: str = "both", progress: Any = None) -> FaultSet:
     """Stand in for the tracer: known surfaces in any cube, with its stages reported."""
     for stage in ("dips", "scan"):
         for share in (0.0, 1.0):

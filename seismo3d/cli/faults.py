@@ -27,8 +27,10 @@ EXAMPLES = (
 def run(
     cube: Cube,
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
-    evidence: str = typer.Option(
-        "semblance", help="What shows a fault: semblance, registration, or both.", metavar="KIND"
+    evidence: str | None = typer.Option(
+        None,
+        help="What shows a fault: semblance, registration, or both. [default: both; semblance in blocks]",
+        metavar="KIND",
     ),
     attributes: bool = typer.Option(False, "--attributes", help="Write dip, azimuth, semblance and curvature too."),
     smooth_tv: float | None = typer.Option(
@@ -66,7 +68,8 @@ def run(
     from seismo3d.io.cubes import open_cube
     from seismo3d.seismic.fault_evidence import check_evidence
 
-    check_evidence(evidence)
+    if evidence is not None:
+        check_evidence(evidence)
     if smooth_tv is not None and not attributes:
         raise ParameterError("--smooth-tv is given without --attributes; it smooths those. Add --attributes.")
     check_run_folder(out, inputs=[cube], overwrite=overwrite)
@@ -89,7 +92,7 @@ def run(
             _write_attributes(opened, aside, smooth_tv, clock)
         if unfault:
             _write_unfaulted(opened, faults, aside, clock)
-        asked = {**reading, "evidence": evidence, "attributes": attributes, "smooth_tv": smooth_tv}
+        asked = {**reading, "evidence": faults.settings["evidence"], "attributes": attributes, "smooth_tv": smooth_tv}
         if unfault:
             asked["unfault"] = True
         asked |= {name: value for name, value in (("memory", memory), ("scheduler", scheduler)) if value is not None}
@@ -130,7 +133,7 @@ def _kept_aside(out: Path) -> Iterator[Path]:
         raise FileAccessError(f"{error} Finished blocks are kept: give the same command again to go on.") from error
 
 
-def _trace(cube: Any, out: Path, *, clock: Progress, evidence: str, larger: dict[str, Any]) -> Any:
+def _trace(cube: Any, out: Path, *, clock: Progress, evidence: str | None, larger: dict[str, Any]) -> Any:
     """Trace the faults and write everything that follows from them alone; `larger` says how a cube beyond memory is."""
     from seismo3d.io.segy import write_segy
     from seismo3d.seismic.exports import write_faults

@@ -42,7 +42,7 @@ def measure_evidence(
     valid: BoolArray,
     slopes: tuple[Float32Array, Float32Array],
     *,
-    kind: str = "semblance",
+    kind: str = "both",
     misfit: MisfitSettings | None = None,
     registration: RegistrationSettings | None = None,
 ) -> Evidence:
@@ -50,8 +50,8 @@ def measure_evidence(
 
     Semblance carries each side along reflector slopes, from the structure tensor. Registration carries it by shifts
     found by matching: every slice is registered with the next, coarse to fine, shifts that disagree with their
-    surroundings are rejected, and each side follows its own. Where both are used, their log ratios add up: slopes fail
-    where they differ from trace to trace, matching where layers repeat, and a fault shows in both.
+    surroundings are rejected, and each side follows its own. Where both are used, their log ratios add up, registration
+    the more the noisier the cube is: without noise slopes are as good, and registration is left out.
 
     Parameters
     ----------
@@ -81,29 +81,34 @@ def measure_evidence(
     if kind != "registration":
         comparisons.append(compare_along(volume, valid, slopes))
     if kind != "semblance":
-        fields = register_slices(volume, valid, settings=registration)
-        sides = [carry_sides(field, settings=registration) for field in fields]
-        comparisons.append(compare_registered(volume, valid, sides))
+        comparisons.append(compare_registered(volume, valid, settings=registration))
     return fuse_misfits(volume, valid, comparisons, share=registration.share, settings=misfit)
 
 
-def compare_registered(volume: Float32Array, valid: BoolArray, sides: list[SideShifts]) -> Compare:
+def compare_registered(
+    volume: Float32Array, valid: BoolArray, *, settings: RegistrationSettings | None = None
+) -> Compare:
     """Return what compares the two sides of every voxel after each is carried by the shifts of its own side.
+
+    The slices are registered when it is first called.
 
     Parameters
     ----------
     volume, valid : ndarray of shape (inline, crossline, sample)
         Amplitudes, float32, and where there are any.
-    sides : list of SideShifts
-        Along inlines and along crosslines.
+    settings : RegistrationSettings, optional
+        Windows.
 
     Returns
     -------
     callable
         As :func:`~seismo3d.seismic.misfit.compare_along` returns it.
     """
+    sides: list[SideShifts] = []
 
     def compare(lines: slice, axis: int, reach: int, difference: Float32Array, energy: Float32Array) -> None:
+        if not sides:
+            sides.extend(carry_sides(f, settings=settings) for f in register_slices(volume, valid, settings=settings))
         side = sides[axis]
         registered_misfit(
             volume[lines], valid[lines], side.behind[lines], side.ahead[lines], axis, reach, side.step,

@@ -63,13 +63,15 @@ class FaultSettings:
         Nothing is gained by sharing a window with neighbours along the strike, so slopes are averaged over more traces
         of the section; and what a cube's strike averages away, windows across the fault must not smear, so the sides
         are compared where they touch and the evidence is hardly smoothed. A line's mean scatters more than a plane's,
-        above all in noise, and asks for a higher threshold. Sizes are lengths of lines.
+        above all in noise, and asks for a higher threshold. Shifts have no neighbours along the strike to be averaged
+        with: beside semblance registration does not count. Sizes are lengths of lines.
         """
         return cls(
             least_score=(0.6, 0.5, 0.65),
             end_score=(0.5, 0.5, 0.65),
             dip=DipSettings(lateral=8.0),
             misfit=MisfitSettings(reach=(1, 6), lateral=0.5, background=(10.0, 16.0), levelling=1.0),
+            registration=RegistrationSettings(share=(0.0, 0.0)),
             scan=ScanSettings(n_dips=(33, 41)),
             link=LinkSettings(fragment=6, contacts=5),
             choice=ChoiceSettings.for_section(),
@@ -79,7 +81,7 @@ class FaultSettings:
 def trace_faults(
     cube: Any,
     *,
-    evidence: str = "semblance",
+    evidence: str | None = None,
     settings: FaultSettings | None = None,
     progress: Progress | None = None,
     memory: int | str | None = None,
@@ -99,8 +101,10 @@ def trace_faults(
     cube : DataArray or array_like
         A cube (inline, crossline, sample) or a section (trace, sample), as ``open_cube`` gives it or a bare array.
         NaN, dead traces and constant zones count as no data.
-    evidence : {"semblance", "registration", "both"}
-        How sides are carried: along their slopes, by registration, or by both ways, whose log ratios add up.
+    evidence : {"semblance", "registration", "both"}, optional
+        How sides are carried: along their slopes, by registration, or by both ways, registration counting more the more
+        noise there is: not at all in a cube without noise, or a section. By default both; semblance in blocks, since
+        slices are registered whole.
     settings : FaultSettings, optional
         Thresholds and windows; by default ``FaultSettings()`` for a cube and ``FaultSettings.for_section()`` for a
         section.
@@ -142,12 +146,13 @@ def trace_faults(
     .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
     """
     report = progress or _unheard
-    check_evidence(evidence)
+    if evidence is not None:
+        check_evidence(evidence)
     if memory is not None or folder is not None or scheduler is not None:
         from seismo3d.seismic.blocks.tracing import asks_for_blocks, trace_larger
 
         if asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler):
-            refuse_in_blocks(evidence)
+            refuse_in_blocks(evidence or "semblance")
             return trace_larger(
                 cube, memory, folder=folder, scheduler=scheduler, settings=settings or FaultSettings(), progress=report
             )
@@ -158,8 +163,9 @@ def trace_faults(
     report("dip", 0.0)
     slopes = estimate_slopes(volume, valid, settings=settings.dip)
     report("misfit", 0.0)
+    kind = evidence or "both"
     found = measure_evidence(
-        volume, valid, slopes, kind=evidence, misfit=settings.misfit, registration=settings.registration
+        volume, valid, slopes, kind=kind, misfit=settings.misfit, registration=settings.registration
     )
     report("scan", 0.0)
     support = scan_planes(found, settings=settings.scan, progress=progress)
@@ -185,7 +191,7 @@ def trace_faults(
         likelihood=_like(cube, likelihood, "likelihood"),
         labels=_like(cube, labels, "labels"),
         throw=_like(cube, throw, "throw"),
-        settings={**asdict(settings), "evidence": evidence},
+        settings={**asdict(settings), "evidence": kind},
     )
 
 

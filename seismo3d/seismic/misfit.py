@@ -165,7 +165,8 @@ def fuse_misfits(
     comparisons : list of callable
         One or two, as :func:`compare_along` returns them.
     share : tuple of (float, float)
-        Share of the second in a cube without noise, and in one whose noise is half as strong as its signal or more.
+        Share of the second in a cube without noise, and in one whose noisiness is a half or more; where it is 0 the
+        second is not called.
     settings : MisfitSettings, optional
         Windows.
 
@@ -177,15 +178,16 @@ def fuse_misfits(
     floor = energy_floor(trace_energies(volume, valid), int(valid.sum()))
     logs, known, noise, noisiness = _log_ratios(volume, comparisons[0], floor, settings)
     background = find_background(noise, settings)
-    for compare in comparisons[1:]:
+    second = share[0] + min(1.0, 2.0 * noisiness) * (share[1] - share[0])
+    for compare in comparisons[1:] if second > 0.0 else ():
         more, also_known, other_noise, other_noisiness = _log_ratios(volume, compare, floor, settings)
         noise, noisiness = min(noise, other_noise), min(noisiness, other_noisiness)
-        second = share[0] + min(1.0, 2.0 * noisiness) * (share[1] - share[0])
         background += second * (find_background(other_noise, settings) - background)
         for values, added in zip(logs + known, more + also_known, strict=True):
             values *= np.float32(1.0 - second)
             added *= np.float32(second)
             values += added
+        del more, also_known
     sums = [trace_moments(ratio, weight) for ratio, weight in zip(logs, known, strict=True)]
     mean, spread = find_moments(sums, noisiness)
     filled = [fill_unknown(ratio, weight, background) for ratio, weight in zip(logs, known, strict=True)]

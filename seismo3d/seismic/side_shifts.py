@@ -36,8 +36,8 @@ class RegistrationSettings:
     memory : float
         Traces over which the mean of one side forgets.
     share : tuple of (float, float)
-        Share of registration where it is used beside semblance: in a cube without noise, and in one whose noise is half
-        as strong as its signal or more.
+        Share of registration where it is used beside semblance: in a cube without noise, where slopes are as good, and
+        in one whose noisiness is a half or more.
     """
 
     farthest: int = 4
@@ -48,7 +48,7 @@ class RegistrationSettings:
     across: float = 3.0
     down: float = 4.0
     memory: float = 5.0
-    share: tuple[float, float] = (0.5, 0.9)
+    share: tuple[float, float] = (0.0, 0.9)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -93,7 +93,7 @@ def test_record_lets_a_result_be_traced(demo: Path) -> None:
     assert record["input"]["file"] == "demo.sgy"
     assert record["input"]["size_bytes"] == demo.stat().st_size
     assert len(record["input"]["sha256"]) == 64
-    assert record["options"] == {"inline_byte": 189, "evidence": "semblance", "attributes": False}
+    assert record["options"] == {"inline_byte": 189, "evidence": "both", "attributes": False}
     assert record["settings"]["threshold"] == 0.2
     assert record["n_faults"] == 2
     assert record["geometry"]["axes"]["inline"] == {"first": 100, "last": 158, "step": 2, "n": 30}

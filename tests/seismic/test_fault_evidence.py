@@ -7,7 +7,7 @@ from seismo3d.errors import ParameterError
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_evidence import EVIDENCE, check_evidence, measure_evidence
 from seismo3d.seismic.faults import trace_faults
-from seismo3d.seismic.misfit import compare_along, fuse_misfits, measure_misfit
+from seismo3d.seismic.misfit import MisfitSettings, compare_along, fuse_misfits, measure_misfit
 from seismo3d.seismic.scores import fault_score
 from seismo3d.synthetic import SyntheticFault, fault_cube
 
@@ -100,3 +100,29 @@ def test_refuses_what_is_no_evidence(kind, unbroken):
         check_evidence(kind)
     with pytest.raises(ParameterError, match="evidence is"):
         trace_faults(unbroken, evidence=kind)
+
+
+def noisy(cube, level=0.8):
+    noise = np.random.default_rng(6).normal(size=cube.shape) * level * cube.std()
+    return (cube + noise).astype(np.float32)
+
+
+def test_share_of_registration_grows_with_noise(broken):
+    for volume, counts in ((broken.seismic, False), (noisy(broken.seismic), True)):
+        both, alone = measure(volume, "both"), measure(volume, "semblance")
+        assert np.array_equal(both.along_inlines, alone.along_inlines) is not counts
+
+
+def test_shares_are_means_of_the_logarithms(broken):
+    volume = (broken.seismic / broken.seismic.std()).astype(np.float32)
+    valid = np.ones(volume.shape, bool)
+    flat = (np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.float32))
+    ways = [compare_along(volume, valid, estimate_slopes(volume, valid)), compare_along(volume, valid, flat)]
+    settings = MisfitSettings(footprint=0.0, levelling=0.0)
+    first, second = (fuse_misfits(volume, valid, [way], settings=settings) for way in ways)
+    mixed = fuse_misfits(volume, valid, ways, share=(0.25, 0.25), settings=settings)
+    # at the edges one way may know what the other does not
+    inner = np.s_[10:-10, 10:-10, 10:-10]
+    expected = 0.75 * first.along_inlines[inner] + 0.25 * second.along_inlines[inner]
+    np.testing.assert_allclose(mixed.along_inlines[inner], expected, atol=1e-4)
+    assert mixed.noise == min(first.noise, second.noise)
