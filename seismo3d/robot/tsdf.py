@@ -23,12 +23,15 @@ from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.geometry._kernels_voxels import find
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import _kernels_blocks as blocks
+from seismo3d.robot import _kernels_carve as carving
 from seismo3d.robot import _kernels_raycast as rays
 from seismo3d.robot.frames import Measured
 
 REACH = 0.15
 """Metres from the expected depth within which a surface is looked for."""
 _MARGIN = 40
+_WELL_SEEN = 30
+"""Frames after which a block takes in every second one."""
 _SEEN_THROUGH = 2
 """Pixels around one that must see through a voxel, too."""
 
@@ -80,6 +83,7 @@ class SurfaceMap:
         self.distance = np.zeros((1024, 512), dtype=np.float32)
         self.weight = np.zeros((1024, 512), dtype=np.float32)
         self.colour = np.zeros((1024, 512, 3), dtype=np.uint8)
+        self.visits = np.zeros(1024, dtype=np.int32)
         self._tables: dict[tuple[PinholeCamera, tuple[int, ...]], Int32Array] = {}
         self._make_table(12)
 
@@ -91,7 +95,7 @@ class SurfaceMap:
     @property
     def n_bytes(self) -> int:
         """Memory that the blocks in use take."""
-        return self.n_blocks * (512 * (4 + 4 + 3) + 8 + 12)
+        return self.n_blocks * (512 * (4 + 4 + 3) + 8 + 12 + 4)
 
     def add_blocks(self, keys: Int64Array) -> Int64Array:
         """Make the blocks of some keys where they are missing; return the numbers of all of them."""
@@ -137,6 +141,9 @@ class SurfaceMap:
         R, t = _parts(T_world_camera)
         keys = blocks.touched_blocks(measured.vertices, 2, R, t, self.block_size, self.band + self.voxel_size)
         numbers = self.add_blocks(keys)
+        self.visits[numbers] += 1
+        # what many frames have told gains little by one more: every second one is taken in
+        numbers = numbers[(self.visits[numbers] <= _WELL_SEEN) | (self.visits[numbers] % 2 == 0)]
         lens = lens_numbers(camera)
         table = self._pixel_table(camera, measured.depth.shape)
         rgb = measured.colour.reshape(-1, 3)
@@ -155,13 +162,13 @@ class SurfaceMap:
         rows, columns = measured.depth.shape
         R, t = _parts(T)
         lens, table = lens_numbers(camera), self._pixel_table(camera, measured.depth.shape)
-        free = blocks.nearest_around(measured.depth, _SEEN_THROUGH)
-        farthest = rays.farthest_tiles(free, rows, columns)
+        free = carving.nearest_around(measured.depth, _SEEN_THROUGH)
+        farthest = carving.farthest_tiles(free, rows, columns)
         every = self.coordinates[: self.n_blocks]
-        seen = rays.blocks_before(every, self.block_size, R, t, lens, farthest, 2.0 * self.band)
+        seen = carving.blocks_before(every, self.block_size, R, t, lens, farthest, 2.0 * self.band)
 
         def work(part: Int64Array) -> None:
-            blocks.carve_blocks(
+            carving.carve_blocks(
                 part, self.coordinates, self.distance, self.weight, self.voxel_size, R, t, lens, table, _MARGIN, free,
                 self.band,
             )  # fmt: skip
@@ -226,7 +233,7 @@ class SurfaceMap:
         if n <= len(self.keys):
             return
         size = max(n, 2 * len(self.keys))
-        for name in ("keys", "coordinates", "distance", "weight", "colour"):
+        for name in ("keys", "coordinates", "distance", "weight", "colour", "visits"):
             old = getattr(self, name)
             new = np.zeros((size, *old.shape[1:]), dtype=old.dtype)
             new[: self.n_blocks] = old[: self.n_blocks]
