@@ -30,8 +30,6 @@ from seismo3d.robot.frames import Measured
 REACH = 0.15
 """Metres from the expected depth within which a surface is looked for."""
 _MARGIN = 40
-_WELL_SEEN = 30
-"""Frames after which a block takes in every second one."""
 _SEEN_THROUGH = 2
 """Pixels around one that must see through a voxel, too."""
 
@@ -83,7 +81,6 @@ class SurfaceMap:
         self.distance = np.zeros((1024, 512), dtype=np.float32)
         self.weight = np.zeros((1024, 512), dtype=np.float32)
         self.colour = np.zeros((1024, 512, 3), dtype=np.uint8)
-        self.visits = np.zeros(1024, dtype=np.int32)
         self._tables: dict[tuple[PinholeCamera, tuple[int, ...]], Int32Array] = {}
         self._make_table(12)
 
@@ -95,7 +92,7 @@ class SurfaceMap:
     @property
     def n_bytes(self) -> int:
         """Memory that the blocks in use take."""
-        return self.n_blocks * (512 * (4 + 4 + 3) + 8 + 12 + 4)
+        return self.n_blocks * (512 * (4 + 4 + 3) + 8 + 12)
 
     def add_blocks(self, keys: Int64Array) -> Int64Array:
         """Make the blocks of some keys where they are missing; return the numbers of all of them."""
@@ -141,9 +138,6 @@ class SurfaceMap:
         R, t = _parts(T_world_camera)
         keys = blocks.touched_blocks(measured.vertices, 2, R, t, self.block_size, self.band + self.voxel_size)
         numbers = self.add_blocks(keys)
-        self.visits[numbers] += 1
-        # what many frames have told gains little by one more: every second one is taken in
-        numbers = numbers[(self.visits[numbers] <= _WELL_SEEN) | (self.visits[numbers] % 2 == 0)]
         lens = lens_numbers(camera)
         table = self._pixel_table(camera, measured.depth.shape)
         rgb = measured.colour.reshape(-1, 3)
@@ -233,7 +227,7 @@ class SurfaceMap:
         if n <= len(self.keys):
             return
         size = max(n, 2 * len(self.keys))
-        for name in ("keys", "coordinates", "distance", "weight", "colour", "visits"):
+        for name in ("keys", "coordinates", "distance", "weight", "colour"):
             old = getattr(self, name)
             new = np.zeros((size, *old.shape[1:]), dtype=old.dtype)
             new[: self.n_blocks] = old[: self.n_blocks]
