@@ -15,12 +15,9 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.geometry._kernels_voxels import AXIS_BITS, AXIS_MASK, find, slot
-from seismo3d.robot._kernels_frame import depth_sigma
 
 SIDE = 8
 HALF_RANGE = 1 << 20
-_CARVED = 0.4
-"""How far a voxel that is seen through goes towards being free, whatever its weight."""
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -231,80 +228,3 @@ def fuse_blocks(
                             if not fresh:
                                 value = held + share * (value - held)
                             colour[number, index, k] = np.uint8(max(one, value + f4(0.5)))
-
-
-@nb.njit(cache=True, nogil=True)
-def carve_blocks(
-    numbers: Int64Array,
-    coordinates: Int32Array,
-    distance: Float32Array,
-    weight: Float32Array,
-    voxel: float,
-    R: Float64Array,
-    t: Float64Array,
-    lens: Float64Array,
-    table: Int32Array,
-    margin: int,
-    free: Float32Array,
-    band: float,
-) -> None:
-    """Make free what a frame sees through: two or three frames do away with what is no longer there.
-
-    ``free`` (n_pixels) is the depth up to which all of a pixel's surroundings see nothing, 0 where that isn't known;
-    the rest is as in :func:`fuse_blocks`. Nearer to it than two bands and three standard deviations nothing changes.
-    """
-    f4 = np.float32
-    rows, columns = table.shape
-    fx, fy = f4(lens[0]), f4(lens[1])
-    cx, cy = f4(lens[2] + margin + 0.5), f4(lens[3] + margin + 0.5)
-    band4, one, zero = f4(band), f4(1.0), f4(0.0)
-    width, height = f4(columns), f4(rows)
-    for number in numbers:
-        ox = coordinates[number, 0] * SIDE * voxel - t[0]
-        oy = coordinates[number, 1] * SIDE * voxel - t[1]
-        oz = coordinates[number, 2] * SIDE * voxel - t[2]
-        for index in range(SIDE * SIDE * SIDE):
-            if not (weight[number, index] > zero and distance[number, index] < band4):
-                continue
-            wx = ox + (index >> 6) * voxel
-            wy = oy + ((index >> 3) & 7) * voxel
-            wz = oz + (index & 7) * voxel
-            z = f4(R[0, 2] * wx + R[1, 2] * wy + R[2, 2] * wz)
-            if z < f4(0.05):
-                continue
-            u = fx * f4(R[0, 0] * wx + R[1, 0] * wy + R[2, 0] * wz) / z + cx
-            v = fy * f4(R[0, 1] * wx + R[1, 1] * wy + R[2, 1] * wz) / z + cy
-            if not (zero <= u < width and zero <= v < height):
-                continue
-            pixel = table[int(v), int(u)]
-            if pixel < 0:
-                continue
-            beyond = free[pixel]
-            if beyond - z > f4(2.0) * band4 + f4(3.0 * depth_sigma(np.float64(beyond))):
-                old = weight[number, index]
-                share = max(f4(_CARVED), one / (one + old))
-                distance[number, index] += share * (band4 - distance[number, index])
-                if distance[number, index] > f4(0.9) * band4:
-                    distance[number, index] = band4
-                weight[number, index] = max((one - share) * old, f4(0.05))
-
-
-@nb.njit(cache=True, nogil=True)
-def nearest_around(depth: Float32Array, reach: int) -> Float32Array:
-    """Least depth (n_pixels) within some pixels of each; 0 where one of them has none."""
-    rows, columns = depth.shape
-    across = np.zeros((rows, columns), dtype=np.float32)
-    for r in range(rows):
-        for c in range(reach, columns - reach):
-            least = depth[r, c]
-            for k in range(c - reach, c + reach + 1):
-                least = min(least, depth[r, k])
-            across[r, c] = least
-    out = np.zeros(rows * columns, dtype=np.float32)
-    for r in range(reach, rows - reach):
-        for c in range(columns):
-            least = across[r, c]
-            for k in range(r - reach, r + reach + 1):
-                least = min(least, across[k, c])
-            out[r * columns + c] = least
-    return out

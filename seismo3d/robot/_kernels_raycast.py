@@ -12,62 +12,6 @@ from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array, I
 from seismo3d.geometry._kernels_voxels import find
 from seismo3d.robot._kernels_blocks import SIDE, pack
 
-TILE = 16
-
-
-@nb.njit(cache=True, nogil=True)
-def farthest_tiles(depth: Float32Array, rows: int, columns: int) -> Float32Array:
-    """Largest depth in each tile of TILE x TILE pixels of an image (n_pixels)."""
-    out = np.zeros((rows // TILE + 1, columns // TILE + 1), dtype=np.float32)
-    for r in range(rows):
-        for c in range(columns):
-            out[r // TILE, c // TILE] = max(out[r // TILE, c // TILE], depth[r * columns + c])
-    return out
-
-
-@nb.njit(cache=True, nogil=True)
-def blocks_before(
-    coordinates: Int32Array,
-    block: float,
-    R: Float64Array,
-    t: Float64Array,
-    lens: Float64Array,
-    farthest: Float32Array,
-    margin: float,
-) -> Int64Array:
-    """Numbers of the blocks that a camera (pose R, t; lens fx, fy, cx, cy) may see through.
-
-    ``farthest`` is what :func:`farthest_tiles` gives; a block is left out where it lies behind all tiles around it, or
-    less than ``margin`` before them.
-    """
-    seen = np.empty(coordinates.shape[0], dtype=np.int64)
-    count = 0
-    radius = 0.8661 * block
-    last_row, last_column = farthest.shape[0] - 1, farthest.shape[1] - 1
-    for n in range(coordinates.shape[0]):
-        dx = (coordinates[n, 0] + 0.4375) * block - t[0]
-        dy = (coordinates[n, 1] + 0.4375) * block - t[1]
-        dz = (coordinates[n, 2] + 0.4375) * block - t[2]
-        z = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
-        if z < 0.1:
-            continue
-        u = lens[0] * (R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz) / z + lens[2]
-        v = lens[1] * (R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz) / z + lens[3]
-        reach = 1.3 * max(lens[0], lens[1]) * radius / max(z - radius, 0.05) + 40.0 * (lens[4] != 0.0) + 2.0
-        c0, c1 = math.floor((u - reach) / TILE), math.floor((u + reach) / TILE)
-        r0, r1 = math.floor((v - reach) / TILE), math.floor((v + reach) / TILE)
-        if c1 < 0 or r1 < 0 or c0 > last_column or r0 > last_row:
-            continue
-        found = False
-        for r in range(max(r0, 0), min(r1, last_row) + 1):
-            for c in range(max(c0, 0), min(c1, last_column) + 1):
-                if farthest[r, c] > z - radius + margin:
-                    found = True
-        if found:
-            seen[count] = n
-            count += 1
-    return seen[:count]
-
 
 @nb.njit(cache=True, nogil=True)
 def _voxel(
@@ -181,6 +125,14 @@ def cast_rows(
             uy = (R[1, 0] * dx + R[1, 1] * dy + R[1, 2]) / length
             uz = (R[2, 0] * dx + R[2, 1] * dy + R[2, 2]) / length
             s, end = near * length, far * length
+            # where the space three bands before the expected surface is known to be free, the ray starts there
+            close = (expected[r, c] - 3.0 * band) * length
+            if close > s:
+                i = np.int64(math.floor((t[0] + close * ux) * inverse + 0.5))
+                j = np.int64(math.floor((t[1] + close * uy) * inverse + 0.5))
+                k = np.int64(math.floor((t[2] + close * uz) * inverse + 0.5))
+                if _voxel(i, j, k, distance, weight, table_keys, table, shift) > 0.0:
+                    s = close
             before, s_before = np.nan, s
             last = np.int64(-1)
             number = -1

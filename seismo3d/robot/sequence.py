@@ -17,7 +17,6 @@ authors hold. Depth is in ``depth_scale`` values a metre: 5000 in TUM, else 1000
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -28,15 +27,22 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import as_number
-from seismo3d.errors import FileAccessError, FormatError, Seismo3dError
-from seismo3d.geometry.camera import PinholeCamera
-from seismo3d.io._files import refuse_os_errors
+from seismo3d.errors import FileAccessError, FormatError
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
+from seismo3d.robot.sequence_files import (
+    as_rgb,
+    as_stamp,
+    find_camera,
+    is_there,
+    natural,
+    read_image,
+    read_json,
+    read_rows,
+)
 
 _RATE = 1.0 / 30.0
 _COLOUR_FOLDERS = ("rgb", "color", "colour", "image")
 _IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".ppm", ".tif", ".tiff", ".bmp")
-_SEVEN_SCENES = PinholeCamera(585.0, 585.0, 320.0, 240.0, (), 1000.0, 640, 480)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,11 +89,11 @@ class RgbdSequence(Sequence[RgbdFrame]):
         if isinstance(index, slice):
             return RgbdSequence(self.path, self.cameras, self._entries[index])
         entry = self._entries[index]
-        depth = _read_image(entry.depth)
+        depth = read_image(entry.depth)
         if depth.ndim != 2:
             raise FormatError(f"{entry.depth} has shape {depth.shape}; expected a depth image of one channel.")
         depth = np.where(depth == 65535, 0, depth) if depth.dtype == np.uint16 else depth
-        return RgbdFrame(entry.time, entry.depth_time, _as_rgb(_read_image(entry.rgb)), depth, entry.camera)
+        return RgbdFrame(entry.time, entry.depth_time, as_rgb(read_image(entry.rgb)), depth, entry.camera)
 
 
 def read_sequence(path: str | Path, *, camera: object = None, max_difference: float = 0.02) -> RgbdSequence:
@@ -121,7 +127,7 @@ def read_sequence(path: str | Path, *, camera: object = None, max_difference: fl
     if (folder / "rig.json").is_file() and camera is None:
         return _read_rig(folder, max_difference)
     entries, layout = _find_entries(folder, max_difference)
-    made = _find_camera(folder, layout) if camera is None else as_robot_camera(camera)
+    made = find_camera(folder, layout) if camera is None else as_robot_camera(camera)
     return RgbdSequence(folder, (made,), entries)
 
 
@@ -162,12 +168,12 @@ def associate(target: Float64Array, source: Float64Array, *, max_difference: flo
 
 def _find_entries(folder: Path, max_difference: float) -> tuple[list[_Entry], str]:
     if (folder / "associations.txt").is_file():
-        rows = _read_rows(folder / "associations.txt", 4)
+        rows = read_rows(folder / "associations.txt", 4)
         entries = [_Entry(float(a), folder / b, float(c), folder / d) for a, b, c, d in rows]
         return _sorted(entries, folder), "tum"
     if (folder / "rgb.txt").is_file() and (folder / "depth.txt").is_file():
         colour, depth = (
-            [(float(t), folder / name) for t, name in _read_rows(folder / file, 2)] for file in ("rgb.txt", "depth.txt")
+            [(float(t), folder / name) for t, name in read_rows(folder / file, 2)] for file in ("rgb.txt", "depth.txt")
         )
         return _by_time(colour, depth, folder, max_difference), "tum"
     seven = sorted(folder.glob("frame-*.color.*"))
@@ -187,7 +193,7 @@ def _find_entries(folder: Path, max_difference: float) -> tuple[list[_Entry], st
 
 def _side_by_side(colour: Path, depth: Path, folder: Path, max_difference: float) -> list[_Entry]:
     listed = [[p for p in sorted(f.iterdir()) if p.suffix.lower() in _IMAGES] for f in (colour, depth)]
-    stamps = [[_as_stamp(p) for p in images] for images in listed]
+    stamps = [[as_stamp(p) for p in images] for images in listed]
     if all(t is not None for row in stamps for t in row) and all(stamps):
         timed = [[(float(t or 0.0), p) for t, p in zip(row, images)] for row, images in zip(stamps, listed)]
         return _by_time(sorted(timed[0]), sorted(timed[1]), folder, max_difference)
@@ -196,7 +202,7 @@ def _side_by_side(colour: Path, depth: Path, folder: Path, max_difference: float
             f"{folder} holds {len(listed[0])} colour and {len(listed[1])} depth images without stamps; expected "
             "as many of one as of the other. Write an associations.txt."
         )
-    ordered = [sorted(images, key=_natural) for images in listed]
+    ordered = [sorted(images, key=natural) for images in listed]
     return _sorted([_Entry(i * _RATE, c, i * _RATE, d) for i, (c, d) in enumerate(zip(*ordered))], folder)
 
 
@@ -216,50 +222,14 @@ def _by_time(
 def _sorted(entries: list[_Entry], folder: Path) -> list[_Entry]:
     if not entries:
         raise FormatError(f"{folder} holds no pair of a colour and a depth image.")
-    missing = next((p for e in entries for p in (e.rgb, e.depth) if not _is_there(p)), None)
+    missing = next((p for e in entries for p in (e.rgb, e.depth) if not is_there(p)), None)
     if missing is not None:
         raise FileAccessError(f"{missing} is listed but not there; expected an image. Check the sequence's lists.")
     return sorted(entries, key=lambda e: e.time)
 
 
-def _find_camera(folder: Path, layout: str) -> Camera:
-    scale = 5000.0 if layout == "tum" else 1000.0
-    own = folder / "camera.json"
-    candidates = [own] if own.is_file() else sorted(folder.glob("*.json"))
-    for path in candidates:
-        fields = _read_json(path)
-        if not isinstance(fields, dict):
-            continue
-        if "intrinsic_matrix" in fields:
-            m = fields["intrinsic_matrix"]
-            if not isinstance(m, list) or len(m) != 9:
-                raise FormatError(f"{path} has the intrinsic_matrix {m!r:.60}; expected nine numbers, by columns.")
-            fields = {**fields, "fx": m[0], "fy": m[4], "cx": m[6], "cy": m[7]}
-        if {"fx", "fy", "cx", "cy"} <= set(fields):
-            return _as_camera({"depth_scale": scale, **fields}, path)
-        if path == own:
-            raise FormatError(f"{path} has no {', '.join({'fx', 'fy', 'cx', 'cy'} - set(fields))}; expected all four.")
-    if layout == "7-scenes":
-        return Camera(_SEVEN_SCENES)
-    raise FormatError(
-        f"{folder} has no camera.json; expected one with fx, fy, cx, cy, distortion, depth_scale, width, height. "
-        "Write it, or pass camera=."
-    )
-
-
-def _as_camera(fields: dict[str, Any], path: Path) -> Camera:
-    try:
-        camera = as_robot_camera(fields)
-        times: dict[str, Any] = {
-            name: float(fields[name]) for name in ("readout", "depth_delay", "clock_offset") if name in fields
-        }
-        return replace(camera, name=str(fields.get("name", "camera")), **times)
-    except (TypeError, ValueError, Seismo3dError) as error:
-        raise FormatError(f"{path} does not describe a camera: {error}") from error
-
-
 def _read_rig(folder: Path, max_difference: float) -> RgbdSequence:
-    described = _read_json(folder / "rig.json")
+    described = read_json(folder / "rig.json")
     rows = described.get("cameras") if isinstance(described, dict) else None
     if not rows or not all(isinstance(row, dict) and "folder" in row for row in rows):
         raise FormatError(f"{folder / 'rig.json'} lists no cameras; expected cameras, each with a folder.")
@@ -273,71 +243,3 @@ def _read_rig(folder: Path, max_difference: float) -> RgbdSequence:
         entries += [(entry.depth_time + offset, replace(entry, camera=number)) for entry in part._entries]  # noqa: SLF001
     entries.sort(key=lambda pair: pair[0])
     return RgbdSequence(folder, tuple(cameras), [entry for _, entry in entries])
-
-
-def _read_rows(path: Path, n_columns: int) -> list[list[str]]:
-    with refuse_os_errors(path, "read"):
-        raw = path.read_bytes()
-    try:
-        lines = raw.decode("utf-8").splitlines()
-    except UnicodeDecodeError as error:
-        raise FormatError(f"{path} is not text ({error}); expected a time and a file a line.") from error
-    rows = [line.replace(",", " ").split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
-    for number, row in enumerate(rows, start=1):
-        times = row[0::2]
-        if len(row) != n_columns or any(_as_number(t) is None for t in times):
-            raise FormatError(f"{path}, row {number}: {' '.join(row)!r}; expected {n_columns} columns, time and file.")
-    return rows
-
-
-def _is_there(path: Path) -> bool:
-    # a list may name what is no name of a file, as one too long
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def _read_json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileAccessError(f"{path} cannot be read: {error}.") from error
-    except ValueError as error:
-        raise FormatError(f"{path} is no JSON: {error}.") from error
-
-
-def _read_image(path: Path) -> AnyArray:
-    import cv2
-
-    try:
-        data = np.fromfile(path, dtype=np.uint8)
-    except OSError as error:
-        raise FileAccessError(f"{path} cannot be read: {error}.") from error
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    if image is None:
-        raise FormatError(f"{path} is no image that can be read; it may be cut short.")
-    return np.asarray(image)
-
-
-def _as_rgb(image: AnyArray) -> AnyArray:
-    if image.dtype == np.uint16:
-        image = (image >> 8).astype(np.uint8)
-    if image.ndim == 2:
-        return np.ascontiguousarray(np.repeat(image[:, :, None], 3, axis=2))
-    return np.ascontiguousarray(image[:, :, 2::-1])
-
-
-def _as_stamp(path: Path) -> float | None:
-    return _as_number(path.stem) if "." in path.stem else None
-
-
-def _as_number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
-
-
-def _natural(path: Path) -> list[Any]:
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", path.name)]

@@ -127,6 +127,7 @@ def locate(
     """
     T = T_world_camera
     found = Located(T, np.full((6, 6), np.inf), 0, 0, 0.0, np.inf, np.inf, False, None, np.zeros(len(sightings)))
+    last: _Step | None = None
     for step in range(max_steps):
         fine = step >= max_steps // 2
         use_planes = terms in ("fused", "planes") or (terms == "two_stage" and fine)
@@ -136,14 +137,14 @@ def locate(
         rays = _weigh_landmarks(sightings, T, lens) if use_landmarks and len(sightings) >= 4 else None
         new = _solve(T, pairs, rays, sightings)
         if new is None:
-            return found
+            return found if last is None else _concluded(last)
         move = log_motion(np.linalg.inv(T) @ new.T_world_camera)
-        T, found = new.T_world_camera, new
+        T, last = new.T_world_camera, new
         if np.linalg.norm(move[:3]) < _STILL and np.linalg.norm(move[3:]) < _STILL:
             if fine:
                 break
             max_steps = min(max_steps, step + 1 + max_steps // 2)
-    return found
+    return found if last is None else _concluded(last)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,6 +154,17 @@ class _Rays:
     weights: Float64Array
     spread: float
     n_agreeing: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Step:
+    T_world_camera: Float64Array
+    frame: Frame
+    Q: Float64Array
+    found: Solution
+    pairs: PlanePairs | None
+    rays: _Rays | None
+    n_sightings: int
 
 
 def _pair_planes(
@@ -197,8 +209,8 @@ def _weigh_landmarks(sightings: Sightings, T: Float64Array, lens: PinholeCamera)
     return _Rays(source, information, weights, spread, int((weights > 0).sum()))
 
 
-def _solve(T: Float64Array, pairs: PlanePairs | None, rays: _Rays | None, sightings: Sightings) -> Located | None:
-    """Add both terms up in one form, solve it, and say how sure the answer is."""
+def _solve(T: Float64Array, pairs: PlanePairs | None, rays: _Rays | None, sightings: Sightings) -> _Step | None:
+    """Add both terms up in one form, and solve it."""
     if pairs is None and rays is None:
         return None
     targets = [p for p in (pairs.target if pairs else None, sightings.points if rays else None) if p is not None]
@@ -212,10 +224,16 @@ def _solve(T: Float64Array, pairs: PlanePairs | None, rays: _Rays | None, sighti
     if not np.isfinite(Q).all() or not Q[:12, :12].any():
         return None
     found: Solution = solve_form(Q, model="rigid", prior=Prior(*frame.enter(T)), limits=_FREE, ratio=1e-5)
+    return _Step(frame.leave(found.A, found.t), frame, Q, found, pairs, rays, len(sightings))
+
+
+def _concluded(last: _Step) -> Located:
+    """Say how sure the last step is, and what supports it."""
+    frame, Q, found, pairs, rays = last.frame, last.Q, last.found, last.pairs, last.rays
     sure = assess(Q, Q / frame.size**2, found.A, found.t, model="rigid", frame=frame, ratio=1e-5, limits=_FREE)
     n_planes = 0 if pairs is None else int((pairs.weights > 0).sum())
     return Located(
-        T_world_camera=frame.leave(found.A, found.t),
+        T_world_camera=last.T_world_camera,
         covariance=sure.covariance,
         n_planes=n_planes,
         n_landmarks=0 if rays is None else rays.n_agreeing,
@@ -224,5 +242,5 @@ def _solve(T: Float64Array, pairs: PlanePairs | None, rays: _Rays | None, sighti
         landmark_spread=np.inf if rays is None else rays.spread,
         converged=True,
         planes=pairs,
-        landmark_weights=np.zeros(len(sightings)) if rays is None else rays.weights,
+        landmark_weights=np.zeros(last.n_sightings) if rays is None else rays.weights,
     )

@@ -23,6 +23,7 @@ from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.geometry._kernels_voxels import find
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import _kernels_blocks as blocks
+from seismo3d.robot import _kernels_carve as carving
 from seismo3d.robot import _kernels_raycast as rays
 from seismo3d.robot.frames import Measured
 
@@ -155,13 +156,13 @@ class SurfaceMap:
         rows, columns = measured.depth.shape
         R, t = _parts(T)
         lens, table = lens_numbers(camera), self._pixel_table(camera, measured.depth.shape)
-        free = blocks.nearest_around(measured.depth, _SEEN_THROUGH)
-        farthest = rays.farthest_tiles(free, rows, columns)
+        free = carving.nearest_around(measured.depth, _SEEN_THROUGH)
+        farthest = carving.farthest_tiles(free, rows, columns)
         every = self.coordinates[: self.n_blocks]
-        seen = rays.blocks_before(every, self.block_size, R, t, lens, farthest, 2.0 * self.band)
+        seen = carving.blocks_before(every, self.block_size, R, t, lens, farthest, 2.0 * self.band)
 
         def work(part: Int64Array) -> None:
-            blocks.carve_blocks(
+            carving.carve_blocks(
                 part, self.coordinates, self.distance, self.weight, self.voxel_size, R, t, lens, table, _MARGIN, free,
                 self.band,
             )  # fmt: skip

@@ -1,0 +1,101 @@
+"""What moves leaves nothing in the map: whole surfaces are told apart, and what is seen through goes."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.robot import _kernels_carve as carving
+from seismo3d.robot import _kernels_motion as kernels
+from seismo3d.robot.frames import Measured, Measurer, MeasureSettings
+from seismo3d.robot.mesh import extract_mesh
+from seismo3d.robot.tsdf import SurfaceMap
+
+LENS = PinholeCamera(130.0, 130.0, 79.5, 59.5)
+POOL = ThreadPoolExecutor(2)
+
+
+def vertices_of(z: np.ndarray) -> np.ndarray:
+    out = np.zeros((*z.shape, 3), np.float32)
+    out[:, :, 2] = z
+    return out
+
+
+def box_before_wall() -> np.ndarray:
+    z = np.full((60, 80), 2.0)
+    z[20:44, 30:54] = 1.0
+    return z
+
+
+def test_a_surface_moves_as_a_whole_where_a_part_of_it_is_seen_to() -> None:
+    hints = np.zeros((60, 80), dtype=bool)
+    hints[20:28, 30:38] = True  # a ninth of the box
+    marked = np.zeros_like(hints)
+    kernels.grow_marked(vertices_of(box_before_wall()), hints, 0.1, 0.45, marked)
+    np.testing.assert_array_equal(marked, box_before_wall() == 1.0)
+    marked[:] = False
+    kernels.grow_marked(vertices_of(box_before_wall()), hints, 0.12, 0.45, marked)
+    assert not marked.any()  # too little of it
+    hints[:] = False
+    hints[:, :20] = True
+    kernels.grow_marked(vertices_of(box_before_wall()), hints, 0.1, 0.45, marked)
+    assert not marked.any()  # a wall that fills the view is no mover
+
+
+def test_thin_marks_are_no_hint() -> None:
+    marked = np.zeros((60, 80), dtype=bool)
+    marked[10:14] = True  # an edge that is off by two pixels
+    marked[30:50, 30:50] = True
+    solid = kernels.erode_marked(marked, 2)
+    assert not solid[:30].any()
+    np.testing.assert_array_equal(np.argwhere(solid).min(axis=0), [34, 34])
+    np.testing.assert_array_equal(np.argwhere(solid).max(axis=0), [45, 45])
+    assert kernels.erode_marked(np.ones((60, 80), dtype=bool), 2).all()
+
+
+def measured_of(depth: np.ndarray) -> Measured:
+    return Measurer(LENS, MeasureSettings(), POOL).measured(depth.astype(np.float32), np.zeros((0, 0, 3), np.uint8))
+
+
+def test_what_later_frames_see_through_is_gone_and_the_rest_stays() -> None:
+    wall = np.full((120, 160), 2.0)
+    with_box = wall.copy()
+    with_box[40:80, 60:100] = 1.2
+    surface = SurfaceMap(0.02, 0.08)
+    for depth in [with_box] * 12:
+        surface.fuse(measured_of(depth), LENS, np.eye(4), carve=True, pool=POOL, n_threads=2)
+    z = extract_mesh(surface).points[:, 2]
+    n_box = int((z < 1.6).sum())
+    assert n_box > 200
+    for _ in range(4):  # as many frames as it takes, whatever the weight of what was there
+        surface.fuse(measured_of(wall), LENS, np.eye(4), carve=True, pool=POOL, n_threads=2)
+    points = extract_mesh(surface).points
+    # only its rim, which the pixels around don't see through, may be left
+    assert (points[:, 2] < 1.6).sum() < 0.02 * n_box
+    np.testing.assert_allclose(points[points[:, 2] > 1.6, 2], 2.0, atol=0.01)
+    # without carving it would have stayed
+    kept = SurfaceMap(0.02, 0.08)
+    for depth in [with_box] * 12 + [wall] * 4:
+        kept.fuse(measured_of(depth), LENS, np.eye(4), pool=POOL, n_threads=2)
+    assert (extract_mesh(kept).points[:, 2] < 1.6).sum() > 0.5 * n_box
+
+
+def test_a_thin_thing_is_not_seen_through_beside_it() -> None:
+    depth = np.full((40, 50), 3.0, np.float32)
+    depth[:, 25] = 1.0
+    depth[7, 7] = 0.0
+    free = carving.nearest_around(depth, 2).reshape(40, 50)
+    np.testing.assert_array_equal(free[12:38, 23:28], 1.0)
+    np.testing.assert_array_equal(free[12:38, 28:48], 3.0)
+    np.testing.assert_array_equal(free[5:10, 5:10], 0.0)  # unknown is not free
+    np.testing.assert_array_equal(free[:, :2], 0.0)
+
+
+def test_blocks_behind_the_surface_are_left_out() -> None:
+    lens = np.array([130.0, 130.0, 79.5, 59.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+    farthest = carving.farthest_tiles(np.full(120 * 160, 2.0, np.float32), 120, 160)
+    coordinates = np.array([[0, 0, z] for z in (3, 6, 11, 12, 20)] + [[40, 0, 6]], dtype=np.int32)
+    seen = carving.blocks_before(coordinates, 0.16, np.eye(3), np.zeros(3), lens, farthest, 0.16)
+    assert seen.tolist() == [0, 1, 2]
