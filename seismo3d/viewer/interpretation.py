@@ -18,7 +18,7 @@ from seismo3d.geometry.triangles import measure_cells
 from seismo3d.seismic.faultset import FaultSurface
 from seismo3d.seismic.tracks import Track
 
-_SCALARS = ("sample_interval", "sample_unit", "confidence", "area")
+_SCALARS = ("sample_interval", "sample_unit", "confidence", "area", "strike_share", "slip_certainty")
 _ARRAYS = tuple(entry.name for entry in fields(FaultSurface) if entry.name not in (*_SCALARS, "cells"))
 
 
@@ -216,12 +216,17 @@ def _join(surfaces: list[FaultSurface]) -> FaultSurface:
     starts = np.cumsum([0, *(len(s.vertices) for s in surfaces[:-1])])
     cells = np.concatenate([s.cells + start for s, start in zip(surfaces, starts, strict=True)])
     areas = np.array([s.area for s in surfaces])
-    confidence = float(np.average([s.confidence for s in surfaces], weights=np.maximum(areas, 1e-9)))
+    confidence, share, certainty = (
+        float(np.average([getattr(s, name) for s in surfaces], weights=np.maximum(areas, 1e-9)))
+        for name in ("confidence", "strike_share", "slip_certainty")
+    )
     return replace(
         surfaces[0],
         cells=freeze(cells.astype(np.int32)),
         area=float(areas.sum()),
         confidence=confidence,
+        strike_share=share,
+        slip_certainty=certainty,
         **arrays,
     )
 
