@@ -103,7 +103,7 @@ def trace_faults(
         NaN, dead traces and constant zones count as no data.
     evidence : {"semblance", "registration", "both"}, optional
         How sides are carried: along their slopes, by registration, or by both ways, registration counting more the more
-        noise there is: not at all in a cube without noise, or a section. By default both; semblance in blocks, since
+        noise there is: not at all in a cube of little noise, or a section. By default both; semblance in blocks, since
         slices are registered whole.
     settings : FaultSettings, optional
         Thresholds and windows; by default ``FaultSettings()`` for a cube and ``FaultSettings.for_section()`` for a

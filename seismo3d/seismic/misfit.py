@@ -15,6 +15,8 @@ from seismo3d.seismic._kernels_misfit import clear_unknown, divide_thinned, log_
 
 Compare = Callable[[slice, int, int, Float32Array, Float32Array], None]
 
+# noisiness up to which a survey is a good one, and that from which on the share of a second way grows no more
+_NOISY = (0.2, 0.5)
 _LEAST_MEAN = 0.6
 _LEAST_SPREAD = 0.8
 _LEAST_LINE = 32
@@ -165,8 +167,8 @@ def fuse_misfits(
     comparisons : list of callable
         One or two, as :func:`compare_along` returns them.
     share : tuple of (float, float)
-        Share of the second in a cube without noise, and in one whose noisiness is a half or more; where it is 0 the
-        second is not called.
+        Share of the second in a cube of little noise, as good field surveys have, and in one whose noisiness is a half
+        or more; where it is 0 the second is not called.
     settings : MisfitSettings, optional
         Windows.
 
@@ -178,7 +180,7 @@ def fuse_misfits(
     floor = energy_floor(trace_energies(volume, valid), int(valid.sum()))
     logs, known, noise, noisiness = _log_ratios(volume, comparisons[0], floor, settings)
     background = find_background(noise, settings)
-    second = share[0] + min(1.0, 2.0 * noisiness) * (share[1] - share[0])
+    second = share[0] + float(np.interp(noisiness, _NOISY, (0.0, 1.0))) * (share[1] - share[0])
     for compare in comparisons[1:] if second > 0.0 else ():
         more, also_known, other_noise, other_noisiness = _log_ratios(volume, compare, floor, settings)
         noise, noisiness = min(noise, other_noise), min(noisiness, other_noisiness)

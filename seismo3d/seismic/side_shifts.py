@@ -36,8 +36,8 @@ class RegistrationSettings:
     memory : float
         Traces over which the mean of one side forgets.
     share : tuple of (float, float)
-        Share of registration where it is used beside semblance: in a cube without noise, where slopes are as good, and
-        in one whose noisiness is a half or more.
+        Share of registration where it is used beside semblance: in a cube of little noise, where slopes are as good,
+        and in one whose noisiness is a half or more.
     """
 
     farthest: int = 4
