@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -144,7 +145,7 @@ def make_section() -> tuple[xr.DataArray, FaultSet]:
     return section, FaultSet((surface,), *volumes, settings={})
 
 
-def fake_trace_faults(cube: Any, *, evidence: str = "both", progress: Any = None) -> FaultSet:
+def fake_trace_faults(cube: Any, *, evidence: str | None = None, progress: Any = None) -> FaultSet:
     """Stand in for the tracer: known surfaces in any cube, with its stages reported."""
     for stage in ("dips", "scan"):
         for share in (0.0, 1.0):
@@ -153,5 +154,6 @@ def fake_trace_faults(cube: Any, *, evidence: str = "both", progress: Any = None
     if cube.ndim == 2:
         found = make_section()[1]
         volumes = {name: cube.copy(data=getattr(found, name).data) for name in ("likelihood", "labels", "throw")}
-        return FaultSet(found.surfaces, **volumes, settings={"threshold": 0.2, "evidence": evidence})
-    return make_faults(cube)
+        return FaultSet(found.surfaces, **volumes, settings={"threshold": 0.2, "evidence": evidence or "both"})
+    found = make_faults(cube)
+    return replace(found, settings={**found.settings, "evidence": evidence or "both"})
