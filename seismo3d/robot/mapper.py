@@ -271,8 +271,8 @@ class Mapper:
     def _place_elsewhere(
         self, measured: Measured, number: int, timing: Timing, least_share: float
     ) -> tuple[str, Located] | None:
-        """Locate a frame at a place that looks like it: after a loss now and then, and when it fits badly."""
-        if self._n_lost % _RELOCATE_EVERY:
+        """Locate a frame at a place that looks like it: when it fits badly, and now and then after a loss."""
+        if self._n_lost >= _RELOCATE_EVERY and self._n_lost % _RELOCATE_EVERY:
             return None
         for state, place in self._locator.places(self.maps.every[::-1], measured, number):
             there = self._locator.sight(state, measured, number, place, np.zeros(6), timing)
