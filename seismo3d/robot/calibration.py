@@ -125,7 +125,7 @@ def _rehearse(frames: Sequence[RgbdFrame], camera: Camera) -> float:
     from seismo3d.robot.mapper import Mapper
     from seismo3d.robot.results import MapperSettings
 
-    mapper = Mapper(camera, settings=MapperSettings(voxel_size=0.016))
+    mapper = Mapper(camera, settings=MapperSettings(voxel_size=0.016, landmarks_in_state=False))
     logs = []
     for frame in frames:
         found = mapper.add(replace(frame, camera=0))

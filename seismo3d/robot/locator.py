@@ -24,9 +24,6 @@ _FAIR = 0.4
 _STEADY, _SCATTERED = 5.0, 15.0
 """Spreads of landmarks, pixels: those below agree on a pose, those above on none, however many they are."""
 
-_WIDE = 240
-"""Columns of the half image from which every fourth ray is enough to predict it."""
-
 
 class Locator:
     """Locates frames of some cameras in local maps.
@@ -76,8 +73,7 @@ class Locator:
 
     def locate(self, state: MapState, measured: Measured, number: int, T: Float64Array, seen: Sightings) -> Located:
         """Fit a frame of a camera, with landmarks seen in it, to a map from a pose."""
-        coarser = 4 if measured.vertices.shape[1] >= _WIDE else 3
-        prediction = self.cast(state.surface, measured, number, T, coarser=coarser)
+        prediction = self.cast(state.surface, measured, number, T, coarser=3)
         return locate(measured, prediction, seen, T, self._cameras[number].lens, terms=self._terms)
 
     def places(

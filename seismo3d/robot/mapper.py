@@ -242,7 +242,7 @@ class Mapper:
         camera = self.cameras[number]
         T, twist = motion.T_world_body @ camera.T_body_camera, _camera_twist(motion, camera)
         seen = self._locator.sight(self.state, measured, number, T, twist, timing, also=self._book.names)
-        if not self.settings.filtered:
+        if not (self.settings.filtered and self.settings.landmarks_in_state):
             return motion, T, seen
         own = self._book.take_in(motion, seen, camera.lens, camera.T_body_camera)
         return motion, motion.T_world_body @ camera.T_body_camera, seen.only(~own)
@@ -271,8 +271,8 @@ class Mapper:
     def _place_elsewhere(
         self, measured: Measured, number: int, timing: Timing, least_share: float
     ) -> tuple[str, Located] | None:
-        """Locate a frame at a place that looks like it: after a loss now and then, and when it fits badly."""
-        if self._n_lost % _RELOCATE_EVERY:
+        """Locate a frame at a place that looks like it: when it fits badly, and now and then after a loss."""
+        if self._n_lost >= _RELOCATE_EVERY and self._n_lost % _RELOCATE_EVERY:
             return None
         for state, place in self._locator.places(self.maps.every[::-1], measured, number):
             there = self._locator.sight(state, measured, number, place, np.zeros(6), timing)
@@ -292,7 +292,7 @@ class Mapper:
         T_world_body = located.T_world_camera @ invert_transform(self.cameras[number].T_body_camera)
         self._filter.update(T_world_body, located.covariance, gate=None)
         self._filter.T_world_body = T_world_body
-        if self.settings.filtered and len(seen):
+        if self.settings.filtered and self.settings.landmarks_in_state and len(seen):
             self._book.learn(self._filter, seen, located.landmark_weights, located.T_world_camera)
 
     def _go_on(self, state: MapState, T_world_camera: Float64Array, number: int) -> None:

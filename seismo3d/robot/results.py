@@ -31,6 +31,8 @@ class MapperSettings:
         What frames are located by, one of ``tracking.TERMS``.
     filtered : bool
         Whether a frame's pose is predicted by the filter's velocity; else it starts where the last one was.
+    landmarks_in_state : bool
+        Whether the filter holds landmarks that were seen often.
     calibrate_frames : int
         After so many frames, the timing that cameras leave open is found from them, and they are mapped anew with it;
         0 leaves it at zero.
@@ -49,6 +51,7 @@ class MapperSettings:
     measure: MeasureSettings = field(default_factory=MeasureSettings)
     terms: str = "fused"
     filtered: bool = True
+    landmarks_in_state: bool = True
     calibrate_frames: int = 90
     view_distance: float = 0.14
     new_map_after: int = 30
