@@ -59,7 +59,7 @@ class ThrowSettings:
     thin: int = 2
     along_strike: float = 3.0
     down: float = 4.0
-    unmatched: float = 0.3
+    unmatched: float = 0.4
     step: float = 0.3
     jump: float = 16.0
     slip: SlipSettings = field(default_factory=SlipSettings)
