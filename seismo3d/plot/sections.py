@@ -157,7 +157,7 @@ def most_faulted_lines(faults: Any, cube: Any) -> dict[str, float]:
 
 def count_fault_voxels(faults: Any) -> list[Float64Array]:
     """Count the fault voxels on every inline, on every crossline and at every sample; lazy labels a slab at a time."""
-    labels = getattr(faults.labels, "data", faults.labels)
+    labels = faults.labels.data if hasattr(faults.labels, "dims") else faults.labels
     shape = labels.shape
     counts = [np.zeros(n) for n in shape]
     slab = shape[0] if isinstance(labels, np.ndarray) else labels.chunks[0][0]

@@ -23,6 +23,8 @@ NEARBY = (1.0, 0.97, 1.03)
 """Scales that are settled rigidly, over that of the extents."""
 SAME_SCALE = math.log(1.1)
 """Logarithm of the ratio up to which two scales are alike."""
+GOOD_COST = 0.4
+"""Robust cost, of at most 1 and measured both ways, below which a local answer at such a scale is taken."""
 
 
 def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, LoopResult, str]:
@@ -54,7 +56,8 @@ def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, Loop
     scale = target_extent / source_extent
     before = float(np.exp(np.log(np.maximum(scale_of(found.A), 1e-12)).mean()))
     is_near = abs(math.log(scale / before)) < SAME_SCALE
-    if (is_near and is_sure(task, found)) or not _allowed(task, scale):
+    is_good = is_sure(task, found) and surface_cost(task, found) < GOOD_COST
+    if (is_near and is_good) or not _allowed(task, scale):
         return task, found, stage
     # the target's voxels are to be as fine as the source's at its true size
     pair = prepare_pair(

@@ -16,8 +16,9 @@ from seismo3d.terrain.support import LineSupport
 
 _LINK = LinkSettings(fragment=8, contacts=4, closing=6, gap=6, smoothing=3.0, off_plane=1.6)
 
-_STRAIGHT = 32
-"""Cells along a line in which it moves aside by half a cell at most: faults are straighter than their worn scarps."""
+_BENDING, _STRAIGHT = 8, 32
+"""Cells along a line in which it moves aside by half a cell at most, before and after it is turned as a whole: faults
+are straighter than their worn scarps."""
 _END = 36
 """Places at a line's end that its direction there is taken from."""
 
@@ -300,15 +301,29 @@ def snap_line(line: TracedLine, score: Float32Array, *, stiffness: float, reach:
     if len(at) < 8:
         return line
     places = np.column_stack([_stiff(np.interp(at, arc, line.places[:, k]), stiffness) for k in (0, 1)])
+    # turned and shifted as a whole first: what then moves aside is the line's own bending
+    moves = _moves_to_crest(places, score, stiffness, reach, every=_BENDING)
+    places = places + np.polynomial.Polynomial.fit(at, moves, 1)(at)[:, None] * _normals(places)
+    moves = _moves_to_crest(places, score, stiffness, reach, every=_STRAIGHT)
+    moved = places + ndimage.gaussian_filter1d(moves, 8.0, mode="nearest")[:, None] * _normals(places)
+    return TracedLine(moved, np.interp(at, arc, line.score), line.kind, line.factor)
+
+
+def _normals(places: Float64Array) -> Float64Array:
     way = np.gradient(places, axis=0)
-    normal = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    normal = np.column_stack([-way[:, 1], way[:, 0]])
+    return np.asarray(normal / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9))
+
+
+def _moves_to_crest(
+    places: Float64Array, score: Float32Array, stiffness: float, reach: float, *, every: int
+) -> Float64Array:
+    """Return how far each place has to move aside to lie on the steadiest crest, by half a cell in `every` at most."""
     moves = np.arange(-reach, reach + 0.25, 0.5)
-    grid = places[:, None, :] + moves[None, :, None] * normal[:, None, :]
+    grid = places[:, None, :] + moves[None, :, None] * _normals(places)[:, None, :]
     gain = ndimage.map_coordinates(score, grid.reshape(-1, 2).T, order=1, mode="nearest").reshape(grid.shape[:2])
     gain = ndimage.gaussian_filter1d(gain.astype(np.float64), stiffness, axis=0, mode="nearest")
-    path = _best_path(gain, every=_STRAIGHT)
-    moved = places + ndimage.gaussian_filter1d(moves[path], 8.0, mode="nearest")[:, None] * normal
-    return TracedLine(moved, np.interp(at, arc, line.score), line.kind, line.factor)
+    return np.asarray(moves[_best_path(gain, every=every)])
 
 
 def _stiff(values: Float64Array, width: float) -> Float64Array:

@@ -52,15 +52,18 @@ def test_refusals(occupancy, tmp_path):
     with pytest.raises(FileAccessError, match="does not exist"):
         Occupancy.load(tmp_path / "none.npz")
     (tmp_path / "bad.npz").write_bytes(b"no map")
-    with pytest.raises(FormatError, match="is not an occupancy map"):
+    with pytest.raises(FormatError, match="is no NPZ archive"):
         Occupancy.load(tmp_path / "bad.npz")
     file = occupancy.save(tmp_path / "cut.npz")
     file.write_bytes(file.read_bytes()[:-200])
-    with pytest.raises(FormatError, match="is not an occupancy map"):
+    with pytest.raises(FormatError, match="damaged or cut short"):
         Occupancy.load(file)
     np.savez(tmp_path / "other.npz", cells=zeros)
-    with pytest.raises(FormatError, match="is not an occupancy map"):
+    with pytest.raises(FormatError, match="has the arrays cells; expected height, cell"):
         Occupancy.load(tmp_path / "other.npz")
+    np.savez(tmp_path / "wrong.npz", cells=zeros + 7, height=zeros, cell=0.1, origin=np.zeros(2), T_world_map=np.eye(4))
+    with pytest.raises(FormatError, match="is not an occupancy map: cells holds other values"):
+        Occupancy.load(tmp_path / "wrong.npz")
     np.savez(tmp_path / "objects.npz", cells=np.array([{}], dtype=object), allow_pickle=True)
-    with pytest.raises(FormatError, match="is not an occupancy map"):
+    with pytest.raises(FormatError):
         Occupancy.load(tmp_path / "objects.npz")

@@ -86,7 +86,7 @@ def cube():
 
 @pytest.fixture(scope="module")
 def wanted(cube):
-    found = trace_faults(cube)
+    found = trace_faults(cube, evidence="semblance")
     assert len(found.surfaces) > 0
     return found
 
@@ -94,7 +94,7 @@ def wanted(cube):
 @pytest.mark.parametrize("noise", [0.0, 0.8])
 def test_blocks_give_what_one_piece_gives_to_the_bit(noise, tmp_path):
     cube = make_cube(noise)
-    assert_same(trace(cube, tmp_path / "run"), trace_faults(cube))
+    assert_same(trace(cube, tmp_path / "run"), trace_faults(cube, evidence="semblance"))
 
 
 def test_a_lazy_cube_keeps_its_coordinates_and_is_saved_where_it_lies(cube, wanted, tmp_path):
