@@ -146,12 +146,13 @@ def match_surface(
 
     for _ in range(2):
         _share_out(run, n_blocks, n_threads)
-        unknown = np.unique(partners[(partners >= 0) & np.isnan(residuals)])
-        if unknown.size:
-            rows = unknown.astype(np.int64)
+        marked = np.zeros(len(target.surface), dtype=bool)
+        marked[partners[(partners >= 0) & np.isnan(residuals)]] = True
+        rows = np.flatnonzero(marked)
+        if rows.size:
             parts = -(-len(rows) // PART)
             _share_out(lambda a, b: target.complete(rows[a * PART : b * PART]), parts, n_threads)  # noqa: B023
-        if unknown.size <= MOST_UNKNOWN * n:
+        if rows.size <= MOST_UNKNOWN * n:
             break
     total = sums.sum(axis=0)
     weight, cost, matched, squares, slope = (float(v) for v in total[-kernels.N_EXTRA :])
