@@ -132,3 +132,28 @@ def add_bending(n_columns, stiffness, bands):  # type: ignore[no-untyped-def]
                 node[0], node[1], node[2], node[3] = at, at + 1, at + n_columns, at + n_columns + 1
                 factor[0], factor[1], factor[2], factor[3] = 1.0, -1.0, -1.0, 1.0
                 _add_square(node, factor, 4, 2.0 * stiffness, bands)
+
+
+@njit(cache=True, nogil=True)
+def solve_bands(bands, right):  # type: ignore[no-untyped-def]
+    """Solve a positive definite system in upper band storage by Cholesky's method, both arrays in place.
+
+    LAPACK's own would wake the threads of BLAS for a few hundred unknowns, and these would then wait in the way of the
+    kernels' threads.
+    """
+    width, n = bands.shape[0] - 1, bands.shape[1]
+    for j in range(n):
+        # column j of the factor U, with A = U' U
+        for i in range(max(0, j - width), j + 1):
+            total = bands[width - j + i, j]
+            for k in range(max(0, j - width), i):
+                total -= bands[width - i + k, i] * bands[width - j + k, j]
+            bands[width - j + i, j] = np.sqrt(total) if i == j else total / bands[width, i]
+    for j in range(n):
+        for k in range(max(0, j - width), j):
+            right[j] -= bands[width - j + k, j] * right[k]
+        right[j] /= bands[width, j]
+    for j in range(n - 1, -1, -1):
+        right[j] /= bands[width, j]
+        for k in range(max(0, j - width), j):
+            right[k] -= bands[width - j + k, j] * right[j]

@@ -157,7 +157,7 @@ def fuse_misfits(
 ) -> Evidence:
     """Measure the misfit of both sides under one or two ways of carrying them, and take the mean of their logarithms.
 
-    Each way has the reach and the softness of its own noise, so that its evidence is a log ratio to what it leaves
+    Each way has the softness of its own noise, so that its evidence is a log ratio to what it leaves
     where nothing breaks, and the two add up.
 
     Parameters
@@ -178,18 +178,23 @@ def fuse_misfits(
     """
     settings = settings or MisfitSettings()
     floor = energy_floor(trace_energies(volume, valid), int(valid.sum()))
-    logs, known, noise, noisiness = _log_ratios(volume, comparisons[0], floor, settings)
-    background = find_background(noise, settings)
+    least = settings.reach[0]
+    near = _ratios(volume, comparisons[0], least, floor, settings)
+    noisiness, reach = judge_noise(_median_ratio(*near), settings)
     second = share[0] + float(np.interp(noisiness, _NOISY, (0.0, 1.0))) * (share[1] - share[0])
-    for compare in comparisons[1:] if second > 0.0 else ():
-        more, also_known, other_noise, other_noisiness = _log_ratios(volume, compare, floor, settings)
-        noise, noisiness = min(noise, other_noise), min(noisiness, other_noisiness)
-        background += second * (find_background(other_noise, settings) - background)
+    counted = [1.0] if len(comparisons) == 1 else [1.0 - second, second]
+    parts = []
+    for number, (compare, weight) in enumerate(zip(comparisons, counted, strict=True)):
+        if weight > 0.0:
+            is_near = number == 0 and reach == least
+            measured = near if is_near else _ratios(volume, compare, reach, floor, settings)
+            parts.append(_log_ratios(*measured, weight, settings))
+    logs, known, noise, background = parts[0]
+    for more, also_known, other_noise, other_background in parts[1:]:
+        noise, background = min(noise, other_noise), background + other_background
         for values, added in zip(logs + known, more + also_known, strict=True):
-            values *= np.float32(1.0 - second)
-            added *= np.float32(second)
             values += added
-        del more, also_known
+    del near, parts
     sums = [trace_moments(ratio, weight) for ratio, weight in zip(logs, known, strict=True)]
     mean, spread = find_moments(sums, noisiness)
     filled = [fill_unknown(ratio, weight, background) for ratio, weight in zip(logs, known, strict=True)]
@@ -201,19 +206,16 @@ def fuse_misfits(
 
 
 def _log_ratios(
-    volume: Float32Array, compare: Compare, floor: np.float32, settings: MisfitSettings
+    ratios: list[Float32Array], known: list[Float32Array], weight: float, settings: MisfitSettings
 ) -> tuple[list[Float32Array], list[Float32Array], float, float]:
-    """Return the log ratios along both axes, how far they are known, the median ratio and the noisiness."""
-    least = settings.reach[0]
-    ratios, known = _ratios(volume, compare, least, floor, settings)
+    """Take the logarithms of ratios, in place, and weigh them; return also their median, and where nothing breaks."""
     noise = _median_ratio(ratios, known)
-    noisiness, reach = judge_noise(noise, settings)
-    if reach != least:
-        ratios, known = _ratios(volume, compare, reach, floor, settings)
-        noise = _median_ratio(ratios, known)
     for ratio in ratios:
         log_ratio(ratio, find_softness(noise, settings))
-    return ratios, known, noise, noisiness
+    if weight != 1.0:
+        for values in ratios + known:
+            values *= np.float32(weight)
+    return ratios, known, noise, weight * find_background(noise, settings)
 
 
 def judge_noise(noise: float, settings: MisfitSettings) -> tuple[float, int]:

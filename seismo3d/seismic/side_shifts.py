@@ -48,7 +48,7 @@ class RegistrationSettings:
     across: float = 3.0
     down: float = 4.0
     memory: float = 5.0
-    share: tuple[float, float] = (0.0, 0.9)
+    share: tuple[float, float] = (0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
-from scipy.linalg import solveh_banded
 
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import filter_crosslines, filter_samples, gaussian_taps
-from seismo3d.seismic._kernels_slip import add_bending, add_places, match_about, pull_shifts
+from seismo3d.seismic._kernels_slip import add_bending, add_places, match_about, pull_shifts, solve_bands
 from seismo3d.seismic._kernels_throw import finish_costs
 
 # grid places between the nodes of a field, and how firmly a field that nothing holds stays at the mean
@@ -196,7 +195,8 @@ def smooth_field(values: Float32Array, weights: Float32Array, *, stiffness: floa
     add_places(values.astype(np.float64) - mean, weights.astype(np.float64), _COARSE, n_columns, bands, right)
     add_bending(n_columns, stiffness, bands)
     bands[-1] += _RIDGE
-    nodes = solveh_banded(bands, right, check_finite=False).reshape(n_rows, n_columns)
+    solve_bands(bands, right)
+    nodes = right.reshape(n_rows, n_columns)
     at = np.stack(np.meshgrid(*(np.arange(n) / _COARSE for n in values.shape), indexing="ij"))
     return np.asarray(ndimage.map_coordinates(nodes, at, order=1, mode="nearest") + mean, np.float32)
 

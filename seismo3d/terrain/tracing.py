@@ -322,8 +322,8 @@ def _moves_to_crest(
     moves = np.arange(-reach, reach + 0.25, 0.5)
     grid = places[:, None, :] + moves[None, :, None] * _normals(places)[:, None, :]
     gain = ndimage.map_coordinates(score, grid.reshape(-1, 2).T, order=1, mode="nearest").reshape(grid.shape[:2])
-    gain = ndimage.gaussian_filter1d(gain.astype(np.float64), stiffness, axis=0, mode="nearest")
-    return np.asarray(moves[_best_path(gain, every=every)])
+    steady: Float64Array = ndimage.gaussian_filter1d(gain.astype(np.float64), stiffness, axis=0, mode="nearest")
+    return np.asarray(moves[_best_path(steady, every=every)])
 
 
 def _stiff(values: Float64Array, width: float) -> Float64Array:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import solveh_banded
 
 from seismo3d.seismic import _kernels_slip as kernels
 from seismo3d.seismic._kernels_throw import match_costs
@@ -217,3 +218,15 @@ def test_shifts_are_drawn_to_the_usual_one():
     kernels.pull_shifts(cost, ~known, usual, np.float32(0.02), *out)
     assert out[0][0, 0] == 0.0
     assert np.isinf(out[1][0, 0])
+
+
+@pytest.mark.parametrize(("n", "width"), [(1, 0), (5, 2), (40, 7), (300, 36)])
+def test_banded_systems_are_solved_as_lapack_does(rng, n, width):
+    bands = np.zeros((width + 1, n))
+    for off in range(width + 1):
+        bands[width - off, off:] = rng.normal(size=n - off)
+    bands[width] = np.abs(bands[width]) + 4.0 * width + 1.0
+    right = rng.normal(size=n)
+    wanted = solveh_banded(bands, right)
+    kernels.solve_bands(bands, right)
+    np.testing.assert_allclose(right, wanted, rtol=1e-12, atol=1e-14)
