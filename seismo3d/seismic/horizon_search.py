@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import Progress
+from seismo3d._typing import Float64Array, Progress
 from seismo3d._validate import as_number
 from seismo3d.errors import ParameterError
+from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
 from seismo3d.seismic.layer_time import LayerModel, model_layers
 from seismo3d.seismic.section_tracks import cut_middle, thicken
-from seismo3d.seismic.tracks import Track, TrackSettings, axes_of, axis_points, find_seeds, trace_tracks
+from seismo3d.seismic.tracks import Track, TrackSettings, axes_of, axis_points, trace_tracks
 
 # so many candidates are traced for each horizon that is asked for
 _CANDIDATES = 3
@@ -71,6 +72,43 @@ def find_horizons(
     if not is_section:
         return best
     return [cut_middle(track) for track in best]
+
+
+def find_seeds(layers: LayerModel, *, count: int = 5) -> Float64Array:
+    """Index points on the most continuous strong events, spread over the layer times of the cube.
+
+    Parameters
+    ----------
+    layers : LayerModel
+        Of the cube.
+    count : int
+        Number of seeds.
+
+    Returns
+    -------
+    ndarray of shape (m, 3), float64
+        At most `count` points, from the shallowest horizon to the deepest.
+    """
+    live = np.argwhere(layers.live)
+    middle = live[np.abs(live - live.mean(axis=0)).sum(axis=1).argmin()]
+    row = layers.times[tuple(middle)]
+    n = len(row)
+    thin = (slice(None, None, 4), slice(None, None, 4))
+    times, cuts, volume, valid = (
+        np.ascontiguousarray(a[thin]) for a in (layers.times, layers.cuts, layers.volume, layers.valid)
+    )
+    depth, waves = np.empty(times.shape[:2]), np.empty((*times.shape[:2], 1), np.float32)
+    strength = np.zeros(n)
+    for k in range(2, n - 2):
+        level_depths(times, cuts, np.full(depth.shape, row[k], dtype=np.float64), depth)
+        read_waveforms(volume, valid, depth, 0, waves)
+        strength[k] = abs(float(waves.sum())) / waves.size
+    chosen: list[int] = []
+    peaks = [k for k in range(2, n - 2) if strength[k] >= strength[k - 1] and strength[k] > strength[k + 1]]
+    for k in sorted(peaks, key=lambda k: -strength[k]):
+        if len(chosen) < count and all(abs(k - other) >= n / (3 * count) for other in chosen):
+            chosen.append(k)
+    return np.array([[*middle, k] for k in sorted(chosen)], dtype=np.float64).reshape(-1, 3)
 
 
 def _gap(cube: Any, n_candidates: int) -> float:

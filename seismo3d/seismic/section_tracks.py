@@ -59,8 +59,6 @@ def thicken(section: Any, faults: FaultSet | None) -> tuple[Any, FaultSet | None
 
 def thicken_seeds(seeds: Any) -> Any:
     """Put seeds (trace, time or depth), or lists of them, on the middle of the thickened section."""
-    if seeds is None:
-        return None
     return [_as_seeds(entry, number) for number, entry in enumerate(seeds)]
 
 

@@ -106,7 +106,7 @@ def trace_tracks(
     seeds : sequence, optional
         One entry a track: a point (inline, crossline, time or depth) in the cube's coordinates (indices on a bare
         array; of a section without the inline), or a list of points that lie on one horizon. Without seeds the `count`
-        most continuous horizons.
+        best horizons, as :func:`~seismo3d.find_horizons` finds them.
     faults : FaultSet, optional
         Faults of this cube.
     event : {"peak", "trough", "zero"}, optional
@@ -123,7 +123,7 @@ def trace_tracks(
     Returns
     -------
     list of Track
-        One for each seed, in their order.
+        One for each seed, in their order; without seeds best first.
 
     Raises
     ------
@@ -133,6 +133,12 @@ def trace_tracks(
         If a seed lies outside the cube or on a trace without data, `event` is not known, or `layers` is given for a
         section.
     """
+    if seeds is None:
+        from seismo3d.seismic.horizon_search import find_horizons
+
+        return find_horizons(
+            cube, count, faults=faults, event=event, layers=layers, settings=settings, progress=progress
+        )
     if np.ndim(cube) == 2:
         from seismo3d.seismic.section_tracks import cut_middle, thicken, thicken_seeds
 
@@ -140,7 +146,7 @@ def trace_tracks(
             raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")
         thick, surfaces = thicken(cube, faults)
         found = trace_tracks(
-            thick, thicken_seeds(seeds), faults=surfaces, event=event, count=count, settings=settings, progress=progress
+            thick, thicken_seeds(seeds), faults=surfaces, event=event, settings=settings, progress=progress
         )
         return [cut_middle(track) for track in found]
     settings = settings or TrackSettings()
@@ -150,10 +156,7 @@ def trace_tracks(
         )
     layers = layers or model_layers(cube, faults=faults, settings=settings.layers, progress=progress)
     axes = axes_of(cube)
-    if seeds is None:
-        groups = [axis_points(axes, point[None]) for point in find_seeds(layers, count=count)]
-    else:
-        groups = [_as_seeds(entry, n) for n, entry in enumerate(seeds)]
+    groups = [_as_seeds(entry, n) for n, entry in enumerate(seeds)]
     tracks = []
     for number, group in enumerate(groups):
         if progress is not None:
@@ -375,40 +378,3 @@ def _snap(volume: Float32Array, valid: BoolArray, depth: Float64Array, event: st
     best = distance.argmin(axis=2)[..., None]
     move = np.take_along_axis(place, best, axis=2)[..., 0]
     return depth + np.where(np.isfinite(np.take_along_axis(distance, best, axis=2)[..., 0]), move, 0.0)
-
-
-def find_seeds(layers: LayerModel, *, count: int = 5) -> Float64Array:
-    """Index points on the most continuous strong events, spread over the layer times of the cube.
-
-    Parameters
-    ----------
-    layers : LayerModel
-        Of the cube.
-    count : int
-        Number of seeds.
-
-    Returns
-    -------
-    ndarray of shape (m, 3), float64
-        At most `count` points, from the shallowest horizon to the deepest.
-    """
-    live = np.argwhere(layers.live)
-    middle = live[np.abs(live - live.mean(axis=0)).sum(axis=1).argmin()]
-    row = layers.times[tuple(middle)]
-    n = len(row)
-    thin = (slice(None, None, 4), slice(None, None, 4))
-    times, cuts, volume, valid = (
-        np.ascontiguousarray(a[thin]) for a in (layers.times, layers.cuts, layers.volume, layers.valid)
-    )
-    depth, waves = np.empty(times.shape[:2]), np.empty((*times.shape[:2], 1), np.float32)
-    strength = np.zeros(n)
-    for k in range(2, n - 2):
-        level_depths(times, cuts, np.full(depth.shape, row[k], dtype=np.float64), depth)
-        read_waveforms(volume, valid, depth, 0, waves)
-        strength[k] = abs(float(waves.sum())) / waves.size
-    chosen: list[int] = []
-    peaks = [k for k in range(2, n - 2) if strength[k] >= strength[k - 1] and strength[k] > strength[k + 1]]
-    for k in sorted(peaks, key=lambda k: -strength[k]):
-        if len(chosen) < count and all(abs(k - other) >= n / (3 * count) for other in chosen):
-            chosen.append(k)
-    return np.array([[*middle, k] for k in sorted(chosen)], dtype=np.float64).reshape(-1, 3)
