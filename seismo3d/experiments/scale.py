@@ -139,11 +139,16 @@ def measure_kills(times: int, *, size: int) -> dict[str, Any]:
         start = time.perf_counter()
         _child(undisturbed, size).wait()
         alone = time.perf_counter() - start
+        # what is finished is not done again: so long it takes to begin
+        start = time.perf_counter()
+        _child(undisturbed, size).wait()
+        begin = time.perf_counter() - start
         n_killed = 0
         while n_killed < times:
             child = _child(disturbed, size)
             try:
-                child.wait(timeout=float(rng.uniform(0.1, 0.5)) * alone)
+                # a run that gets on a little each time is killed at many of its places
+                child.wait(timeout=float(rng.uniform(0.7, 1.0)) * begin + float(rng.uniform(0.0, 0.8)) * alone / times)
             except subprocess.TimeoutExpired:
                 child.send_signal(signal.SIGKILL)
                 child.wait()
