@@ -5,6 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from seismo3d._multiply_add import multiply_add
 from seismo3d._typing import AnyArray, Float32Array, Int32Array
 
 
@@ -175,7 +176,7 @@ def nearest_apart(similarity: Float32Array, points: AnyArray, apart: float) -> t
     return best, ratio
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
+@numba.njit(cache=True, nogil=True)
 def corner_strength(gx: Float32Array, gy: Float32Array) -> Float32Array:
     """Smaller eigenvalue of the gradient's mean outer product over 5 x 5 pixels; zero near the border."""
     rows, columns = gx.shape
@@ -187,9 +188,9 @@ def corner_strength(gx: Float32Array, gy: Float32Array) -> Float32Array:
         for k in range(y - 2, y + 3):
             u, v = gx[k], gy[k]
             for x in range(columns):
-                a[x] += u[x] * u[x]
-                b[x] += u[x] * v[x]
-                c[x] += v[x] * v[x]
+                a[x] = multiply_add(u[x], u[x], a[x])
+                b[x] = multiply_add(u[x], v[x], b[x])
+                c[x] = multiply_add(v[x], v[x], c[x])
         line = out[y]
         for x in range(3, columns - 3):
             p = (a[x - 2] + a[x - 1] + a[x] + a[x + 1] + a[x + 2]) * share

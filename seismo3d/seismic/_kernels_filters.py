@@ -26,7 +26,7 @@ def derivative_taps(sigma: float) -> Float32Array:
     return (weights / (weights * t).sum()).astype(np.float32)
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def filter_samples(volume, taps, out):  # type: ignore[no-untyped-def]
     """Correlate with the taps along the sample axis; the ends repeat."""
     n0, n1, n2 = volume.shape
@@ -47,7 +47,7 @@ def filter_samples(volume, taps, out):  # type: ignore[no-untyped-def]
                     out[i, j, k] += weight * row[k + t]
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def filter_crosslines(volume, taps, out):  # type: ignore[no-untyped-def]
     """Correlate with the taps along the crossline axis; the ends repeat."""
     n0, n1, n2 = volume.shape
@@ -63,7 +63,7 @@ def filter_crosslines(volume, taps, out):  # type: ignore[no-untyped-def]
                     out[i, j, k] += weight * volume[i, jj, k]
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def filter_inlines(volume, taps, out):  # type: ignore[no-untyped-def]
     """Correlate with the taps along the inline axis; the ends repeat.
 
@@ -82,7 +82,7 @@ def filter_inlines(volume, taps, out):  # type: ignore[no-untyped-def]
                     out[i, j, k] += weight * volume[ii, j, k]
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def multiply_weighted(a, b, weight, out):  # type: ignore[no-untyped-def]
     """Write weight * a * b."""
     n0, n1, n2 = a.shape
@@ -92,7 +92,7 @@ def multiply_weighted(a, b, weight, out):  # type: ignore[no-untyped-def]
                 out[i, j, k] = weight[i, j, k] * a[i, j, k] * b[i, j, k]
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def tensor_slopes(txx, txy, txz, tyy, tyz, tzz, steepest, p, q):  # type: ignore[no-untyped-def]
     """Turn smoothed structure tensors into reflector slopes, in samples a trace, along inlines (p) and crosslines (q).
 

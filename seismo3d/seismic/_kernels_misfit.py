@@ -64,7 +64,7 @@ def side_misfit(volume, valid, slope, axis, reach, difference, energy):  # type:
                     energy[i, j, k] = -1.0
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def clear_unknown(energy, known):  # type: ignore[no-untyped-def]
     """Turn energy -1 into 0 and write 1 to known elsewhere."""
     n0, n1, n2 = energy.shape
@@ -78,7 +78,7 @@ def clear_unknown(energy, known):  # type: ignore[no-untyped-def]
                     known[i, j, k] = 1.0
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def divide_thinned(difference, energy, known, step, floor, most, out, weight):  # type: ignore[no-untyped-def]
     """Write difference / energy at every step-th sample, at most `most`, and how far it is known."""
     n0, n1, n2 = out.shape
@@ -95,7 +95,7 @@ def divide_thinned(difference, energy, known, step, floor, most, out, weight):  
                     weight[i, j, k] = 0.0
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def log_ratio(ratio, softness):  # type: ignore[no-untyped-def]
     """Replace r by log(1 + r / softness), in place: the evidence of a voxel, which no bright voxel can dominate."""
     n0, n1, n2 = ratio.shape

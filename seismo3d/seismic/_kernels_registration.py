@@ -8,7 +8,7 @@ from numba import njit, prange
 from seismo3d.seismic._kernels_misfit import _sample
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def search_costs(volume, valid, axis, farthest, step, taps, floor, costs):  # type: ignore[no-untyped-def]
     """Write the windowed (a - b)^2 over a^2 + b^2 of every trace a and the next one, b, moved by whole samples.
 

@@ -7,8 +7,10 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from seismo3d._multiply_add import multiply_add
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+
+@njit(cache=True, nogil=True, parallel=True)
 def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, corner, out):  # type: ignore[no-untyped-def]
     """Write the weighted mean of w_first * first + w_second * second along a line in the time slice.
 
@@ -40,13 +42,14 @@ def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, corner,
                         a = weight * w_first
                         b = weight * w_second
                         for k in range(n2):
-                            values[k + pad] += a * first[ii, jj, k] + b * second[ii, jj, k]
+                            part = multiply_add(b, second[ii, jj, k], values[k + pad])
+                            values[k + pad] = multiply_add(a, first[ii, jj, k], part)
             scale = np.float32(1.0) / max(total, np.float32(0.2))
             for k in range(n2):
                 values[k + pad] *= scale
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, code, best, arg):  # type: ignore[no-untyped-def]
     """Sum the lines down every dip; keep the largest mean and the number of its orientation.
 
@@ -96,7 +99,7 @@ def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, cod
                     for part in range(0 if t <= 0 else 1, 2 if t >= 0 else 1):
                         into = sums[part, :length]
                         for m in range(length):
-                            into[m] += w0 * row0[m] + w1 * row1[m]
+                            into[m] = multiply_add(w0, row0[m], multiply_add(w1, row1[m], into[m]))
                         counted = weights[part]
                         for k in range(max(0, -t), min(n2, n2 - t)):
                             counted[k] += weight
@@ -114,7 +117,7 @@ def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, cod
                         top_arg[k] = number if better else top_arg[k]
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def merge_best(best, arg, other, other_arg):  # type: ignore[no-untyped-def]
     """Take the larger of two scans, the second with its first two axes exchanged."""
     n0, n1, n2 = best.shape

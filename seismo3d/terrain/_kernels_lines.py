@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit, prange
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@njit(cache=True, nogil=True, parallel=True)
 def keep_best_line(step, trough, known, shear, taps, stride, n_free, floor, code, best, mean, arg):  # type: ignore[no-untyped-def]
     """Test lines of one strike through every cell; keep the most significant, its mean and its strike's number.
 
