@@ -227,9 +227,12 @@ def _choose(
     # on the crest, pieces of other levels and kinds that looked apart come together
     lines = [snap_line(line, crest, stiffness=SCALE, reach=settings.near) for line in lines]
     lines = join_lines(fuse_lines(lines, near=settings.near), gap=gap)
-    # the line that is reported is straight over two windows
-    stiff, crest = 2.0 * settings.length, _crest(supports, by_contrast=True)
-    lines = [snap_line(line, crest, stiffness=stiff, reach=3.0 * settings.near) for line in lines]
+    # the line that is reported is straight over two windows, and over an eighth of its length
+    crest = _crest(supports, by_contrast=True)
+    lines = [
+        snap_line(line, crest, stiffness=max(2.0 * settings.length, line.length / 8.0), reach=3.0 * settings.near)
+        for line in lines
+    ]
     # the regional surface answers to a line with two of the other sign beside it
     lines = drop_echoes(lines, near=REGION * SCALE + SCALE)
     slope = regional_slope(fill_smoothly(z, np.isfinite(z)), 0.5 * settings.length)
@@ -248,8 +251,8 @@ def _crest(supports: list[LineSupport], *, by_contrast: bool) -> Float32Array:
     # a certain line's score is flat across it: there the contrast tells where it is
     chosen = [support for support in supports if support.kind != "both"]
     parts = [one.score * one.contrast if by_contrast else one.score for one in chosen]
-    blurred = [ndimage.gaussian_filter(part, 2.0 * SCALE) for part in parts]
-    return np.asarray(sum(blurred), np.float32)
+    blur = SCALE if by_contrast else 2.0 * SCALE
+    return np.asarray(sum(ndimage.gaussian_filter(part, blur) for part in parts), np.float32)
 
 
 def regional_slope(filled: Float64Array, width: float) -> tuple[Float64Array, Float64Array]:

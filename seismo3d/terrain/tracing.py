@@ -16,9 +16,12 @@ from seismo3d.terrain.support import LineSupport
 
 _LINK = LinkSettings(fragment=8, contacts=4, closing=6, gap=6, smoothing=3.0, off_plane=1.6)
 
-_BENDING, _STRAIGHT = 8, 32
-"""Cells along a line in which it moves aside by half a cell at most, before and after it is turned as a whole: faults
-are straighter than their worn scarps."""
+_NODE, _GRAIN = 16, 0.25
+"""Cells from node to node of a line that is brought to its crest, and the grain of the moves aside, in cells."""
+_TURNS = 4
+"""Grains that a line moves aside from node to node at most: some 4 degrees against its smoothed way."""
+_BEND_PRICE = 0.5
+"""Nodes on a typical crest that a bend by one grain costs: faults are straighter than their worn scarps."""
 _END = 36
 """Places at a line's end that its direction there is taken from."""
 
@@ -283,8 +286,8 @@ def drop_echoes(
     return kept
 
 
-def snap_line(line: TracedLine, score: Float32Array, *, stiffness: float, reach: float = 12.0) -> TracedLine:
-    """Move a line to the steadiest crest of the finest level's score beside it, without sharp bends.
+def snap_line(line: TracedLine, score: Float32Array, *, stiffness: float, reach: float) -> TracedLine:
+    """Move a line to the crest of the finest level's score beside it that can be followed with the fewest bends.
 
     Parameters
     ----------
@@ -292,7 +295,7 @@ def snap_line(line: TracedLine, score: Float32Array, *, stiffness: float, reach:
     score : ndarray of shape (rows, columns), float32
         Of the finest level.
     stiffness : float
-        Width, in cells, of the Gaussian that the line and the score along it are smoothed by first.
+        Width, in cells, of the Gaussian that the line is smoothed by first.
     reach : float
         Farthest move, in cells.
     """
@@ -301,29 +304,21 @@ def snap_line(line: TracedLine, score: Float32Array, *, stiffness: float, reach:
     if len(at) < 8:
         return line
     places = np.column_stack([_stiff(np.interp(at, arc, line.places[:, k]), stiffness) for k in (0, 1)])
-    # turned and shifted as a whole first: what then moves aside is the line's own bending
-    moves = _moves_to_crest(places, score, stiffness, reach, every=_BENDING)
-    places = places + np.polynomial.Polynomial.fit(at, moves, 1)(at)[:, None] * _normals(places)
-    moves = _moves_to_crest(places, score, stiffness, reach, every=_STRAIGHT)
-    moved = places + ndimage.gaussian_filter1d(moves, 8.0, mode="nearest")[:, None] * _normals(places)
-    return TracedLine(moved, np.interp(at, arc, line.score), line.kind, line.factor)
+    normals = _normals(places)
+    moves = np.arange(-round(reach / _GRAIN), round(reach / _GRAIN) + 1) * _GRAIN
+    grid = places[:, None, :] + moves[None, :, None] * normals[:, None, :]
+    gain = ndimage.map_coordinates(score, grid.reshape(-1, 2).T, order=1, mode="nearest").reshape(grid.shape[:2])
+    first = np.arange(0, len(at), _NODE)
+    size = np.diff(np.append(first, len(at)))
+    path = _straightest_path(np.add.reduceat(gain.astype(np.float64), first, axis=0) / size[:, None])
+    aside = ndimage.gaussian_filter1d(np.interp(at, first + 0.5 * (size - 1), moves[path]), 8.0, mode="nearest")
+    return TracedLine(places + aside[:, None] * normals, np.interp(at, arc, line.score), line.kind, line.factor)
 
 
 def _normals(places: Float64Array) -> Float64Array:
     way = np.gradient(places, axis=0)
     normal = np.column_stack([-way[:, 1], way[:, 0]])
     return np.asarray(normal / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9))
-
-
-def _moves_to_crest(
-    places: Float64Array, score: Float32Array, stiffness: float, reach: float, *, every: int
-) -> Float64Array:
-    """Return how far each place has to move aside to lie on the steadiest crest, by half a cell in `every` at most."""
-    moves = np.arange(-reach, reach + 0.25, 0.5)
-    grid = places[:, None, :] + moves[None, :, None] * _normals(places)[:, None, :]
-    gain = ndimage.map_coordinates(score, grid.reshape(-1, 2).T, order=1, mode="nearest").reshape(grid.shape[:2])
-    steady: Float64Array = ndimage.gaussian_filter1d(gain.astype(np.float64), stiffness, axis=0, mode="nearest")
-    return np.asarray(moves[_best_path(steady, every=every)])
 
 
 def _stiff(values: Float64Array, width: float) -> Float64Array:
@@ -333,21 +328,35 @@ def _stiff(values: Float64Array, width: float) -> Float64Array:
     return np.asarray(ndimage.gaussian_filter1d(wide, width, mode="nearest")[pad : len(wide) - pad])
 
 
-def _best_path(gain: Float64Array, every: int) -> IntArray:
-    """Return the column of each row whose sum of gains is largest, moving by one column in `every` rows at most."""
-    nodes = np.arange(0, len(gain), every)
-    sums = np.add.reduceat(gain, nodes, axis=0)
-    best, back = sums[0], np.zeros(sums.shape, np.int64)
-    for n in range(1, len(sums)):
-        padded = np.pad(best, 1, constant_values=-np.inf)
-        choices = np.stack([padded[:-2], padded[1:-1] + 1e-3, padded[2:]])
-        back[n] = np.arange(len(best)) + choices.argmax(axis=0) - 1
-        best = choices.max(axis=0) + sums[n]
-    path = np.empty(len(sums), np.int64)
-    path[-1] = int(best.argmax())
-    for n in range(len(sums) - 1, 0, -1):
-        path[n - 1] = back[n, path[n]]
-    return np.repeat(path, every)[: len(gain)]
+def _straightest_path(gain: Float64Array) -> IntArray:
+    """Return the columns, one a row, whose sum of gains less the price of the bends is the largest of all paths.
+
+    Gains count relative to the best of their row and to that of a typical row, so that no bright patch pulls the line
+    to itself. The state is the column and the step that led to it.
+    """
+    crest = gain.max(axis=1)
+    gain = 2.0 * gain / np.maximum(crest + np.median(crest), 1e-12)[:, None]
+    steps = np.arange(-_TURNS, _TURNS + 1)
+    price = _BEND_PRICE * np.abs(steps[:, None] - steps[None, :])
+    columns = np.arange(gain.shape[1])
+    came_from = columns[:, None] - steps[None, :]
+    inside = (came_from >= 0) & (came_from < len(columns))
+    came_from = np.clip(came_from, 0, len(columns) - 1)
+    best = np.repeat(gain[0][:, None], len(steps), axis=1)
+    before = np.zeros((*gain.shape, len(steps)), np.int64)
+    for n in range(1, len(gain)):
+        choices = best[:, :, None] - price[None, :, :]
+        cheapest = choices.argmax(axis=1)
+        worth = np.take_along_axis(choices, cheapest[:, None, :], axis=1)[:, 0]
+        which = np.arange(len(steps))
+        best = np.where(inside, worth[came_from, which], -np.inf) + gain[n][:, None]
+        before[n] = cheapest[came_from, which]
+    path = np.empty(len(gain), np.int64)
+    column, step = np.unravel_index(int(best.argmax()), best.shape)
+    for n in range(len(gain) - 1, -1, -1):
+        path[n] = column
+        column, step = column - steps[step], before[n, column, step]
+    return path
 
 
 def _boxes_meet(first: Float64Array, second: Float64Array, reach: float) -> bool:
