@@ -60,8 +60,8 @@ def run(
     crash the same command goes on where it was. The volumes are Zarr too then: likelihood.zarr, labels.zarr and
     throw.zarr.
     """
+    from seismo3d._stages import StageClock, say_timings
     from seismo3d.cli._run_folder import check_run_folder
-    from seismo3d.cli._stages import StageClock, say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside

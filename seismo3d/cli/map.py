@@ -45,8 +45,8 @@ def run(
     where rasterio is not installed), map.npz to go on from, trajectory.png, occupancy.png, map.png, report.html and
     run.json.
     """
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import RECORD, check_run_folder, find_versions, write_record
-    from seismo3d.cli._stages import StageClock
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import GeometryError
     from seismo3d.io._files import written_aside

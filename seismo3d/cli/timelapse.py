@@ -26,8 +26,8 @@ def run(
     """
     import numpy as np
 
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
-    from seismo3d.cli._stages import StageClock
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube

@@ -44,8 +44,8 @@ def run(
     with all of them, report.html and run.json; of a 2D line XYZ, table, section and report. It appears when all is
     done, or not at all.
     """
+    from seismo3d._stages import StageClock, say_timings
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
-    from seismo3d.cli._stages import StageClock, say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube

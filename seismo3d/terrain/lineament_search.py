@@ -13,8 +13,10 @@ from seismo3d._validate import as_number, freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
 from seismo3d.terrain.evidence import REGION, SCALE, fill_smoothly, measure_levels, square_map
+from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines
+from seismo3d.terrain.placing import snap_line
 from seismo3d.terrain.support import LineSupport, scan_lines
-from seismo3d.terrain.tracing import TracedLine, drop_echoes, fuse_lines, join_lines, snap_line, trace_lines
+from seismo3d.terrain.tracing import TracedLine, trace_lines
 
 _LEAST_SIDE = 48
 

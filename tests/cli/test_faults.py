@@ -244,7 +244,7 @@ def test_smoothing_without_attributes_is_refused(demo: Path, capsys: pytest.Capt
 
 
 def test_stages_are_timed_in_order() -> None:
-    from seismo3d.cli._stages import StageClock
+    from seismo3d._stages import StageClock
 
     seen: list[tuple[str, float]] = []
     clock = StageClock(lambda stage, share: seen.append((stage, share)))

@@ -8,8 +8,9 @@ from fake_terrain import make_rivers, make_scarp, place
 
 from seismo3d.errors import GeometryError, ShapeError
 from seismo3d.terrain import lineaments, scarps, to_geojson, write_lineaments
+from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines
 from seismo3d.terrain.lineament_search import share_along
-from seismo3d.terrain.tracing import TracedLine, drop_echoes, fuse_lines, join_lines
+from seismo3d.terrain.tracing import TracedLine
 
 
 @pytest.fixture(scope="module")
