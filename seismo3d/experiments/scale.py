@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._stages import StageClock
 from seismo3d._typing import Float32Array
 from seismo3d.io.cubes import open_cube
 from seismo3d.io.zarr_store import write_zarr
@@ -96,8 +97,6 @@ def measure_equal(size: int, *, edge: int) -> dict[str, Any]:
 
 def measure_part(part: tuple[int, int], *, memory: str) -> dict[str, Any]:
     """Trace a part of a 20 GB cube, in the blocks that the whole would be traced in, and 256^3 of it in one piece."""
-    from seismo3d._stages import StageClock
-
     settings = FaultSettings()
     plan = plan_blocks(LARGE, parse_memory(memory), settings)
     shape = (*part, LARGE[2])
