@@ -51,7 +51,7 @@ def test_nearest_voxel_is_the_nearest_within_a_cell(d, rng):
     centroids = level.surface[:, :d].astype(np.float64)
     for place in rng.uniform(-1, 1, size=(300, d)):
         x, y, z = (*place, 0.0)[:3]
-        found = kernels.nearest_voxel(
+        found, others2 = kernels.nearest_voxel(
             x,
             y,
             z,
