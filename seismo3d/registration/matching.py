@@ -21,6 +21,8 @@ from seismo3d.registration.robust import NORMAL
 MOST_UNKNOWN = 0.02
 """Share of partners without a normal yet up to which a pass counts as it is."""
 PART = 256
+FEWEST_BLOCKS = 8
+"""Blocks from which a pass is worth waking other threads for."""
 PATCH = 4
 LEAST_SHARE = 1e-4
 """Share of the curvature that is added to it: a patch that alone tells of a direction must not count for ever."""
@@ -184,7 +186,7 @@ def match_surface(
         )
 
     for _ in range(2):
-        _share_out(run, n_blocks, n_threads)
+        _share_out(run, n_blocks, n_threads if n_blocks >= FEWEST_BLOCKS else 1)
         rows = pass_kernels.rows_asked_for(residuals, partners, len(target.surface))
         if rows.size:
             parts = -(-len(rows) // PART)
