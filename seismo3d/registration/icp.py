@@ -117,12 +117,15 @@ def _run_coarsest(job: _LevelJob, A: Float64Array, t: Float64Array, trail: _Trai
     too, and keep the answer that fits better.
     """
     target, source = job.level.target, job.level.source
-    search = WideSearch(target, source, keeps_all=False) if is_far(target, source, A, t) else None
+    threads = job.settings.n_threads
+    far = is_far(target, source, A, t)
+    search = WideSearch(target, source, keeps_all=False, n_threads=threads) if far else None
     found = _run_level(job, A, t, trail, search=search)
     if found.joint.surface is None or not is_loose(found.joint.surface, source, target.size):
         return found
     widely: _Trail = []
-    other = _run_level(job, found.A, found.t, widely, search=WideSearch(target, source, keeps_all=True))
+    search = WideSearch(target, source, keeps_all=True, n_threads=threads)
+    other = _run_level(job, found.A, found.t, widely, search=search)
     if _misfit(job, other) < _misfit(job, found):
         trail += widely
         return other

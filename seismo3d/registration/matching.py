@@ -186,11 +186,11 @@ def match_surface(
         )
 
     for _ in range(2):
-        _share_out(run, n_blocks, n_threads if n_blocks >= FEWEST_BLOCKS else 1)
+        share_out(run, n_blocks, n_threads if n_blocks >= FEWEST_BLOCKS else 1)
         rows = pass_kernels.rows_asked_for(residuals, partners, len(target.surface))
         if rows.size:
             parts = -(-len(rows) // PART)
-            _share_out(lambda a, b: target.complete(rows[a * PART : b * PART]), parts, n_threads)  # noqa: B023
+            share_out(lambda a, b: target.complete(rows[a * PART : b * PART]), parts, n_threads)  # noqa: B023
         if rows.size <= MOST_UNKNOWN * n:
             break
         kept.cells[:] = -1  # elements have moved where layers were joined
@@ -213,7 +213,7 @@ def match_surface(
     )
 
 
-def _share_out(run: Callable[[int, int], object], n_parts: int, n_threads: int) -> None:
+def share_out(run: Callable[[int, int], object], n_parts: int, n_threads: int) -> None:
     """Run parts 0 to n_parts - 1 in ranges, one range a thread."""
     if n_threads == 1 or n_parts < 4:
         run(0, n_parts)
