@@ -21,7 +21,7 @@ PAIRS = {
 }
 """Files, downsampling, voxels of VGICP and largest distance of pairs, in the files' units (metres)."""
 REST = 0.05
-"""Seconds before each call: threads of the call before may spin on for some milliseconds, on a core that others need."""
+"""Seconds before each call: threads of the one before may spin on for some milliseconds, on a core that is needed."""
 
 
 @dataclass(frozen=True, slots=True)

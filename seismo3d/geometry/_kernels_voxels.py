@@ -183,8 +183,21 @@ def voxelise(
     while True:
         table_keys, table, shift = _table_with_room(keys[:count], room)
         done, count = _enter_points(
-            done, points, center, factor, turn, origin, inverse_size, table_keys, table, shift, count, keys, moments, owner
-        )  # fmt: skip
+            done,
+            points,
+            center,
+            factor,
+            turn,
+            origin,
+            inverse_size,
+            table_keys,
+            table,
+            shift,
+            count,
+            keys,
+            moments,
+            owner,
+        )
         if done == n:
             return keys[:count].copy(), moments[:count].copy(), owner
         room *= 4
@@ -414,7 +427,7 @@ def inherit_normals(
 @nb.njit(cache=True, nogil=True, inline="always")
 def cell_around(
     x: float, y: float, z: float, turn: Float64Array, origin: Float64Array, inverse_size: float, d: int
-) -> int:
+) -> Any:
     """Return the key of the cell that a point lies in, -2 outside of all."""
     fx = (turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z - origin[0]) * inverse_size
     fy = (turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z - origin[1]) * inverse_size
