@@ -20,6 +20,8 @@ PAIRS = {
     "bunny": ("bunny/bun000.ply", "bunny/bun045.ply", 0.001, 0.004, 0.01),
 }
 """Files, downsampling, voxels of VGICP and largest distance of pairs, in the files' units (metres)."""
+REST = 0.05
+"""Seconds before each call: threads of the one before may spin on for some milliseconds, on a core that is needed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +36,7 @@ class Timing:
 
 
 def time_pair(folder: Path, name: str, *, rounds: int = 15, n_threads: int = 2) -> list[Timing]:
-    """Time all methods on one pair, taking turns so that all see the same load."""
+    """Time all methods on one pair, taking turns so that all see the same load, with a rest before each call."""
     try:
         import small_gicp
     except ImportError as error:
@@ -62,6 +64,7 @@ def time_pair(folder: Path, name: str, *, rounds: int = 15, n_threads: int = 2) 
     cpu: dict[str, list[float]] = {method: [] for method in jobs}
     for turn in range(rounds + 2):
         for method, job in jobs.items():
+            time.sleep(REST)
             start, start_cpu = time.perf_counter(), time.process_time()
             job()
             if turn >= 2:

@@ -24,17 +24,20 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 def survey(points: Float64Array, out: Float64Array) -> bool:
     """Write minimum, maximum and sum of each axis and the sum of squares to ``out``; return whether all are finite."""
     n, d = points.shape
-    for k in range(d):
-        first = low = high = points[0, k]
-        total = squares = 0.0
-        for i in range(n):
-            v = points[i, k]
-            offset = v - first
-            low = min(low, v)
-            high = max(high, v)
-            total += offset
-            squares += offset * offset
-        out[k], out[d + k], out[2 * d + k], out[3 * d + k] = low, high, total, squares
+    x0, y0, z0 = points[0, 0], points[0, 1], points[0, d - 1]
+    low_x, low_y, low_z = x0, y0, z0
+    high_x, high_y, high_z = x0, y0, z0
+    sum_x = sum_y = sum_z = squares_x = squares_y = squares_z = 0.0
+    for i in range(n):  # the axes side by side: three chains of sums keep the processor busy, one does not
+        x, y, z = points[i, 0], points[i, 1], points[i, d - 1]
+        low_x, low_y, low_z = min(low_x, x), min(low_y, y), min(low_z, z)
+        high_x, high_y, high_z = max(high_x, x), max(high_y, y), max(high_z, z)
+        x, y, z = x - x0, y - y0, z - z0
+        sum_x, sum_y, sum_z = sum_x + x, sum_y + y, sum_z + z
+        squares_x, squares_y, squares_z = squares_x + x * x, squares_y + y * y, squares_z + z * z
+    out[d - 1], out[2 * d - 1], out[3 * d - 1], out[4 * d - 1] = low_z, high_z, sum_z, squares_z
+    out[0], out[d], out[2 * d], out[3 * d] = low_x, high_x, sum_x, squares_x
+    out[1], out[d + 1], out[2 * d + 1], out[3 * d + 1] = low_y, high_y, sum_y, squares_y
     for k in range(d):
         offset = out[2 * d + k] / n
         out[3 * d + k] = max(0.0, out[3 * d + k] - n * offset * offset)
@@ -68,8 +71,14 @@ def find(key: Any, table_keys: Int64Array, table: Int32Array, shift: int) -> int
 @nb.njit(cache=True, nogil=True)
 def make_table(keys: Int64Array) -> tuple[Int64Array, Int32Array, int]:
     """Return a hash table of distinct keys: keys by place, numbers by place, shift."""
+    return _table_with_room(keys, keys.shape[0])
+
+
+@nb.njit(cache=True, nogil=True)
+def _table_with_room(keys: Int64Array, room: int) -> tuple[Int64Array, Int32Array, int]:
+    """Return a table of keys that has places for three times as many as ``room``."""
     bits = 4
-    while (1 << bits) < 3 * keys.shape[0]:
+    while (1 << bits) < 3 * room:
         bits += 1
     table = np.full(1 << bits, -1, dtype=np.int32)
     table_keys = np.empty(1 << bits, dtype=np.int64)
@@ -82,6 +91,73 @@ def make_table(keys: Int64Array) -> tuple[Int64Array, Int32Array, int]:
         table[place] = i
         table_keys[place] = keys[i]
     return table_keys, table, shift
+
+
+@nb.njit(cache=True, nogil=True)
+def _enter_points(
+    first: int,
+    points: Float64Array,
+    center: Float64Array,
+    factor: float,
+    turn: Float64Array,
+    origin: Float64Array,
+    inverse_size: float,
+    table_keys: Int64Array,
+    table: Int32Array,
+    shift: int,
+    count: int,
+    keys: Int64Array,
+    moments: Float64Array,
+    owner: Int32Array,
+) -> tuple[int, int]:
+    """Enter points from ``first`` on until there is no room for a new voxel; return how far that was, and the voxels.
+
+    Arrays that a loop never replaces stay where the processor has them: growing is left to the caller.
+    """
+    n, d = points.shape
+    room = keys.shape[0]
+    mask = table.shape[0] - 1
+    z = 0.0
+    for i in range(first, n):
+        x = (points[i, 0] - center[0]) * factor
+        y = (points[i, 1] - center[1]) * factor
+        if d == 3:
+            z = (points[i, 2] - center[2]) * factor
+        along_x = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z
+        along_y = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z
+        key = (np.int64((along_x - origin[0]) * inverse_size) << (2 * AXIS_BITS)) | (
+            np.int64((along_y - origin[1]) * inverse_size) << AXIS_BITS
+        )
+        if d == 3:
+            along_z = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z
+            key |= np.int64((along_z - origin[2]) * inverse_size)
+        place = slot(key, shift)
+        number = table[place]
+        while number >= 0 and table_keys[place] != key:
+            place = (place + 1) & mask
+            number = table[place]
+        if number < 0:
+            if count == room:
+                return i, count
+            number = count
+            table[place] = number
+            table_keys[place] = key
+            keys[number] = key
+            for k in range(10):
+                moments[number, k] = 0.0
+            count += 1
+        owner[i] = number
+        moments[number, 0] += 1.0
+        moments[number, 1] += x
+        moments[number, 2] += y
+        moments[number, 3] += z
+        moments[number, 4] += x * x
+        moments[number, 5] += x * y
+        moments[number, 6] += x * z
+        moments[number, 7] += y * y
+        moments[number, 8] += y * z
+        moments[number, 9] += z * z
+    return n, count
 
 
 @nb.njit(cache=True, nogil=True)
@@ -98,79 +174,39 @@ def voxelise(
     Points become ``(p - center) * factor`` first, which is what moments are of; ``turn`` carries them to the axes of
     the voxels, along which ``origin`` and ``inverse_size`` are.
     """
-    n, d = points.shape
-    bits = 12
-    table = np.full(1 << bits, -1, dtype=np.int32)
-    table_keys = np.empty(1 << bits, dtype=np.int64)
-    mask = (1 << bits) - 1
-    shift = 64 - bits
-    room = max(1024, n // 8)
+    n = points.shape[0]
+    room = 2048
     keys = np.empty(room, dtype=np.int64)
     moments = np.empty((room, 10))
     owner = np.empty(n, dtype=np.int32)
-    count = 0
-    z = 0.0
-    number = 0
-    for i in range(n):
-        x = (points[i, 0] - center[0]) * factor
-        y = (points[i, 1] - center[1]) * factor
-        if d == 3:
-            z = (points[i, 2] - center[2]) * factor
-        along_x = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z
-        along_y = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z
-        key = (np.int64((along_x - origin[0]) * inverse_size) << (2 * AXIS_BITS)) | (
-            np.int64((along_y - origin[1]) * inverse_size) << AXIS_BITS
+    done = count = 0
+    while True:
+        table_keys, table, shift = _table_with_room(keys[:count], room)
+        done, count = _enter_points(
+            done,
+            points,
+            center,
+            factor,
+            turn,
+            origin,
+            inverse_size,
+            table_keys,
+            table,
+            shift,
+            count,
+            keys,
+            moments,
+            owner,
         )
-        if d == 3:
-            along_z = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z
-            key |= np.int64((along_z - origin[2]) * inverse_size)
-        if 3 * count > mask:
-            bits += 2
-            mask = (1 << bits) - 1
-            shift = 64 - bits
-            table = np.full(1 << bits, -1, dtype=np.int32)
-            table_keys = np.empty(1 << bits, dtype=np.int64)
-            for other in range(count):
-                place = slot(keys[other], shift)
-                while table[place] >= 0:
-                    place = (place + 1) & mask
-                table[place] = other
-                table_keys[place] = keys[other]
-        place = slot(key, shift)
-        while True:
-            number = table[place]
-            if number < 0:
-                number = count
-                if number == room:
-                    room *= 2
-                    more_keys = np.empty(room, dtype=np.int64)
-                    more_keys[:count] = keys
-                    keys = more_keys
-                    more_moments = np.empty((room, 10))
-                    more_moments[:count] = moments
-                    moments = more_moments
-                table[place] = number
-                table_keys[place] = key
-                keys[number] = key
-                for k in range(10):
-                    moments[number, k] = 0.0
-                count += 1
-                break
-            if table_keys[place] == key:
-                break
-            place = (place + 1) & mask
-        owner[i] = number
-        moments[number, 0] += 1.0
-        moments[number, 1] += x
-        moments[number, 2] += y
-        moments[number, 3] += z
-        moments[number, 4] += x * x
-        moments[number, 5] += x * y
-        moments[number, 6] += x * z
-        moments[number, 7] += y * y
-        moments[number, 8] += y * z
-        moments[number, 9] += z * z
-    return keys[:count].copy(), moments[:count].copy(), owner
+        if done == n:
+            return keys[:count].copy(), moments[:count].copy(), owner
+        room *= 4
+        more_keys = np.empty(room, dtype=np.int64)
+        more_keys[:count] = keys
+        keys = more_keys
+        more_moments = np.empty((room, 10))
+        more_moments[:count] = moments
+        moments = more_moments
 
 
 @nb.njit(cache=True, nogil=True)
@@ -389,11 +425,35 @@ def inherit_normals(
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
+def cell_around(
+    x: float, y: float, z: float, turn: Float64Array, origin: Float64Array, inverse_size: float, d: int
+) -> Any:
+    """Return the key of the cell that a point lies in, -2 outside of all."""
+    fx = (turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z - origin[0]) * inverse_size
+    fy = (turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z - origin[1]) * inverse_size
+    fz = (turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z - origin[2]) * inverse_size
+    if d == 2:
+        fz = 0.5
+    if not (fx > 0.0 and fy > 0.0 and fz > 0.0 and fx < AXIS_MASK and fy < AXIS_MASK and fz < AXIS_MASK):
+        return -2
+    return (np.int64(fx) << (2 * AXIS_BITS)) | (np.int64(fy) << AXIS_BITS) | np.int64(fz)
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
 def _sides(fraction: float, size2: float) -> tuple[float, float]:
     """Squared distances to the nearer and to the farther wall of the cell, from the fraction of the way through it."""
     other = 1.0 - fraction
     low, high = min(fraction, other), max(fraction, other)
     return low * low * size2, high * high * size2
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _beyond(distance2: float, margin: float) -> float:
+    """Squared distance that is greater by a margin than a squared distance."""
+    if margin == 0.0:
+        return distance2
+    distance = math.sqrt(distance2) + margin
+    return distance * distance
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -410,11 +470,15 @@ def nearest_voxel(
     shift: int,
     surface: Float32Array,
     radius2: float,
-) -> int:
-    """Return the voxel whose centroid is nearest among the 3^d cells around a point, within a radius; else -1.
+    margin: float,
+) -> tuple[int, float]:
+    """Return the voxel whose centroid is nearest among the 3^d cells around a point, within a radius, and what is next.
 
-    Cells come in order of their distance along each axis; those that lie beyond the best so far are not looked up. An
-    element that joined layers moved out of its cell may be missed for the neighbour's that it was joined with.
+    The voxel is -1 where there is none. The second number bounds the squared distance of all other centroids in those
+    cells from below; it is exact up to ``margin`` beyond the nearest one (beyond the radius where there is none). Cells
+    come in order of their distance along each axis; those farther than the best so far by more than the margin are not
+    looked up. An element that joined layers moved out of its cell may be missed for the neighbour's that it was joined
+    with.
     """
     fx = (turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z - origin[0]) * inverse_size
     fy = (turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z - origin[1]) * inverse_size
@@ -422,7 +486,7 @@ def nearest_voxel(
     if d == 2:
         fz = 0.5
     if not (fx > 0.0 and fy > 0.0 and fz > 0.0 and fx < AXIS_MASK and fy < AXIS_MASK and fz < AXIS_MASK):
-        return -1
+        return -1, 0.0
     ix, iy, iz = np.int64(fx), np.int64(fy), np.int64(fz)
     sx = 1 if fx - ix >= 0.5 else -1
     sy = 1 if fy - iy >= 0.5 else -1
@@ -432,28 +496,35 @@ def nearest_voxel(
     near_y, far_y = _sides(fy - iy, size2)
     near_z, far_z = _sides(fz - iz, size2)
     best = radius2
+    far = _beyond(best, margin)
+    other = far
     found = -1
     for a in range(3):
         dx = 0 if a == 0 else (sx if a == 1 else -sx)
         bound_x = 0.0 if a == 0 else (near_x if a == 1 else far_x)
-        if bound_x >= best or ix + dx < 0:
+        if bound_x >= far or ix + dx < 0:
             continue
         for b in range(3):
             dy = 0 if b == 0 else (sy if b == 1 else -sy)
             bound_y = bound_x + (0.0 if b == 0 else (near_y if b == 1 else far_y))
-            if bound_y >= best or iy + dy < 0:
+            if bound_y >= far or iy + dy < 0:
                 continue
             column = ((ix + dx) << (2 * AXIS_BITS)) | ((iy + dy) << AXIS_BITS)
             for c in range(3 if d == 3 else 1):
                 dz = 0 if c == 0 else (sz if c == 1 else -sz)
                 bound = bound_y + (0.0 if c == 0 else (near_z if c == 1 else far_z))
-                if bound >= best or iz + dz < 0:
+                if bound >= far or iz + dz < 0:
                     continue
                 j = find(column | (iz + dz) if d == 3 else column, table_keys, table, shift)
                 if j >= 0:
                     ex, ey, ez = surface[j, 0] - x, surface[j, 1] - y, surface[j, 2] - z
                     distance = ex * ex + ey * ey + ez * ez
                     if distance < best:
+                        if found >= 0:
+                            other = min(other, best)
                         best = distance
+                        far = _beyond(best, margin)
                         found = j
-    return found
+                    else:
+                        other = min(other, distance)
+    return found, min(other, far)

@@ -8,10 +8,13 @@ import numba as nb
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
-from seismo3d.geometry._kernels_voxels import nearest_voxel
+from seismo3d.geometry._kernels_voxels import cell_around, nearest_voxel
 
-BLOCK = 1024
+BLOCK = 256
 """Source points a block: sums are added block by block, so that the result does not depend on threads."""
+
+MARGIN = 0.1
+"""Share of a voxel that a search looks beyond the nearest where it is remembered: half of what a point may move."""
 
 N_EXTRA = 5
 """Sums behind those of the form: weights, robust cost, matched points, weighted squares,
@@ -71,6 +74,27 @@ def _add_pair_in_plane(row: Float64Array, h: Float64Array, n: Float64Array, w: f
     row[k] += w * level * level
 
 
+@nb.njit(cache=True, nogil=True, inline="always")
+def _recall(
+    moved: Float64Array, place: Float64Array, j: int, target: Float32Array, d: int, radius2: float
+) -> tuple[bool, int]:
+    """Return whether the partner that was found from a place nearby is still the one, and the partner or -1.
+
+    The place's fourth number is the least distance of all others from it: they have come nearer by no more than the
+    point has moved since.
+    """
+    step2 = 0.0
+    for k in range(d):
+        step2 += (moved[k] - place[k]) ** 2
+    others = place[3] - math.sqrt(step2)
+    if j < 0:
+        return others * abs(others) > radius2, -1
+    distance2 = 0.0
+    for k in range(d):
+        distance2 += (moved[k] - target[j, k]) ** 2
+    return others * abs(others) > distance2, j if distance2 < radius2 else -1
+
+
 @nb.njit(cache=True, nogil=True)
 def match_blocks(
     first: int,
@@ -86,6 +110,9 @@ def match_blocks(
     shift: int,
     target: Float32Array,
     given: Int32Array,
+    cells: Int64Array,
+    places: Float64Array,
+    nearest: Int32Array,
     radius2: float,
     cutoff: float,
     least_cosine: float,
@@ -99,7 +126,8 @@ def match_blocks(
     """Match the source elements of blocks first to last - 1 and add up the form of their plane pairs.
 
     ``given`` holds the partners where they are known (a search that was done elsewhere), or is empty. Points without a
-    partner have partner -1 and residual NaN, and count with the full robust cost of 1.
+    partner have partner -1 and residual NaN, and count with the full robust cost of 1. ``cells``, ``places`` and
+    ``nearest`` hold what earlier passes have found, or are empty: see :class:`~seismo3d.registration.matching.Memory`.
     """
     d = A.shape[0]
     n_form = n_sums(d) - N_EXTRA
@@ -111,6 +139,8 @@ def match_blocks(
     squares = np.empty(6)
     inverse_cutoff2 = 1.0 / (cutoff * cutoff)
     searching = given.shape[0] == 0
+    remembering = cells.shape[0] > 0
+    margin = MARGIN / inverse_size if remembering else 0.0
     for block in range(first, last):
         row = sums[block]
         row[:] = 0.0
@@ -125,20 +155,33 @@ def match_blocks(
             partners[i] = -1
             distances2[i] = np.nan
             if searching:
-                j = nearest_voxel(
-                    moved[0],
-                    moved[1],
-                    moved[2],
-                    turn,
-                    origin,
-                    inverse_size,
-                    d,
-                    table_keys,
-                    table,
-                    shift,
-                    target,
-                    radius2,
-                )
+                known = False
+                j = -1
+                if remembering:
+                    cell = cell_around(moved[0], moved[1], moved[2], turn, origin, inverse_size, d)
+                    if cell == cells[i]:
+                        known, j = _recall(moved, places[i], nearest[i], target, d, radius2)
+                if not known:
+                    j, others2 = nearest_voxel(
+                        moved[0],
+                        moved[1],
+                        moved[2],
+                        turn,
+                        origin,
+                        inverse_size,
+                        d,
+                        table_keys,
+                        table,
+                        shift,
+                        target,
+                        radius2,
+                        margin,
+                    )
+                    if remembering:
+                        cells[i] = cell
+                        nearest[i] = j
+                        places[i, 0], places[i, 1], places[i, 2] = moved[0], moved[1], moved[2]
+                        places[i, 3] = math.sqrt(others2)
             else:
                 j = given[i]
             if j < 0:

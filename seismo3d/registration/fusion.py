@@ -10,7 +10,7 @@ from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d.geometry.voxels import VoxelMap
 from seismo3d.registration._kernels_newton import parameter_jacobian
 from seismo3d.registration.constraints import model_number
-from seismo3d.registration.matching import NONE_GIVEN, Pass, match_surface, surface_meat
+from seismo3d.registration.matching import NONE_GIVEN, Memory, Pass, match_surface, surface_meat
 from seismo3d.registration.projective import PixelTable
 from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.terms import FeaturePass, FeatureTerm, weigh_features
@@ -78,6 +78,7 @@ def evaluate(
     given: Int32Array | None,
     settings: LoopSettings,
     model: str,
+    memory: Memory | None = None,
 ) -> Joint:
     """Match the surfaces at (A, t), take out what they do not see, and fuse them with the features.
 
@@ -93,6 +94,8 @@ def evaluate(
         Known partners; None to search.
     settings : LoopSettings
     model : str
+    memory : Memory, optional
+        Of passes over this level.
     """
     if given is None and level.table is not None:
         given = level.table.partners(level.source, level.target.surface, A, t, radius)
@@ -106,6 +109,7 @@ def evaluate(
         symmetric=settings.symmetric,
         n_threads=settings.n_threads,
         given=NONE_GIVEN if given is None else given,
+        memory=memory,
     )
     form, unseen = surface.form, None
     if settings.alpha is None and is_weak(surface, A, model):

@@ -10,7 +10,7 @@ from seismo3d._typing import Float64Array
 from seismo3d.geometry.voxels import VoxelMap
 from seismo3d.registration.acceleration import Accelerator, Stall
 from seismo3d.registration.fusion import Joint, Level, evaluate, fuse_features
-from seismo3d.registration.matching import match_surface
+from seismo3d.registration.matching import Memory, match_surface
 from seismo3d.registration.projective import PixelTable
 from seismo3d.registration.robust import TUKEY
 from seismo3d.registration.settings import LoopSettings
@@ -117,12 +117,15 @@ def _run_coarsest(job: _LevelJob, A: Float64Array, t: Float64Array, trail: _Trai
     too, and keep the answer that fits better.
     """
     target, source = job.level.target, job.level.source
-    search = WideSearch(target, source, keeps_all=False) if is_far(target, source, A, t) else None
+    threads = job.settings.n_threads
+    far = is_far(target, source, A, t)
+    search = WideSearch(target, source, keeps_all=False, n_threads=threads) if far else None
     found = _run_level(job, A, t, trail, search=search)
     if found.joint.surface is None or not is_loose(found.joint.surface, source, target.size):
         return found
     widely: _Trail = []
-    other = _run_level(job, found.A, found.t, widely, search=WideSearch(target, source, keeps_all=True))
+    search = WideSearch(target, source, keeps_all=True, n_threads=threads)
+    other = _run_level(job, found.A, found.t, widely, search=search)
     if _misfit(job, other) < _misfit(job, found):
         trail += widely
         return other
@@ -144,7 +147,8 @@ def _run_level(
     level, features, settings, model = job.level, job.features, job.settings, job.model
     target = level.target
     base = Prior(A, t)
-    memory = Accelerator(settings.acceleration)
+    accelerator = Accelerator(settings.acceleration)
+    memory = Memory.of(len(level.source))
     tolerance = (1.0 if job.finest else 5.0) * settings.tolerance * target.size
     stall = Stall()
     cutoff = target.size
@@ -159,12 +163,23 @@ def _run_level(
         keeps_all = search is not None and search.keeps_all
         if keeps_all:
             cutoff = radius
-            memory.forget()
-        new = evaluate(level, features, A, t, radius=radius, cutoff=cutoff, given=given, settings=settings, model=model)
+            accelerator.forget()
+        new = evaluate(
+            level,
+            features,
+            A,
+            t,
+            radius=radius,
+            cutoff=cutoff,
+            given=given,
+            settings=settings,
+            model=model,
+            memory=memory,
+        )
         if plain is not None and joint is not None and new.cost > 1.0005 * joint.cost + 1e-9:
             A, t = plain  # the extrapolation went uphill: take the plain step instead
             plain = None
-            memory.forget()
+            accelerator.forget()
             continue
         joint = new
         surface = joint.surface
@@ -173,7 +188,7 @@ def _run_level(
             fresh = max(TUKEY * surface.spread, 0.05 * target.size, 1e-7)
             if not keeps_all and not 0.8 < fresh / cutoff < 1.25:
                 cutoff = min(fresh, 2.0 * target.size)
-                memory.forget()
+                accelerator.forget()
         step = walk(joint.form, A, t, model=model, prior=job.prior, limits=job.limits, ratio=joint.ratio)
         move = offsets_from(Prior(A, t), step.A, step.t, model)
         if np.abs(move).max() < (tolerance if not widened else 4 * tolerance) or stall.reached(joint.cost, cutoff):
@@ -182,12 +197,12 @@ def _run_level(
                 settled = True
                 break
             search = None
-            memory.forget()
+            accelerator.forget()
             joint = plain = None
             continue
         before = offsets_from(base, A, t, model)
         after = offsets_from(base, step.A, step.t, model)
-        mixed = memory.extrapolate(before, after)
+        mixed = accelerator.extrapolate(before, after)
         plain = None
         A, t = step.A, step.t
         if mixed is not None and not job.limits.bind_motion:

@@ -10,16 +10,19 @@ from itertools import pairwise
 
 import numpy as np
 
-from seismo3d._typing import Float32Array, Float64Array, Int32Array
+from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.geometry._kernels_voxels import AXIS_BITS, AXIS_MASK
 from seismo3d.geometry.voxels import VoxelMap
 from seismo3d.registration import _kernels_form as form_kernels
 from seismo3d.registration import _kernels_match as kernels
-from seismo3d.registration.robust import robust_scale
+from seismo3d.registration import _kernels_pass as pass_kernels
+from seismo3d.registration.robust import NORMAL
 
 MOST_UNKNOWN = 0.02
 """Share of partners without a normal yet up to which a pass counts as it is."""
 PART = 256
+FEWEST_BLOCKS = 8
+"""Blocks from which a pass is worth waking other threads for."""
 PATCH = 4
 LEAST_SHARE = 1e-4
 """Share of the curvature that is added to it: a patch that alone tells of a direction must not count for ever."""
@@ -70,6 +73,37 @@ class Pass:
     normals: Float32Array
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Memory:
+    """What passes of the same source elements over the same target have found, so that few need to search again.
+
+    A partner is still the nearest while the element stays in its cell of the voxels and comes no nearer to all others
+    than it is to its partner; the triangle inequality tells. Others that had their layers joined since are taken for
+    where they were.
+
+    Attributes
+    ----------
+    cells : ndarray of shape (n,), int64
+        Cell that each element lay in when its partner was last searched for; -1 where none was.
+    places : ndarray of shape (n, 4), float64
+        Where it lay then, and the least distance from there to all target elements around but the partner.
+    nearest : ndarray of shape (n,), int32
+        The partner, or -1.
+    """
+
+    cells: Int64Array
+    places: Float64Array
+    nearest: Int32Array
+
+    @classmethod
+    def of(cls, n: int) -> Memory:
+        """Return the empty memory of so many elements."""
+        return cls(np.full(n, -1, dtype=np.int64), np.empty((n, 4)), np.empty(n, dtype=np.int32))
+
+
+NOTHING = Memory.of(0)
+
+
 @cache
 def pool(n_threads: int) -> ThreadPoolExecutor:
     """Return the threads that passes run on; they are kept."""
@@ -88,6 +122,7 @@ def match_surface(
     symmetric: bool = False,
     n_threads: int = 1,
     given: Int32Array = NONE_GIVEN,
+    memory: Memory | None = None,
 ) -> Pass:
     """Match source elements, moved by (A, t), with the nearest target elements and gather their form.
 
@@ -109,8 +144,11 @@ def match_surface(
     n_threads : int
     given : ndarray of shape (n,), int32
         Known partners; empty to search.
+    memory : Memory, optional
+        Of passes of the same elements over the same target.
     """
     n, d = len(source), t.size
+    kept = NOTHING if memory is None else memory
     n_blocks = -(-n // kernels.BLOCK)
     sums = np.empty((n_blocks, kernels.n_sums(d)))
     residuals = np.empty(n, dtype=np.float32)
@@ -133,6 +171,9 @@ def match_surface(
             target.shift,
             target.surface,
             given,
+            kept.cells,
+            kept.places,
+            kept.nearest,
             radius * radius,
             cutoff,
             least_cosine,
@@ -145,20 +186,17 @@ def match_surface(
         )
 
     for _ in range(2):
-        _share_out(run, n_blocks, n_threads)
-        marked = np.zeros(len(target.surface), dtype=bool)
-        marked[partners[(partners >= 0) & np.isnan(residuals)]] = True
-        rows = np.flatnonzero(marked)
+        share_out(run, n_blocks, n_threads if n_blocks >= FEWEST_BLOCKS else 1)
+        rows = pass_kernels.rows_asked_for(residuals, partners, len(target.surface))
         if rows.size:
             parts = -(-len(rows) // PART)
-            _share_out(lambda a, b: target.complete(rows[a * PART : b * PART]), parts, n_threads)  # noqa: B023
+            share_out(lambda a, b: target.complete(rows[a * PART : b * PART]), parts, n_threads)  # noqa: B023
         if rows.size <= MOST_UNKNOWN * n:
             break
-    total = sums.sum(axis=0)
+        kept.cells[:] = -1  # elements have moved where layers were joined
+    total, mean_square, middle = pass_kernels.sum_blocks(sums, residuals)
     weight, cost, matched, squares, slope = (float(v) for v in total[-kernels.N_EXTRA :])
     form = form_kernels.unpack_planes(total[: -kernels.N_EXTRA], d)
-    seen = residuals[np.isfinite(residuals)]
-    mean_square = float(seen @ seen) / len(seen) if len(seen) else 0.0
     return Pass(
         form,
         weight,
@@ -166,7 +204,7 @@ def match_surface(
         matched / n,
         squares,
         slope,
-        robust_scale(seen),
+        NORMAL * middle,
         mean_square,
         residuals,
         distances2,
@@ -175,7 +213,7 @@ def match_surface(
     )
 
 
-def _share_out(run: Callable[[int, int], object], n_parts: int, n_threads: int) -> None:
+def share_out(run: Callable[[int, int], object], n_parts: int, n_threads: int) -> None:
     """Run parts 0 to n_parts - 1 in ranges, one range a thread."""
     if n_threads == 1 or n_parts < 4:
         run(0, n_parts)

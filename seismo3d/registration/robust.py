@@ -9,6 +9,9 @@ from seismo3d._typing import Float64Array, FloatArray
 TUKEY = 4.685
 """Cutoff of Tukey's weight in standard deviations: 95 % efficiency under a normal law."""
 
+NORMAL = 1.4826
+"""Standard deviation over the median magnitude, under a normal law."""
+
 
 def robust_scale(residuals: FloatArray) -> float:
     """Return the standard deviation of residuals about zero from their median magnitude."""
@@ -18,8 +21,8 @@ def robust_scale(residuals: FloatArray) -> float:
     # numpy's median looks for NaN first, which costs as much again
     middle = magnitude.size // 2
     if magnitude.size % 2:
-        return 1.4826 * float(np.partition(magnitude, middle)[middle])
-    return 1.4826 * float(np.partition(magnitude, (middle - 1, middle))[middle - 1 : middle + 1].mean())
+        return NORMAL * float(np.partition(magnitude, middle)[middle])
+    return NORMAL * float(np.partition(magnitude, (middle - 1, middle))[middle - 1 : middle + 1].mean())
 
 
 def tukey_weights(residuals: FloatArray, cutoff: float) -> Float64Array:

@@ -23,7 +23,7 @@ NEARBY = (1.0, 0.97, 1.03)
 """Scales that are settled rigidly, over that of the extents."""
 SAME_SCALE = math.log(1.1)
 """Logarithm of the ratio up to which two scales are alike."""
-GOOD_COST = 0.4
+GOOD_COST = 0.2
 """Robust cost, of at most 1 and measured both ways, below which a local answer at such a scale is taken."""
 
 

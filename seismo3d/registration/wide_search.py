@@ -8,8 +8,10 @@ import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d.geometry.voxels import VoxelMap
-from seismo3d.registration.matching import Pass, match_surface
+from seismo3d.registration.matching import Pass, match_surface, share_out
 
+PART = 256
+"""Elements that a thread searches for at a time."""
 NEAR_SHARE = 0.5
 """Share of elements with a partner within half a voxel from which the start counts as near."""
 LEAST_HOLD = 0.25
@@ -56,22 +58,31 @@ class WideSearch:
     keeps_all : bool
         Take no pair within the radius for an outlier, and set the radius by elements without a near partner alone:
         next to a majority that slides freely, what holds looks like an outlier.
+    n_threads : int
+        Threads to search on.
     """
 
-    def __init__(self, target: VoxelMap, source: Float32Array, *, keeps_all: bool) -> None:
+    def __init__(self, target: VoxelMap, source: Float32Array, *, keeps_all: bool, n_threads: int = 1) -> None:
         from scipy.spatial import cKDTree
 
         self._source = source[:, : target.dim].astype(np.float64)
         self._tree: Any = cKDTree(target.surface[:, : target.dim].astype(np.float64))
         self._size = target.size
+        self._n_threads = n_threads
         self.keeps_all = keeps_all
 
     def partners(self, A: Float64Array, t: Float64Array, iteration: int) -> tuple[Int32Array, float]:
         """Return each source element's partner, -1 beyond the radius, and the radius."""
-        distances, rows = self._tree.query(self._source @ A.T + t)
+        moved = self._source @ A.T + t
+        distances, rows = np.empty(len(moved)), np.empty(len(moved), dtype=np.int32)
+
+        def search(first: int, last: int) -> None:
+            some = slice(first * PART, last * PART)
+            distances[some], rows[some] = self._tree.query(moved[some])
+
+        share_out(search, -(-len(moved) // PART), self._n_threads)
         off = distances[distances > 0.5 * self._size] if self.keeps_all else distances
         middle = float(np.median(off)) if off.size else 0.0
         radius = max(3.0 * middle, 1.5 * self._size) * 0.95**iteration
-        rows = rows.astype(np.int32)
         rows[distances > radius] = -1
         return rows, radius

@@ -51,7 +51,7 @@ def test_nearest_voxel_is_the_nearest_within_a_cell(d, rng):
     centroids = level.surface[:, :d].astype(np.float64)
     for place in rng.uniform(-1, 1, size=(300, d)):
         x, y, z = (*place, 0.0)[:3]
-        found = kernels.nearest_voxel(
+        found, others2 = kernels.nearest_voxel(
             x,
             y,
             z,
@@ -64,9 +64,13 @@ def test_nearest_voxel_is_the_nearest_within_a_cell(d, rng):
             level.shift,
             level.surface,
             0.1**2,
+            0.03,
         )
         distances = np.linalg.norm(centroids - place, axis=1)
         assert found == (np.argmin(distances) if distances.min() < 0.1 - 1e-7 else -1)
+        others = np.delete(distances, found).min() if found >= 0 else distances.min()
+        bound = min(others, min(distances.min(), 0.1) + 0.03, 0.1)  # within a voxel nothing lies outside of the cells
+        assert bound - 1e-7 <= np.sqrt(others2) <= max(others, 0.1) + 0.03 + 1e-7
 
 
 def test_normals_of_a_tilted_plane(rng):

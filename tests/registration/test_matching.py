@@ -7,10 +7,11 @@ import pytest
 
 from seismo3d.geometry.rotations import exp_rotation, make_transform, transform_points
 from seismo3d.geometry.voxels import voxel_levels
+from seismo3d.registration import _kernels_pass as pass_kernels
 from seismo3d.registration._kernels_newton import parameter_jacobian
 from seismo3d.registration.acceleration import Accelerator
 from seismo3d.registration.initial import poses_by_features
-from seismo3d.registration.matching import PATCH, match_surface, surface_meat
+from seismo3d.registration.matching import PATCH, Memory, match_surface, surface_meat
 from seismo3d.registration.quadratic import plane_form
 from seismo3d.registration.robust import TUKEY, robust_scale, tukey_weights
 from seismo3d.registration.terms import FeatureTerm
@@ -56,6 +57,73 @@ def test_pass_does_not_depend_on_threads(rng):
     ]
     np.testing.assert_array_equal(runs[0], runs[1])
     np.testing.assert_array_equal(runs[0], runs[2])
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_remembered_partners_are_those_of_a_new_search(d, rng):
+    target, source = ellipsoid_levels(rng, 20000, d)[0], ellipsoid_levels(rng, 20000, d)[0]
+    target.surface[:, :3] = target.moments[:, 1:4] / target.moments[:, :1]  # each in its own cell
+    memory = Memory.of(len(source.surface))
+    kept = []
+    for step in (0.0, 0.001, 0.002, -0.004, 0.012, 0.011, 0.3, 0.299):  # voxels are 0.06 wide
+        A = exp_rotation([step, -step, 0.5 * step]) * (1.0 + step) if d == 3 else exp_rotation([step]) * (1.0 + step)
+        t = np.full(d, step)
+        before = memory.places.copy()
+        settings = {"radius": 0.09, "cutoff": 0.05, "n_threads": 2}
+        found = match_surface(source.surface, target, A, t, memory=memory, **settings)
+        fresh = match_surface(source.surface, target, A, t, **settings)
+        np.testing.assert_array_equal(found.partners, fresh.partners)
+        np.testing.assert_array_equal(found.form, fresh.form)
+        kept.append((memory.places == before).all(axis=1).mean())
+    assert min(kept[1:3] + kept[5:6] + kept[7:8]) > (0.6 if d == 3 else 0.4)
+    assert max(kept[0], kept[6]) < 0.01
+
+
+def test_memory_ends_where_normals_asked_for_move_elements(rng):
+    p = rng.normal(size=(20000, 3)) * [1.0, 1.0, 0.01]
+    source, *targets = (
+        voxel_levels(
+            p,
+            center=np.zeros(3),
+            factor=1.0,
+            voxel_size=0.06,
+            n_levels=2,
+            low=p.min(axis=0),
+            high=p.max(axis=0),
+            fine_normals=fine,
+        )[0]
+        for fine in ("all", "asked", "asked")
+    )
+    place = {"A": np.eye(3), "t": np.array([0.03, 0.0, 0.02]), "radius": 0.09, "cutoff": 0.05}
+    found = match_surface(source.surface, targets[0], memory=Memory.of(len(source.surface)), **place)
+    fresh = match_surface(source.surface, targets[1], **place)
+    assert (np.abs(targets[0].surface[:, :3] - targets[0].moments[:, 1:4] / targets[0].moments[:, :1]) > 1e-4).any()
+    assert (found.partners != fresh.partners).mean() < 1e-3  # joined elements lie where a search may not look
+    np.testing.assert_allclose(found.form, fresh.form, atol=1e-3 * np.abs(fresh.form).max())
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 8, 1001, 4000])
+def test_what_a_pass_leaves_equals_numpy(n, rng):
+    residuals = rng.normal(size=n).astype(np.float32) * np.float32(10.0) ** rng.integers(-9, 3, n).astype(np.float32)
+    residuals[rng.integers(0, n, n // 3)] = residuals[0]
+    partners = rng.integers(-1, 500, n).astype(np.int32)
+    lost = rng.uniform(size=n) < 0.3
+    lost[0] = False
+    residuals[lost] = np.nan
+    rows = pass_kernels.rows_asked_for(residuals, partners, 500)
+    np.testing.assert_array_equal(rows, np.unique(partners[lost & (partners >= 0)]))
+    total, mean_square, middle = pass_kernels.sum_blocks(rng.normal(size=(3, 4)), residuals)
+    seen = residuals[~lost]
+    assert total.shape == (4,)
+    assert mean_square == pytest.approx((seen.astype(np.float64) ** 2).mean())
+    assert middle == np.median(np.abs(seen))
+
+
+def test_a_pass_that_saw_nothing_has_no_scale():
+    total, mean_square, middle = pass_kernels.sum_blocks(np.ones((2, 3)), np.full(5, np.nan, dtype=np.float32))
+    np.testing.assert_array_equal(total, [2.0, 2.0, 2.0])
+    assert (mean_square, middle) == (0.0, 0.0)
+    assert pass_kernels.rows_asked_for(np.empty(0, np.float32), np.empty(0, np.int32), 5).size == 0
 
 
 def test_meat_equals_numpy(rng):
