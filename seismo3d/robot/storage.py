@@ -90,7 +90,7 @@ def _packed(state: MapState) -> dict[str, Any]:
         "keys": surface.keys[:n],
         "distance": surface.distance[:n],
         "weight": surface.weight[:n],
-        "colour": surface.colour[:n],
+        "colour": surface.colour[:n, :, :3],
         "poses": np.array([pose.T_world_camera for pose in state.poses]).reshape(-1, 4, 4),
         "times": np.array([[p.stamp, p.time, *p.twist, p.frame, p.camera, p.part] for p in state.poses]).reshape(
             -1, 11
@@ -138,8 +138,8 @@ def _fill(state: MapState, arrays: dict[str, AnyArray]) -> None:
     surface = state.surface
     surface.add_blocks(arrays["keys"])
     n = surface.n_blocks
-    for name in ("distance", "weight", "colour"):
-        getattr(surface, name)[:n] = arrays[name]
+    surface.distance[:n], surface.weight[:n] = arrays["distance"], arrays["weight"]
+    surface.colour[:n, :, :3] = arrays["colour"]
     for T, row in zip(arrays["poses"], arrays["times"]):
         numbers = (int(v) for v in row[8:11])
         state.poses.append(TimedPose(float(row[0]), float(row[1]), T, row[2:8], *numbers))

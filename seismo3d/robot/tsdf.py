@@ -24,6 +24,7 @@ from seismo3d.geometry._kernels_voxels import find
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import _kernels_blocks as blocks
 from seismo3d.robot import _kernels_carve as carving
+from seismo3d.robot import _kernels_fuse as fusing
 from seismo3d.robot import _kernels_raycast as rays
 from seismo3d.robot.frames import Measured
 
@@ -59,7 +60,7 @@ class Prediction:
 class SurfaceMap:
     """A truncated signed-distance map in hashed blocks of 8 x 8 x 8 voxels.
 
-    Memory follows the surface that has been seen, 5.6 KB a block, never the volume around it.
+    Memory follows the surface that has been seen, 6.2 KB a block, never the volume around it.
 
     Parameters
     ----------
@@ -80,7 +81,7 @@ class SurfaceMap:
         self.coordinates = np.empty((1024, 3), dtype=np.int32)
         self.distance = np.zeros((1024, 512), dtype=np.float32)
         self.weight = np.zeros((1024, 512), dtype=np.float32)
-        self.colour = np.zeros((1024, 512, 3), dtype=np.uint8)
+        self.colour = np.zeros((1024, 512, 4), dtype=np.uint8)
         self._tables: dict[tuple[PinholeCamera, tuple[int, ...]], Int32Array] = {}
         self._make_table(12)
 
@@ -92,7 +93,7 @@ class SurfaceMap:
     @property
     def n_bytes(self) -> int:
         """Memory that the blocks in use take."""
-        return self.n_blocks * (512 * (4 + 4 + 3) + 8 + 12)
+        return self.n_blocks * (512 * (4 + 4 + 4) + 8 + 12)
 
     def add_blocks(self, keys: Int64Array) -> Int64Array:
         """Make the blocks of some keys where they are missing; return the numbers of all of them."""
@@ -141,33 +142,42 @@ class SurfaceMap:
         lens = lens_numbers(camera)
         table = self._pixel_table(camera, measured.depth.shape)
         rgb = measured.colour.reshape(-1, 3)
+        image = np.zeros((table.size + 1, 4), dtype=np.float32)
+
+        def straighten(pair: tuple[int, int]) -> None:
+            fusing.straighten(*pair, table, lens, _MARGIN, measured.pixels, rgb, image, image.view(np.uint32))
 
         def work(part: Int64Array) -> None:
-            blocks.fuse_blocks(
-                part, self.coordinates, self.distance, self.weight, self.colour, self.voxel_size, R, t, lens, table,
-                _MARGIN, measured.pixels, rgb, self.band, self.heaviest,
+            fusing.fuse_blocks(
+                part, self.coordinates, self.distance, self.weight, self.colour.view(np.uint32)[:, :, 0],
+                self.voxel_size, R, t, lens, table.shape, _MARGIN, image.view(np.uint64), len(rgb) > 0, self.band,
+                self.heaviest,
             )  # fmt: skip
 
-        _spread(work, np.array_split(numbers, 4 * n_threads), pool)
+        _spread(straighten, _ranges(len(table), n_threads), pool)
+        _spread(work, np.array_split(numbers, 8 * n_threads), pool)
 
     def _carve(
         self, measured: Measured, camera: PinholeCamera, T: Float64Array, pool: ThreadPoolExecutor, n_threads: int
     ) -> None:
-        rows, columns = measured.depth.shape
         R, t = _parts(T)
         lens, table = lens_numbers(camera), self._pixel_table(camera, measured.depth.shape)
-        free = carving.nearest_around(measured.depth, _SEEN_THROUGH)
-        farthest = carving.farthest_tiles(free, rows, columns)
-        every = self.coordinates[: self.n_blocks]
-        seen = carving.blocks_before(every, self.block_size, R, t, lens, farthest, 2.0 * self.band)
+        beyond = carving.straighten_depth(table, carving.nearest_around(measured.depth, _SEEN_THROUGH))
+        farthest = carving.farthest_tiles(beyond, *table.shape)
+
+        def before(pair: tuple[int, int]) -> Int64Array:
+            return carving.blocks_before(
+                *pair, self.coordinates, self.block_size, R, t, lens, _MARGIN, farthest, 2.0 * self.band
+            )
 
         def work(part: Int64Array) -> None:
             carving.carve_blocks(
-                part, self.coordinates, self.distance, self.weight, self.voxel_size, R, t, lens, table, _MARGIN, free,
-                self.band,
+                part, self.coordinates, self.distance, self.weight, self.voxel_size, R, t, lens, table.shape, _MARGIN,
+                beyond, self.band,
             )  # fmt: skip
 
-        _spread(work, np.array_split(seen, 4 * n_threads), pool)
+        seen = np.concatenate(_spread(before, _ranges(self.n_blocks, 4 * n_threads), pool))
+        _spread(work, np.array_split(seen, 8 * n_threads), pool)
 
     def cast(
         self,
@@ -207,8 +217,7 @@ class SurfaceMap:
                 self.colour, self._table_keys, self._table, self._shift, points, normals, shade,
             )  # fmt: skip
 
-        edges = np.linspace(0, rows, 4 * n_threads + 1).astype(int)
-        _spread(lambda pair: work(*pair), list(zip(edges[:-1].tolist(), edges[1:].tolist())), pool)
+        _spread(lambda pair: work(*pair), _ranges(rows, 4 * n_threads), pool)
         return Prediction(points, normals, shade, T_world_camera, lens)
 
     def _pixel_table(self, camera: PinholeCamera, shape: tuple[int, ...]) -> Int32Array:
@@ -244,7 +253,12 @@ def _parts(T: Float64Array) -> tuple[Float64Array, Float64Array]:
     return np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])
 
 
-def _spread(work: Callable[[Any], None], parts: list[Any], pool: ThreadPoolExecutor) -> None:
-    """Do each part on the pool; errors of a part are raised here."""
-    for _ in pool.map(work, parts):
-        pass
+def _ranges(n: int, n_parts: int) -> list[tuple[int, int]]:
+    """Return first and last + 1 of parts of a range, nearly equal ones."""
+    edges = np.linspace(0, n, n_parts + 1).astype(int).tolist()
+    return list(zip(edges[:-1], edges[1:]))
+
+
+def _spread(work: Callable[[Any], Any], parts: list[Any], pool: ThreadPoolExecutor) -> list[Any]:
+    """Do each part on the pool, and return what each gave; errors of a part are raised here."""
+    return list(pool.map(work, parts))
