@@ -130,7 +130,7 @@ def fuse_blocks(
 ) -> None:
     """Average a frame into the voxels of blocks near its surface.
 
-    Parameters are the blocks' rows, all blocks' coordinates (n, 3), distances and weights (n, 512), colours (n, 512) as
+    Parameters are the blocks' rows, all blocks' coordinates (n, 3), distances (NaN where unknown) and weights (n, 512), colours (n, 512) as
     whole numbers, the voxel's size, the pose, the lens, the shape and the margin of the image without distortion, that
     image as :func:`straighten` fills it, two 64-bit numbers a pixel, the band in metres and the largest weight.
     """
@@ -165,9 +165,11 @@ def fuse_blocks(
             continue
         d, held = distance[number], weight[number]
         for q in range(VOXELS):
-            total = held[q] + fresh[q]
+            was, had = d[q], held[q]
+            total = had + fresh[q]
             share = fresh[q] / max(total, least)
-            d[q] += share * (ahead[q] - d[q])
+            new = was + share * (ahead[q] - was) if had > zero else ahead[q]
+            d[q] = new if fresh[q] > zero else was
             held[q] = min(total, heaviest4)
         if has_colour and n_coloured > 0:
             blend_colours(fresh, held, tint, colour[number])
@@ -188,7 +190,9 @@ def blend_colours(fresh: Float32Array, held: Float32Array, tint: AnyArray, colou
         red += share * (f4(i4(new & _BYTE)) - red)
         green += share * (f4(i4((new >> _EIGHT) & _BYTE)) - green)
         blue += share * (f4(i4((new >> _SIXTEEN) & _BYTE)) - blue)
-        mixed = channel(red + half, one) | (channel(green + half, one) << _EIGHT) | (channel(blue + half, one) << _SIXTEEN)
+        mixed = (
+            channel(red + half, one) | (channel(green + half, one) << _EIGHT) | (channel(blue + half, one) << _SIXTEEN)
+        )
         colour[q] = mixed if new > u4(0) else old
 
 

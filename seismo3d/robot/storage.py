@@ -138,7 +138,8 @@ def _fill(state: MapState, arrays: dict[str, AnyArray]) -> None:
     surface = state.surface
     surface.add_blocks(arrays["keys"])
     n = surface.n_blocks
-    surface.distance[:n], surface.weight[:n] = arrays["distance"], arrays["weight"]
+    surface.weight[:n] = arrays["weight"]
+    surface.distance[:n] = np.where(surface.weight[:n] > 0.0, arrays["distance"], np.float32(np.nan))
     surface.colour[:n, :, :3] = arrays["colour"]
     for T, row in zip(arrays["poses"], arrays["times"]):
         numbers = (int(v) for v in row[8:11])

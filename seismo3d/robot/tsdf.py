@@ -43,8 +43,6 @@ class Prediction:
     ----------
     points, normals : ndarray of shape (rows, columns, 3), float32
         In the world frame; NaN where no surface is met. Normals point out of the surface.
-    shade : ndarray of shape (rows, columns, 2), float32
-        Grey value and fused weight.
     T_world_camera : ndarray of shape (4, 4), float64
     lens : ndarray of shape (4,), float64
         fx, fy, cx, cy of the image, which has no distortion.
@@ -52,7 +50,6 @@ class Prediction:
 
     points: Float32Array
     normals: Float32Array
-    shade: Float32Array
     T_world_camera: Float64Array
     lens: Float64Array
 
@@ -60,6 +57,7 @@ class Prediction:
 class SurfaceMap:
     """A truncated signed-distance map in hashed blocks of 8 x 8 x 8 voxels.
 
+    The distance of a voxel that was never seen is NaN, and its weight 0.
     Memory follows the surface that has been seen, 6.2 KB a block, never the volume around it.
 
     Parameters
@@ -79,7 +77,7 @@ class SurfaceMap:
         self.n_blocks = 0
         self.keys = np.empty(1024, dtype=np.int64)
         self.coordinates = np.empty((1024, 3), dtype=np.int32)
-        self.distance = np.zeros((1024, 512), dtype=np.float32)
+        self.distance = np.full((1024, 512), np.nan, dtype=np.float32)
         self.weight = np.zeros((1024, 512), dtype=np.float32)
         self.colour = np.zeros((1024, 512, 4), dtype=np.uint8)
         self._tables: dict[tuple[PinholeCamera, tuple[int, ...]], Int32Array] = {}
@@ -209,16 +207,15 @@ class SurfaceMap:
         R, t = _parts(T_world_camera)
         points = np.empty((rows, columns, 3), dtype=np.float32)
         normals = np.empty((rows, columns, 3), dtype=np.float32)
-        shade = np.empty((rows, columns, 2), dtype=np.float32)
 
         def work(first: int, last: int) -> None:
             rays.cast_rows(
-                first, last, expected, REACH, R, t, lens, self.voxel_size, self.band, self.distance, self.weight,
-                self.colour, self._table_keys, self._table, self._shift, points, normals, shade,
+                first, last, expected, REACH, R, t, lens, self.voxel_size, self.band, self.distance,
+                self._table_keys, self._table, self._shift, points, normals,
             )  # fmt: skip
 
         _spread(lambda pair: work(*pair), _ranges(rows, 4 * n_threads), pool)
-        return Prediction(points, normals, shade, T_world_camera, lens)
+        return Prediction(points, normals, T_world_camera, lens)
 
     def _pixel_table(self, camera: PinholeCamera, shape: tuple[int, ...]) -> Int32Array:
         key = (camera, shape)
@@ -240,6 +237,8 @@ class SurfaceMap:
             old = getattr(self, name)
             new = np.zeros((size, *old.shape[1:]), dtype=old.dtype)
             new[: self.n_blocks] = old[: self.n_blocks]
+            if name == "distance":
+                new[self.n_blocks :] = np.nan
             setattr(self, name, new)
 
 
