@@ -150,7 +150,8 @@ class Measurer:
             rgb = np.ascontiguousarray(frame.rgb)
             start += timing.colour_lead
             self._by_rows(
-                rows, lambda a, b: shutter.colour_at_depth(a, b, rgb, depth, rays, -twist, start, spacing, focal, colour)
+                rows,
+                lambda a, b: shutter.colour_at_depth(a, b, rgb, depth, rays, -twist, start, spacing, focal, colour),
             )
         return self.measured(depth, colour, grey)
 

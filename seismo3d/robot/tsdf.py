@@ -81,6 +81,7 @@ class SurfaceMap:
         self.weight = np.zeros((1024, 512), dtype=np.float32)
         self.colour = np.zeros((1024, 512, 4), dtype=np.uint8)
         self._tables: dict[tuple[PinholeCamera, tuple[int, ...]], Int32Array] = {}
+        self._image = np.zeros((1, 4), dtype=np.float32)
         self._make_table(12)
 
     @property
@@ -140,7 +141,7 @@ class SurfaceMap:
         lens = lens_numbers(camera)
         table = self._pixel_table(camera, measured.depth.shape)
         rgb = measured.colour.reshape(-1, 3)
-        image = np.zeros((table.size + 1, 4), dtype=np.float32)
+        image = self._image_of(table.size)
 
         def straighten(pair: tuple[int, int]) -> None:
             fusing.straighten(*pair, table, lens, _MARGIN, measured.pixels, rgb, image, image.view(np.uint32))
@@ -216,6 +217,12 @@ class SurfaceMap:
 
         _spread(lambda pair: work(*pair), _ranges(rows, 4 * n_threads), pool)
         return Prediction(points, normals, T_world_camera, lens)
+
+    def _image_of(self, n_pixels: int) -> Float32Array:
+        """Return the memory of a frame's image without distortion, kept from frame to frame; its last row is zero."""
+        if len(self._image) != n_pixels + 1:
+            self._image = np.zeros((n_pixels + 1, 4), dtype=np.float32)
+        return self._image
 
     def _pixel_table(self, camera: PinholeCamera, shape: tuple[int, ...]) -> Int32Array:
         key = (camera, shape)
