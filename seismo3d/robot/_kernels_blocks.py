@@ -79,11 +79,18 @@ def unpack(keys: Int64Array) -> Int32Array:
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def touched_blocks(
-    vertices: Float32Array, step: int, R: Float64Array, t: Float64Array, block: float, band: float
+    first: int,
+    last_row: int,
+    vertices: Float32Array,
+    step: int,
+    R: Float64Array,
+    t: Float64Array,
+    block: float,
+    band: float,
 ) -> Int64Array:
-    """Keys (distinct, sorted) of the blocks within ``band`` metres along the ray of every ``step``-th vertex."""
-    rows, columns, _ = vertices.shape
-    bits = 15
+    """Keys (distinct) of the blocks within ``band`` metres along the ray of every ``step``-th vertex of some rows."""
+    columns = vertices.shape[1]
+    bits = 14
     shift = 64 - bits
     table = np.full(1 << bits, -1, dtype=np.int32)
     table_keys = np.empty(1 << bits, dtype=np.int64)
@@ -92,7 +99,7 @@ def touched_blocks(
     tx, ty, tz = t[0] / block, t[1] / block, t[2] / block
     n_samples = math.ceil(2.0 * band / (0.6 * block)) + 1
     inverse, spacing = 1.0 / block, 2.0 * band / (n_samples - 1)
-    for r in range(0, rows, step):
+    for r in range(first, min(last_row, vertices.shape[0]), step):
         for c in range(0, columns, step):
             z = vertices[r, c, 2]
             if not z > 0.0:
@@ -126,7 +133,7 @@ def touched_blocks(
                         found = larger
                         for i in range(count):
                             insert_block(found[i], i, table_keys, table, shift)
-    return np.sort(found[:count])
+    return found[:count].copy()
 
 
 @nb.njit(cache=True, nogil=True)

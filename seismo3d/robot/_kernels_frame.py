@@ -71,11 +71,13 @@ def _middle_depths(upper: Float32Array, lower: Float32Array, near: float, far: f
 
 
 @nb.njit(cache=True, nogil=True)
-def grid_normals(vertices: Float32Array, reach: int) -> Float32Array:
-    """Return unit normals (rows, columns, 3) towards the camera over +-reach pixels; zero at jumps of depth."""
+def grid_normals(first: int, last: int, vertices: Float32Array, reach: int, out: Float32Array) -> None:
+    """Fill some rows of unit normals (rows, columns, 3) towards the camera over +-reach pixels; zero at jumps of depth.
+
+    ``out`` is zero before.
+    """
     rows, columns, _ = vertices.shape
-    out = np.zeros((rows, columns, 3), dtype=np.float32)
-    for r in range(reach, rows - reach):
+    for r in range(max(first, reach), min(last, rows - reach)):
         for c in range(reach, columns - reach):
             z = np.float64(vertices[r, c, 2])
             if not z > 0.0:
@@ -100,16 +102,25 @@ def grid_normals(vertices: Float32Array, reach: int) -> Float32Array:
             out[r, c, 0] = nx / size
             out[r, c, 1] = ny / size
             out[r, c, 2] = nz / size
-    return out
 
 
 @nb.njit(cache=True, nogil=True)
-def weigh_pixels(depth: Float32Array, vertices: Float32Array, normals: Float32Array, far: float) -> Float32Array:
-    """Depth, cosine between ray and normal, and weight for fusion of each pixel of the full image, (n_pixels, 3)."""
-    rows, columns = depth.shape
-    out = np.zeros((rows * columns, 3), dtype=np.float32)
+def weigh_pixels(
+    first: int,
+    last: int,
+    depth: Float32Array,
+    vertices: Float32Array,
+    normals: Float32Array,
+    far: float,
+    out: Float32Array,
+) -> None:
+    """Fill depth, cosine between ray and normal, and weight for fusion of pixels of the full image, (n_pixels, 3).
+
+    Those under some rows of the half image; ``out`` is zero before.
+    """
+    columns = depth.shape[1]
     at_metre = depth_sigma(1.0) ** 2
-    for hr in range(vertices.shape[0]):
+    for hr in range(first, last):
         for hc in range(vertices.shape[1]):
             nx, ny, nz = normals[hr, hc, 0], normals[hr, hc, 1], normals[hr, hc, 2]
             if nx == 0.0 and ny == 0.0 and nz == 0.0:
@@ -126,4 +137,3 @@ def weigh_pixels(depth: Float32Array, vertices: Float32Array, normals: Float32Ar
                 if 0.0 < z < far and abs(w - z) < 6.0 * sigma + 0.02 * z:
                     i = r * columns + c
                     out[i, 0], out[i, 1], out[i, 2] = z, cosine, trust
-    return out

@@ -11,7 +11,7 @@ from typing import Any
 import numba as nb
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float32Array, Float64Array
+from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -30,25 +30,30 @@ def _halves(twist: Float64Array) -> Any:
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def freeze_shutter(
-    depth: Float32Array, rays: Float32Array, twist: Float64Array, start: float, spacing: float, focal: Float32Array
-) -> Float32Array:
-    """Depth image as if all rows had been exposed at once.
+def move_rows(
+    first: int,
+    last: int,
+    depth: Float32Array,
+    rays: Float32Array,
+    twist: Float64Array,
+    start: float,
+    spacing: float,
+    focal: Float32Array,
+    place: Int32Array,
+    moved: Float32Array,
+) -> None:
+    """Write where pixels of some rows of a depth image come to lie (-1 for outside), and their depth there.
 
     ``twist`` is what carries points of a row's camera frame into the frame of the image's own time, over ``start``
-    seconds for the first row and ``spacing`` more for each one after it. The nearest surface wins where two pixels land
-    on one.
+    seconds for the first row and ``spacing`` more for each one after it.
     """
     f4, i4 = np.float32, np.int32
     rows, columns = depth.shape
-    out = np.zeros((rows, columns), dtype=np.float32)
-    place, far = np.empty(columns, dtype=np.int32), np.empty(columns, dtype=np.float32)
     w, v = _halves(twist)
     fx, fy, zero, half = focal[0], focal[1], f4(0.0), f4(0.5)
     width, height, stride = f4(columns), f4(rows), i4(columns)
-    flat = out.reshape(rows * columns)
-    for r in range(rows):
-        row, ray, t = depth[r], rays[r], f4(start + r * spacing)
+    for r in range(first, last):
+        row, ray, to, at_depth, t = depth[r], rays[r], place[r], moved[r], f4(start + r * spacing)
         for c in range(columns):
             z, a, b = row[c], ray[c, 0], ray[c, 1]
             nx, ny, nz = _carried(w, v, z * a, z * b, z, t)
@@ -57,13 +62,20 @@ def freeze_shutter(
             q = f4(i4(r)) + fy * (ny * inverse - b) + half
             inside = (z > zero) & (nz >= f4(0.05)) & (u >= zero) & (u < width) & (q >= zero) & (q < height)
             at = i4(q) * stride + i4(u)
-            place[c] = at if inside else i4(-1)
-            far[c] = nz
-        for c in range(columns):
-            if place[c] >= 0:
-                at8 = np.uint64(place[c])
-                if flat[at8] == zero or far[c] < flat[at8]:
-                    flat[at8] = far[c]
+            to[c] = at if inside else i4(-1)
+            at_depth[c] = nz
+
+
+@nb.njit(cache=True, nogil=True)
+def splat_rows(place: Int32Array, moved: Float32Array) -> Float32Array:
+    """Depth image of what :func:`move_rows` gave: the nearest surface wins where two pixels land on one."""
+    out = np.zeros(place.shape, dtype=np.float32)
+    to, far, flat = place.reshape(-1), moved.reshape(-1), out.reshape(-1)
+    for i in range(to.shape[0]):
+        if to[i] >= 0:
+            at = np.uint64(to[i])
+            if flat[at] == np.float32(0.0) or far[i] < flat[at]:
+                flat[at] = far[i]
     return out
 
 

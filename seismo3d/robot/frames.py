@@ -139,7 +139,10 @@ class Measurer:
         spacing = timing.readout / rows
         start = -0.5 * timing.readout
         if timing.readout > 0.0 and np.any(twist):
-            depth = shutter.freeze_shutter(depth, rays, twist, start, spacing, focal)
+            place, moved = np.empty(depth.shape, dtype=np.int32), np.empty(depth.shape, dtype=np.float32)
+            motion = (depth, rays, twist, start, spacing, focal)
+            self._by_rows(rows, lambda a, b: shutter.move_rows(a, b, *motion, place, moved))
+            depth = shutter.splat_rows(place, moved)
         colour = np.zeros((0, 0, 3), dtype=np.uint8)
         grey = None
         if frame.rgb is not None:
@@ -160,8 +163,10 @@ class Measurer:
         rays, s = self.rays(depth.shape), self.settings
         vertices = np.empty((depth.shape[0] // 2, depth.shape[1] // 2, 3), dtype=np.float32)
         self._by_rows(len(vertices), lambda a, b: kernels.halve(a, b, depth, rays, s.near, s.far, vertices))
-        normals = kernels.grid_normals(vertices, 2)
-        pixels = kernels.weigh_pixels(depth, vertices, normals, self.settings.far)
+        normals = np.zeros_like(vertices)
+        self._by_rows(len(vertices), lambda a, b: kernels.grid_normals(a, b, vertices, 2, normals))
+        pixels = np.zeros((depth.size, 3), dtype=np.float32)
+        self._by_rows(len(vertices), lambda a, b: kernels.weigh_pixels(a, b, depth, vertices, normals, s.far, pixels))
         return Measured(depth, vertices, normals, pixels, colour, grey)
 
     def _by_rows(self, rows: int, work: Callable[[int, int], None]) -> None:

@@ -136,8 +136,13 @@ class SurfaceMap:
         if carve:
             self._carve(measured, camera, T_world_camera, pool, n_threads)
         R, t = _parts(T_world_camera)
-        keys = blocks.touched_blocks(measured.vertices, 2, R, t, self.block_size, self.band + self.voxel_size)
-        numbers = self.add_blocks(keys)
+        reach = self.band + self.voxel_size
+
+        def touch(pair: tuple[int, int]) -> Int64Array:
+            return blocks.touched_blocks(2 * pair[0], 2 * pair[1], measured.vertices, 2, R, t, self.block_size, reach)
+
+        touched = _spread(touch, _ranges((len(measured.vertices) + 1) // 2, 2 * n_threads), pool)
+        numbers = self.add_blocks(np.unique(np.concatenate(touched)))
         lens = lens_numbers(camera)
         table = self._pixel_table(camera, measured.depth.shape)
         rgb = measured.colour.reshape(-1, 3)
