@@ -21,14 +21,13 @@ from seismo3d.robot.closures import find_closures, is_strained
 from seismo3d.robot.ekf import MotionFilter, adjoint, exp_motion, log_motion
 from seismo3d.robot.frames import Measured, Measurer, Timing
 from seismo3d.robot.ground import make_ground, make_occupancy
-from seismo3d.robot.kept import KeptFrame
-from seismo3d.robot.keyframes import PlaceMemory, make_keyframe
-from seismo3d.robot.landmarks import Sightings, make_view
+from seismo3d.robot.keyframes import PlaceMemory
+from seismo3d.robot.landmarks import Sightings
 from seismo3d.robot.local_maps import LocalMaps, change_poses
 from seismo3d.robot.locator import Locator, is_certain, is_sound
 from seismo3d.robot.mesh import Mesh, extract_mesh
-from seismo3d.robot.moving import MotionMemory
 from seismo3d.robot.occupancy import Occupancy
+from seismo3d.robot.recorder import Recorder
 from seismo3d.robot.results import Closed, MapperSettings, Tracked
 from seismo3d.robot.semantic_landmarks import LandmarkBook
 from seismo3d.robot.state import MapState
@@ -137,7 +136,7 @@ class Mapper:
         Closed
             Poses and map change only where the trajectory strains a closure by more than its covariance explains.
         """
-        n_joined = self.maps.join_all(self._put)
+        n_joined = self.maps.join_all(self._recorder.put)
         state = self.state
         state.closures = find_closures(state.memory)
         n_links = len(state.closures) + len(state.joints)
@@ -179,7 +178,7 @@ class Mapper:
         self.maps = LocalMaps(self._empty_map)
         self.n_frames = 0
         self._n_lost = self._n_unplaced = 0
-        self._moving = [MotionMemory() for _ in self.cameras]
+        self._recorder = Recorder(self.cameras, s, self._measurers, self._locator, self._pool, self._n_threads)
         self._filter: MotionFilter | None = None
         self._book = LandmarkBook()
 
@@ -208,7 +207,7 @@ class Mapper:
             self._n_lost = self._n_unplaced = 0
             stamp = frame.time + camera.clock_offset
             self.state.poses.append(TimedPose(stamp, motion.time, T, twist, number, frame.camera, self.state.part))
-            change = self._fuse(measured, frame.camera, T, twist, timing, number)
+            change = self._record(measured, frame.camera, T, twist, timing, number)
             if change is not None:
                 state, T = "joined", change @ T
         T_stamp = T @ exp_motion(twist * (timing.colour_lead + 0.5 * timing.readout))
@@ -302,51 +301,26 @@ class Mapper:
         T_world_body = T_world_camera @ invert_transform(self.cameras[number].T_body_camera)
         self._book.forget(None)
         self._filter = MotionFilter(0.0 if self._filter is None else self._filter.time, T_world_body)
-        for memory in self._moving:
-            memory.forget()
+        self._recorder.forget()
 
-    def _fuse(
+    def _record(
         self, measured: Measured, number: int, T: Float64Array, twist: Float64Array, timing: Timing, frame: int
     ) -> Float64Array | None:
-        """Put a located frame into the map, less what moves in it, and remember it where it shows something new.
-
-        Returns the change of its pose where that joined the map with another one.
-        """
-        state, lens = self.state, self.cameras[number].lens
-        moving = self._moving[number].watch(measured, lens, T)
-        carve = frame % 3 == 0
-        state.surface.fuse(measured, lens, T, carve=carve, pool=self._pool, n_threads=self._n_threads)
-        T_colour = T @ exp_motion(twist * timing.colour_lead)
-        distance = self.settings.view_distance
-        new = all(view.camera != number or view.apart(T_colour) > distance for view in state.views)
-        new = new and bool(moving.mean() < 0.1)
-        if new:
-            state.memory.add(make_keyframe(frame, number, T, measured.grey, measured.depth, part=state.part))
-            prediction = self._locator.cast(state.surface, measured, number, T, coarser=1)
-            state.views.append(make_view(measured.grey, lens, prediction, twist, timing, camera=number))
-        if frame % self.settings.keep_every == 0 or (new and len(state.views) > 1):
-            state.kept.append(KeptFrame.of(measured, len(state.poses) - 1, number))
+        """Put a located frame into the map; return the change of its pose where that joined the map with another."""
+        new = self._recorder.record(self.state, measured, number, T, twist, timing, frame)
         if not (new and self.maps.resting):
             return None
-        change = self.maps.join_by(len(state.memory.keyframes) - 1, self._put)
+        change = self.maps.join_by(len(self.state.memory.keyframes) - 1, self._recorder.put)
         if change is not None:
             self._shift(change)
         return change
-
-    def _put(self, surface: SurfaceMap, state: MapState, row: int) -> None:
-        """Put a frame that a local map keeps into a surface."""
-        kept = state.kept[row]
-        measured = kept.unpacked(self._measurers[kept.camera])
-        lens, T = self.cameras[kept.camera].lens, state.poses[kept.pose].T_world_camera
-        surface.fuse(measured, lens, T, carve=True, pool=self._pool, n_threads=self._n_threads)
 
     def _shift(self, change: Float64Array) -> None:
         """Carry a change of the world's frame where the camera is now over to the filter."""
         self._book.forget(self._filter)
         if self._filter is not None:
             self._filter.T_world_body = change @ self._filter.T_world_body
-        for memory in self._moving:
-            memory.forget()
+        self._recorder.forget()
 
     def _calibrate(self, tracked: Tracked) -> Tracked:
         """Find the open timing of each camera from the frames so far, and map them anew with it."""
@@ -370,9 +344,7 @@ class Mapper:
         state = self.state
         last = state.poses[-1].T_world_camera
         change_poses(state, key_poses)
-        state.surface = SurfaceMap(state.surface.voxel_size, state.surface.band)
-        for row in range(len(state.kept)):
-            self._put(state.surface, state, row)
+        self._recorder.remake(state)
         self._shift(state.poses[-1].T_world_camera @ invert_transform(last))
 
 
