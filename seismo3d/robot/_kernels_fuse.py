@@ -124,8 +124,8 @@ def fuse_blocks(
     shape: tuple[int, int],
     margin: int,
     image: AnyArray,
-    young: int,
-    colours: float,
+    has_colour: bool,
+    times: Float32Array,
     band: float,
     heaviest: float,
 ) -> None:
@@ -133,8 +133,8 @@ def fuse_blocks(
 
     Parameters are the blocks' rows, all blocks' coordinates (n, 3), distances (NaN where unknown) and weights (n, 512), colours (n, 512) as
     whole numbers, the voxel's size, the pose, the lens, the shape and the margin of the image without distortion, that
-    image as :func:`straighten` fills it, two 64-bit numbers a pixel, the first of the blocks whose colours are averaged as
-    usual, how often the usual share those of the others take, the band in metres and the largest weight.
+    image as :func:`straighten` fills it, two 64-bit numbers a pixel, whether it has colours, how many times the frame's weight
+    each of the blocks takes, the band in metres and the largest weight.
     """
     f4, u8, i4 = np.float32, np.uint64, np.int32
     zero, least, band4, heaviest4, close = f4(0.0), f4(1e-30), f4(band), f4(heaviest), f4(2.0 * voxel)
@@ -144,7 +144,8 @@ def fuse_blocks(
     tint = np.empty(VOXELS, dtype=np.uint32)
     seen = np.empty((VOXELS, 2), dtype=np.uint64)
     values, tints = seen.view(np.float32), seen.view(np.uint32)
-    for number in numbers:
+    for n in range(numbers.shape[0]):
+        number = numbers[n]
         project_block(coordinates[number], voxel, R, t, offsets, lens, shape, margin, place, depth)
         for q in range(VOXELS):
             pixel = u8(place[q])
@@ -154,7 +155,7 @@ def fuse_blocks(
         for q in range(VOXELS):
             before = values[q, 0] - depth[q]
             along = before * values[q, 1]
-            w = values[q, 2]
+            w = values[q, 2] * times[n]
             w = w if (along >= -band4) & (before >= -(band4 + band4)) else zero
             fresh[q] = w
             ahead[q] = min(along, band4)
@@ -173,14 +174,13 @@ def fuse_blocks(
             new = was + share * (ahead[q] - was) if had > zero else ahead[q]
             d[q] = new if fresh[q] > zero else was
             held[q] = min(total, heaviest4)
-        share = max(f4(colours), f4(1.0)) if number >= young else f4(colours)
-        if share > zero and n_coloured > 0:
-            blend_colours(fresh, held, tint, share, colour[number])
+        if has_colour and n_coloured > 0:
+            blend_colours(fresh, held, tint, colour[number])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def blend_colours(fresh: Float32Array, held: Float32Array, tint: AnyArray, times: float, colour: AnyArray) -> None:
-    """Average colours, three bytes in a number, into those of a block by some times the new weight over all weight.
+def blend_colours(fresh: Float32Array, held: Float32Array, tint: AnyArray, colour: AnyArray) -> None:
+    """Average colours, three bytes in a number, into those of a block by the new weight over all weight.
 
     A voxel without colour takes the new one as it is; 0 is no colour, and no channel of one is.
     """
@@ -188,7 +188,7 @@ def blend_colours(fresh: Float32Array, held: Float32Array, tint: AnyArray, times
     one, half = f4(1.0), f4(0.5)
     for q in range(VOXELS):
         old, new = colour[q], tint[q]
-        share = one if old == u4(0) else min(one, times * fresh[q] / held[q])
+        share = one if old == u4(0) else fresh[q] / held[q]
         red, green, blue = f4(i4(old & _BYTE)), f4(i4((old >> _EIGHT) & _BYTE)), f4(i4((old >> _SIXTEEN) & _BYTE))
         red += share * (f4(i4(new & _BYTE)) - red)
         green += share * (f4(i4((new >> _EIGHT) & _BYTE)) - green)

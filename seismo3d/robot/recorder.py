@@ -17,7 +17,7 @@ from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.state import MapState
 from seismo3d.robot.tsdf import SurfaceMap
 
-_CARVE_EVERY, _COLOUR_EVERY = 3, 2
+_CARVE_EVERY = 3
 _STEADY = 0.1
 """Share of the view that may move in a frame that is remembered as a view."""
 
@@ -79,8 +79,7 @@ class Recorder:
         if frame % settings.keep_every == 0 or (new and state.views):
             # while the pool packs it, the frame is fused
             packed = self._pool.submit(KeptFrame.of, measured, len(state.poses) - 1, number)
-        colours = 0.0 if frame % _COLOUR_EVERY else float(_COLOUR_EVERY)
-        self._fuse(state.surface, measured, number, T, carve=frame % _CARVE_EVERY == 0, colours=colours)
+        self._fuse(state.surface, measured, number, T, carve=frame % _CARVE_EVERY == 0)
         if new:
             state.memory.add(make_keyframe(frame, number, T, measured.grey, measured.depth, part=state.part))
             prediction = self._locator.cast(state.surface, measured, number, T, coarser=1)
@@ -93,7 +92,7 @@ class Recorder:
         """Put a frame that a local map keeps into a surface."""
         kept = state.kept[row]
         measured = kept.unpacked(self._measurers[kept.camera])
-        self._fuse(surface, measured, kept.camera, state.poses[kept.pose].T_world_camera, carve=True, colours=1.0)
+        self._fuse(surface, measured, kept.camera, state.poses[kept.pose].T_world_camera, carve=True)
 
     def remake(self, state: MapState) -> None:
         """Make a local map's surface anew from the frames that it keeps, where their poses are now."""
@@ -106,8 +105,6 @@ class Recorder:
         for memory in self._moving:
             memory.forget()
 
-    def _fuse(
-        self, surface: SurfaceMap, measured: Measured, number: int, T: Float64Array, *, carve: bool, colours: float
-    ) -> None:
+    def _fuse(self, surface: SurfaceMap, measured: Measured, number: int, T: Float64Array, *, carve: bool) -> None:
         lens = self._cameras[number].lens
-        surface.fuse(measured, lens, T, carve=carve, colours=colours, pool=self._pool, n_threads=self._n_threads)
+        surface.fuse(measured, lens, T, carve=carve, pool=self._pool, n_threads=self._n_threads)

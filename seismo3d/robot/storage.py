@@ -29,7 +29,7 @@ from seismo3d.robot.trajectory import TimedPose
 if TYPE_CHECKING:
     from seismo3d.robot.mapper import Mapper
 
-_VERSION = 2
+_VERSION = 3
 
 
 def save_mapper(path: str | Path, mapper: Mapper) -> Path:
@@ -91,6 +91,7 @@ def _packed(state: MapState) -> dict[str, Any]:
         "distance": surface.distance[:n],
         "weight": surface.weight[:n],
         "colour": surface.colour[:n, :, :3],
+        "times_shown": surface.times_shown[:n],
         "poses": np.array([pose.T_world_camera for pose in state.poses]).reshape(-1, 4, 4),
         "times": np.array([[p.stamp, p.time, *p.twist, p.frame, p.camera, p.part] for p in state.poses]).reshape(
             -1, 11
@@ -141,6 +142,7 @@ def _fill(state: MapState, arrays: dict[str, AnyArray]) -> None:
     surface.weight[:n] = arrays["weight"]
     surface.distance[:n] = np.where(surface.weight[:n] > 0.0, arrays["distance"], np.float32(np.nan))
     surface.colour[:n, :, :3] = arrays["colour"]
+    surface.times_shown[:n] = arrays["times_shown"]
     for T, row in zip(arrays["poses"], arrays["times"]):
         numbers = (int(v) for v in row[8:11])
         state.poses.append(TimedPose(float(row[0]), float(row[1]), T, row[2:8], *numbers))

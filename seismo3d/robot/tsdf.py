@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,8 @@ from seismo3d.robot.frames import Measured
 REACH = 0.15
 """Metres from the expected depth within which a surface is looked for."""
 _MARGIN = 40
+_STEADY = 10
+"""Frames that have shown a block before it takes only every second one."""
 _SEEN_THROUGH = 2
 """Pixels around one that must see through a voxel, too."""
 
@@ -74,12 +77,13 @@ class SurfaceMap:
         self.voxel_size = voxel_size
         self.band = band
         self.heaviest = heaviest
-        self.n_blocks = self._n_before = 0
+        self.n_blocks = self._n_fused = 0
         self.keys = np.empty(1024, dtype=np.int64)
         self.coordinates = np.empty((1024, 3), dtype=np.int32)
         self.distance = np.empty((1024, 512), dtype=np.float32)
         self.weight = np.zeros((1024, 512), dtype=np.float32)
         self.colour = np.zeros((1024, 512, 4), dtype=np.uint8)
+        self.times_shown = np.zeros(1024, dtype=np.uint8)
         self._tables: dict[tuple[PinholeCamera, tuple[int, ...]], Int32Array] = {}
         self._image = np.zeros((1, 4), dtype=np.float32)
         self._make_table(12)
@@ -92,7 +96,7 @@ class SurfaceMap:
     @property
     def n_bytes(self) -> int:
         """Memory that the blocks in use take."""
-        return self.n_blocks * (512 * (4 + 4 + 4) + 8 + 12)
+        return self.n_blocks * (512 * (4 + 4 + 4) + 8 + 12 + 1)
 
     def add_blocks(self, keys: Int64Array) -> Int64Array:
         """Make the blocks of some keys where they are missing; return the numbers of all of them."""
@@ -118,7 +122,6 @@ class SurfaceMap:
         T_world_camera: Float64Array,
         *,
         carve: bool = False,
-        colours: float = 1.0,
         pool: ThreadPoolExecutor,
         n_threads: int,
     ) -> None:
@@ -132,10 +135,6 @@ class SurfaceMap:
             Pose at the time of the depth.
         carve : bool
             Whether what the frame sees through is cleared, too.
-        colours : float
-            How many times the usual share the frame's colours take, at most all. Where it is 0, only blocks that came
-            with this frame or the one before are coloured: averaging colours costs a fifth of fusing, and hardly
-            differs where only every second frame takes part, twofold.
         pool, n_threads
             Where the work goes; the result doesn't depend on it.
         """
@@ -148,8 +147,7 @@ class SurfaceMap:
             return blocks.touched_blocks(2 * pair[0], 2 * pair[1], measured.vertices, 2, R, t, self.block_size, reach)
 
         touched = _spread(touch, _ranges((len(measured.vertices) + 1) // 2, 2 * n_threads), pool)
-        young, self._n_before = self._n_before, self.n_blocks
-        numbers = self.add_blocks(np.unique(np.concatenate(touched)))
+        numbers, times = self._due(self.add_blocks(np.unique(np.concatenate(touched))))
         lens = lens_numbers(camera)
         table = self._pixel_table(camera, measured.depth.shape)
         rgb = measured.colour.reshape(-1, 3)
@@ -158,15 +156,27 @@ class SurfaceMap:
         def straighten(pair: tuple[int, int]) -> None:
             fusing.straighten(*pair, table, lens, _MARGIN, measured.pixels, rgb, image, image.view(np.uint32))
 
-        def work(part: Int64Array) -> None:
+        def work(pair: tuple[int, int]) -> None:
+            part = slice(*pair)
             fusing.fuse_blocks(
-                part, self.coordinates, self.distance, self.weight, self.colour.view(np.uint32)[:, :, 0],
-                self.voxel_size, R, t, lens, table.shape, _MARGIN, image.view(np.uint64), young, colours, self.band,
+                numbers[part], self.coordinates, self.distance, self.weight, self.colour.view(np.uint32)[:, :, 0],
+                self.voxel_size, R, t, lens, table.shape, _MARGIN, image.view(np.uint64), len(rgb) > 0, times[part], self.band,
                 self.heaviest,
             )  # fmt: skip
 
         _spread(straighten, _ranges(len(table), n_threads), pool)
-        _spread(work, np.array_split(numbers, 8 * n_threads), pool)
+        _spread(work, _ranges(len(numbers), 8 * n_threads), pool)
+
+    def _due(self, numbers: Int64Array) -> tuple[Int64Array, Float32Array]:
+        """Return those of the blocks that a frame shows that it is put into, and how many times its weight each takes.
+
+        A block that was shown often takes every second frame, with twice the weight, half of the blocks in turn.
+        """
+        self._n_fused += 1
+        steady = self.times_shown[numbers] >= _STEADY
+        self.times_shown[numbers] += ~steady
+        due = ~steady | ((numbers + self._n_fused) % 2 == 0)
+        return numbers[due], np.where(steady[due], np.float32(2.0), np.float32(1.0))
 
     def _carve(
         self, measured: Measured, camera: PinholeCamera, T: Float64Array, pool: ThreadPoolExecutor, n_threads: int
@@ -252,7 +262,7 @@ class SurfaceMap:
         if n <= len(self.keys):
             return
         size = max(n, 2 * len(self.keys))
-        for name in ("keys", "coordinates", "distance", "weight", "colour"):
+        for name in ("keys", "coordinates", "distance", "weight", "colour", "times_shown"):
             old = getattr(self, name)
             new = np.zeros((size, *old.shape[1:]), dtype=old.dtype)
             new[: self.n_blocks] = old[: self.n_blocks]
@@ -272,7 +282,7 @@ def _parts(T: Float64Array) -> tuple[Float64Array, Float64Array]:
 def _ranges(n: int, n_parts: int) -> list[tuple[int, int]]:
     """Return first and last + 1 of parts of a range, nearly equal ones."""
     edges = np.linspace(0, n, n_parts + 1).astype(int).tolist()
-    return list(zip(edges[:-1], edges[1:]))
+    return list(pairwise(edges))
 
 
 def _spread(work: Callable[[Any], Any], parts: list[Any], pool: ThreadPoolExecutor) -> list[Any]:
