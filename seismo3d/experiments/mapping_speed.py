@@ -12,6 +12,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ def make_open3d(camera: Camera, settings: MapperSettings) -> Step:
         If open3d is not installed.
     """
     try:
-        import open3d as o3d
+        o3d: Any = import_module("open3d")
     except ImportError as error:
         raise MissingDependencyError(
             "open3d is not installed; it is what mapping is compared with. Install it."

@@ -145,7 +145,7 @@ def carve_blocks(
 
 @nb.njit(cache=True, nogil=True)
 def straighten_depth(table: Int32Array, depth: Float32Array) -> Float32Array:
-    """Depth (n + 1) of each pixel of an image without distortion, by a table of pixels; 0 last and where it has none."""
+    """Depth (n + 1) of each pixel of an image without distortion, by a table of pixels; 0 last and where it is none."""
     rows, columns = table.shape
     out = np.zeros(rows * columns + 1, dtype=np.float32)
     for r in range(rows):

@@ -7,7 +7,7 @@ import math
 import numba as nb
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float32Array
+from seismo3d._typing import Float32Array
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -29,7 +29,7 @@ def halve(
     middle, reach, n = np.empty(columns, np.float32), np.empty(columns, np.float32), np.empty(columns, np.float32)
     x, y, z = np.empty(columns, np.float32), np.empty(columns, np.float32), np.empty(columns, np.float32)
     for r in range(first, last):
-        _middle_depths(depth[2 * r], depth[2 * r + 1], f4(near), f4(far), middle)
+        _middle_depths(depth[2 * r], depth[2 * r + 1], near, far, middle)
         for c in range(columns):
             off = middle[c] - f4(0.4)
             reach[c] = f4(4.0) * (f4(0.0012) + f4(0.0019) * off * off) if middle[c] > f4(0.0) else f4(-1.0)
@@ -53,7 +53,7 @@ def halve(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _middle_depths(upper: Float32Array, lower: Float32Array, near: float, far: float, out: Float32Array) -> None:
-    """Median, the lower of two, of the depths between ``near`` and ``far`` of each 2 x 2 pixels; 0 for fewer than two."""
+    """Median (of two the lower) of the depths from ``near`` to ``far`` of each 2 x 2 pixels; 0 for fewer than two."""
     f4 = np.float32
     none = f4(np.inf)
     for c in range(out.shape[0]):
@@ -64,7 +64,8 @@ def _middle_depths(upper: Float32Array, lower: Float32Array, near: float, far: f
         e = e if (e > near) & (e < far) else none
         a, b = min(a, b), max(a, b)
         d, e = min(d, e), max(d, e)
-        lowest, second, third = min(a, d), min(max(a, d), min(b, e)), max(max(a, d), min(b, e))
+        lowest, high, low = min(a, d), max(a, d), min(b, e)
+        second, third = min(high, low), max(high, low)
         # two values: the lower; three and four: the second
         found = lowest if third == none else second
         out[c] = found if second < none else f4(0.0)

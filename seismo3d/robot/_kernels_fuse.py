@@ -131,10 +131,10 @@ def fuse_blocks(
 ) -> None:
     """Average a frame into the voxels of blocks near its surface.
 
-    Parameters are the blocks' rows, all blocks' coordinates (n, 3), distances (NaN where unknown) and weights (n, 512), colours (n, 512) as
-    whole numbers, the voxel's size, the pose, the lens, the shape and the margin of the image without distortion, that
-    image as :func:`straighten` fills it, two 64-bit numbers a pixel, whether it has colours, how many times the frame's weight
-    each of the blocks takes, the band in metres and the largest weight.
+    Parameters are the blocks' rows, all blocks' coordinates (n, 3), distances (n, 512; NaN where unknown), weights and
+    colours (as whole numbers) of the same shape, the voxel's size, the pose, the lens, the shape and the margin of the
+    image without distortion, that image as :func:`straighten` fills it, two 64-bit numbers a pixel, whether it has
+    colours, how many times the frame's weight each of the blocks takes, the band in metres and the largest weight.
     """
     f4, u8, i4 = np.float32, np.uint64, np.int32
     zero, least, band4, heaviest4, close = f4(0.0), f4(1e-30), f4(band), f4(heaviest), f4(2.0 * voxel)

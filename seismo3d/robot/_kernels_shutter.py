@@ -1,4 +1,4 @@
-"""Kernels for cameras that read row by row and whose colour and depth are taken apart; see :mod:`seismo3d.robot.frames`.
+"""Kernels for cameras that read row by row, and colour and depth apart; see :mod:`seismo3d.robot.frames`.
 
 A motion is (rotation, translation) a second, in the camera's frame; over a time t it carries a point p, to second order
 in the angle, to p + t (w x p + v) + t^2 / 2 w x (w x p).
@@ -95,8 +95,8 @@ def colour_at_depth(
     """Colour of each pixel of some rows of a depth image taken at another time; zero where there is none.
 
     ``twist`` is what carries points of the depth's camera frame into the frame of a row of the colour image, over
-    ``start`` seconds for its first row and ``spacing`` more for each one after it; the row is found from the pixel's own
-    first.
+    ``start`` seconds for its first row and ``spacing`` more for each one after it; the row is found from the
+    pixel's own first.
     """
     f4, i4 = np.float32, np.int32
     rows, columns = depth.shape

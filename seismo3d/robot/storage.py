@@ -138,6 +138,7 @@ def _check(arrays: dict[str, AnyArray], n_cameras: int) -> None:
     counts = {"key_grey": n_keys, "key_depth": n_keys, "kept_depth": n_kept, "kept_colour": n_kept}
     counts |= {f"view_{name}": n_keys for name in ("grey", "pixels", "points")}
     shapes |= {f"{name}_ends": (count,) for name, count in counts.items()}
+    shapes |= {name: (len(arrays[name]),) for name in counts}
     for name in ("joints", "closures"):
         n_links = len(arrays[f"{name}_ends"])
         shapes |= {f"{name}_ends": (n_links, 2), f"{name}_poses": (n_links, 4, 4)}

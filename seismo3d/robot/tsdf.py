@@ -160,8 +160,8 @@ class SurfaceMap:
             part = slice(*pair)
             fusing.fuse_blocks(
                 numbers[part], self.coordinates, self.distance, self.weight, self.colour.view(np.uint32)[:, :, 0],
-                self.voxel_size, R, t, lens, table.shape, _MARGIN, image.view(np.uint64), len(rgb) > 0, times[part], self.band,
-                self.heaviest,
+                self.voxel_size, R, t, lens, table.shape, _MARGIN, image.view(np.uint64), len(rgb) > 0, times[part],
+                self.band, self.heaviest,
             )  # fmt: skip
 
         _spread(straighten, _ranges(len(table), n_threads), pool)
