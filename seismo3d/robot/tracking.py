@@ -28,8 +28,10 @@ TERMS = ("fused", "planes", "features", "two_stage")
 _FREE = Limits(np.full(6, -np.inf), np.full(6, np.inf))
 _STILL = 2e-4
 """Steps below are the last, rad and m."""
-_COARSE, _FINE = 6, 3
+_COARSE, _FINE = 4, 3
 """Every so many vertices of a row and rows are paired far from the solution and near it."""
+_ENOUGH = 2000
+"""Vertices that are enough far from the solution: of large images fewer than every ``_COARSE``-th one is paired."""
 _PER_PLANE = 8.0
 """Pixels of the half image (every second one of it) that carry as much as one independent measurement: neighbours
 share the sensor's and the map's errors."""
@@ -130,13 +132,15 @@ def locate(
     T = T_world_camera
     found = Located(T, np.full((6, 6), np.inf), 0, 0, 0.0, np.inf, np.inf, False, None, np.zeros(len(sightings)))
     last: _Step | None = None
+    rows, columns, _ = measured.vertices.shape
+    coarse = max(_COARSE, int(np.sqrt(rows * columns / _ENOUGH)))
     frame: Frame | None = None
     for step in range(max_steps):
         fine = step >= max_steps // 2
         use_planes = terms in ("fused", "planes") or (terms == "two_stage" and fine)
         use_landmarks = terms in ("fused", "features") or (terms == "two_stage" and not fine)
         reach = (0.1, 0.1, 0.06, 0.04)[min(step, 3)] if fine or step < 3 else 0.04
-        pairs = _pair_planes(measured, prediction, T, _FINE if fine else _COARSE, reach) if use_planes else None
+        pairs = _pair_planes(measured, prediction, T, _FINE if fine else coarse, reach) if use_planes else None
         rays = _weigh_landmarks(sightings, T, lens) if use_landmarks and len(sightings) >= 4 else None
         if pairs is None and rays is None:
             break
