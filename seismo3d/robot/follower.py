@@ -49,7 +49,8 @@ class Follower:
     @property
     def motion(self) -> MotionFilter:
         """The filter; there is one once a frame was predicted."""
-        assert self._filter is not None
+        if self._filter is None:
+            raise RuntimeError("no frame was predicted; expected one before its motion is asked for.")
         return self._filter
 
     def twist(self, number: int) -> Float64Array:

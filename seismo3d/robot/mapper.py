@@ -19,6 +19,7 @@ from seismo3d.robot.calibration import calibrate_timing
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
 from seismo3d.robot.closures import find_closures, is_strained
 from seismo3d.robot.ekf import exp_motion, log_motion
+from seismo3d.robot.follower import Follower
 from seismo3d.robot.frames import Measured, Measurer, Timing
 from seismo3d.robot.ground import make_ground, make_occupancy
 from seismo3d.robot.keyframes import PlaceMemory
