@@ -140,9 +140,8 @@ class Follower:
             there = self._locator.sight(state, measured, number, place, np.zeros(6), timing)
             again = self._locator.locate(state, measured, number, place, there)
             if again.share > max(0.4, least_share) and is_sound(again, place, n_lost=self.n_lost):
-                if (
-                    state is self._maps.current and self.n_lost == 0
-                ):  # it moved faster than foreseen: that says how fast
+                if state is self._maps.current and self.n_lost == 0:
+                    # it moved faster than foreseen: that says how fast
                     self._take(again, number, there)
                     return "tracked", again
                 self._go_on(state, again.T_world_camera, number)
