@@ -320,6 +320,23 @@ def _read_occupancy(path: Path) -> Any:
     return Occupancy.load(path)
 
 
+def _kept_map(path: Path) -> None:
+    from seismo3d.robot import Camera, Mapper, MapperSettings, RgbdFrame
+
+    sequence = s3.synthetic.rgbd_sequence("room", frames=4, size=(96, 72))
+    settings = MapperSettings(voxel_size=0.08, keep_every=2, n_threads=1)
+    mapper = Mapper(Camera(sequence.camera, readout=0.0, depth_delay=0.0), settings=settings)
+    for frame in sequence:
+        mapper.add(RgbdFrame.of(frame.colour, frame.depth, frame.stamp))
+    mapper.save(path)
+
+
+def _read_kept_map(path: Path) -> Any:
+    from seismo3d.robot import Mapper
+
+    return Mapper.load(path).mesh()
+
+
 def _frames(path: Path) -> None:
     s3.synthetic.rgbd_sequence("room", frames=3, size=(32, 24)).write(path)
 
@@ -381,6 +398,7 @@ FORMATS = (
     Format("fault set", "faults", _faultset, s3.FaultSet.load, is_folder=True),
     Format("g2o", "a.g2o", _graph, read_g2o),
     Format("occupancy", "a.npz", _occupancy, _read_occupancy),
+    Format("kept map", "map.npz", _kept_map, _read_kept_map),
     Format("RGB-D sequence", "frames", _frames, _read_frames, is_folder=True),
     Format("OpendTect sticks", "a.dat", _sticks("opendtect"), s3.read_sticks),
     Format("CHARISMA sticks", "a.dat", _sticks("charisma"), s3.read_sticks),

@@ -1,4 +1,4 @@
-"""Kernels of the hashed signed-distance blocks: find, allocate, fuse; see :mod:`seismo3d.robot.tsdf`.
+"""Kernels of the hashed signed-distance blocks: find, allocate, touch; see :mod:`seismo3d.robot.tsdf`.
 
 A block holds 8 x 8 x 8 voxels. Its key packs three block coordinates, each offset by 2^20, into 21 bits. The hash table
 is open with linear probing and holds block numbers, -1 where free. Signed distances are in metres, positive in front
@@ -13,7 +13,7 @@ from typing import Any
 import numba as nb
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
+from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.geometry._kernels_voxels import AXIS_BITS, AXIS_MASK, find, slot
 
 SIDE = 8
@@ -77,33 +77,45 @@ def unpack(keys: Int64Array) -> Int32Array:
     return out
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def touched_blocks(
-    vertices: Float32Array, step: int, R: Float64Array, t: Float64Array, block: float, band: float
+    first: int,
+    last_row: int,
+    vertices: Float32Array,
+    step: int,
+    R: Float64Array,
+    t: Float64Array,
+    block: float,
+    band: float,
 ) -> Int64Array:
-    """Keys (distinct, sorted) of the blocks within ``band`` metres along the ray of every ``step``-th vertex."""
-    rows, columns, _ = vertices.shape
-    bits = 15
+    """Keys (distinct) of the blocks within ``band`` metres along the ray of every ``step``-th vertex of some rows."""
+    columns = vertices.shape[1]
+    bits = 14
     shift = 64 - bits
     table = np.full(1 << bits, -1, dtype=np.int32)
     table_keys = np.empty(1 << bits, dtype=np.int64)
     found = np.empty(1 << bits, dtype=np.int64)
     count = 0
+    tx, ty, tz = t[0] / block, t[1] / block, t[2] / block
     n_samples = math.ceil(2.0 * band / (0.6 * block)) + 1
-    for r in range(0, rows, step):
+    inverse, spacing = 1.0 / block, 2.0 * band / (n_samples - 1)
+    for r in range(first, min(last_row, vertices.shape[0]), step):
         for c in range(0, columns, step):
             z = vertices[r, c, 2]
             if not z > 0.0:
                 continue
             x, y = vertices[r, c, 0], vertices[r, c, 1]
             length = math.sqrt(x * x + y * y + z * z)
+            px = (R[0, 0] * x + R[0, 1] * y + R[0, 2] * z) * inverse
+            py = (R[1, 0] * x + R[1, 1] * y + R[1, 2] * z) * inverse
+            pz = (R[2, 0] * x + R[2, 1] * y + R[2, 2] * z) * inverse
+            f, step_f = 1.0 - band / length, spacing / length
             last = np.int64(-1)
-            for k in range(n_samples):
-                f = 1.0 + (2.0 * band * k / (n_samples - 1) - band) / length
-                px, py, pz = f * x, f * y, f * z
-                bx = np.int64(math.floor((R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + t[0]) / block))
-                by = np.int64(math.floor((R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + t[1]) / block))
-                bz = np.int64(math.floor((R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + t[2]) / block))
+            for _ in range(n_samples):
+                bx = np.int64(math.floor(f * px + tx))
+                by = np.int64(math.floor(f * py + ty))
+                bz = np.int64(math.floor(f * pz + tz))
+                f += step_f
                 key = pack(bx, by, bz)
                 if key == last:
                     continue
@@ -121,7 +133,7 @@ def touched_blocks(
                         found = larger
                         for i in range(count):
                             insert_block(found[i], i, table_keys, table, shift)
-    return np.sort(found[:count])
+    return found[:count].copy()
 
 
 @nb.njit(cache=True, nogil=True)
@@ -141,90 +153,3 @@ def pixel_table(rows: int, columns: int, margin: int, lens: Float64Array) -> Int
             if 0 <= cc < columns and 0 <= rr < rows and r2 < 1.5:
                 out[r, c] = rr * columns + cc
     return out
-
-
-@nb.njit(cache=True, nogil=True)
-def fuse_blocks(
-    numbers: Int64Array,
-    coordinates: Int32Array,
-    distance: Float32Array,
-    weight: Float32Array,
-    colour: AnyArray,
-    voxel: float,
-    R: Float64Array,
-    t: Float64Array,
-    lens: Float64Array,
-    table: Int32Array,
-    margin: int,
-    pixels: Float32Array,
-    rgb: AnyArray,
-    band: float,
-    heaviest: float,
-) -> None:
-    """Average a frame into the voxels of blocks near its surface.
-
-    Parameters are the blocks' rows, all blocks' coordinates (n, 3), distances and weights (n, 512), colours (n, 512,
-    3), the voxel's size, the pose's rotation and translation (camera to world), the lens (fx, fy, cx, cy first), the
-    table of pixels with its margin, (depth, cosine between ray and normal, weight) of each pixel (n_pixels, 3), the
-    colours (n_pixels, 3; or without rows), the band in metres and the largest weight.
-    """
-    f4 = np.float32
-    rows, columns = table.shape
-    fx, fy = f4(lens[0]), f4(lens[1])
-    cx, cy = f4(lens[2] + margin + 0.5), f4(lens[3] + margin + 0.5)
-    band4, near4, one, zero = f4(band), f4(0.05), f4(1.0), f4(0.0)
-    heaviest4, close = f4(heaviest), f4(2.0 * voxel)
-    width, height = f4(columns), f4(rows)
-    has_colour = rgb.shape[0] > 0
-    sx, sy, sz = f4(R[2, 0] * voxel), f4(R[2, 1] * voxel), f4(R[2, 2] * voxel)
-    for number in numbers:
-        ox = coordinates[number, 0] * SIDE * voxel - t[0]
-        oy = coordinates[number, 1] * SIDE * voxel - t[1]
-        oz = coordinates[number, 2] * SIDE * voxel - t[2]
-        for i in range(SIDE):
-            wx = ox + i * voxel
-            for j in range(SIDE):
-                wy = oy + j * voxel
-                x = f4(R[0, 0] * wx + R[1, 0] * wy + R[2, 0] * oz)
-                y = f4(R[0, 1] * wx + R[1, 1] * wy + R[2, 1] * oz)
-                z = f4(R[0, 2] * wx + R[1, 2] * wy + R[2, 2] * oz)
-                index = (i * SIDE + j) * SIDE - 1
-                for _ in range(SIDE):
-                    index += 1
-                    vx, vy, vz = x, y, z
-                    x += sx
-                    y += sy
-                    z += sz
-                    if vz < near4:
-                        continue
-                    inverse = one / vz
-                    u = fx * vx * inverse + cx
-                    v = fy * vy * inverse + cy
-                    if not (zero <= u < width and zero <= v < height):
-                        continue
-                    pixel = table[int(v), int(u)]
-                    if pixel < 0:
-                        continue
-                    w = pixels[pixel, 2]
-                    if not w > zero:
-                        continue
-                    ahead = pixels[pixel, 0] - vz
-                    if ahead < -band4 - band4:
-                        continue
-                    ahead *= f4(math.sqrt(one + (vx * vx + vy * vy) * inverse * inverse)) * pixels[pixel, 1]
-                    if ahead < -band4:
-                        continue
-                    ahead = min(ahead, band4)
-                    old = weight[number, index]
-                    total = old + w
-                    share = w / total
-                    distance[number, index] += share * (ahead - distance[number, index])
-                    weight[number, index] = min(total, heaviest4)
-                    if has_colour and abs(ahead) < close and rgb[pixel, 0] > 0:
-                        fresh = colour[number, index, 0] == 0
-                        for k in range(3):
-                            held = f4(colour[number, index, k])
-                            value = f4(rgb[pixel, k])
-                            if not fresh:
-                                value = held + share * (value - held)
-                            colour[number, index, k] = np.uint8(max(one, value + f4(0.5)))

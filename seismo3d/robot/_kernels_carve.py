@@ -10,6 +10,7 @@ import numpy as np
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.robot._kernels_blocks import SIDE
 from seismo3d.robot._kernels_frame import depth_sigma
+from seismo3d.robot._kernels_fuse import VOXELS, project_block, voxel_offsets
 
 TILE = 8
 _CARVED = 0.4
@@ -18,59 +19,76 @@ _CARVED = 0.4
 
 @nb.njit(cache=True, nogil=True)
 def farthest_tiles(depth: Float32Array, rows: int, columns: int) -> Float32Array:
-    """Largest depth in each tile of TILE x TILE pixels of an image (n_pixels)."""
+    """Largest depth that a tile of TILE x TILE pixels of an image (n_pixels or more) surely sees through to.
+
+    That is the depth less three standard deviations.
+    """
     out = np.zeros((rows // TILE + 1, columns // TILE + 1), dtype=np.float32)
     for r in range(rows):
         for c in range(columns):
             out[r // TILE, c // TILE] = max(out[r // TILE, c // TILE], depth[r * columns + c])
+    for r in range(out.shape[0]):
+        for c in range(out.shape[1]):
+            out[r, c] -= np.float32(3.0 * depth_sigma(np.float64(out[r, c])))
     return out
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def blocks_before(
+    first: int,
+    last: int,
     coordinates: Int32Array,
     block: float,
     R: Float64Array,
     t: Float64Array,
     lens: Float64Array,
+    margin: int,
     farthest: Float32Array,
-    margin: float,
+    gap: float,
 ) -> Int64Array:
-    """Numbers of the blocks that a camera (pose R, t; lens fx, fy, cx, cy) may see through.
+    """Numbers of those of some blocks that a camera (pose R, t; lens fx, fy, cx, cy) may see through.
 
-    ``farthest`` is what :func:`farthest_tiles` gives; a block is left out where it lies behind all tiles around it, or
-    less than ``margin`` before them.
+    ``farthest`` is what :func:`farthest_tiles` gives of an image without distortion and with a margin; a block is left
+    out where it lies behind all tiles that it covers, or less than ``gap`` before them.
     """
-    seen = np.empty(coordinates.shape[0], dtype=np.int64)
+    seen = np.empty(last - first, dtype=np.int64)
     count = 0
-    radius = 0.8661 * block
+    radius = math.sqrt(3.0) * (SIDE - 1) / (2 * SIDE) * block
+    middle = (SIDE - 1) / (2 * SIDE)
     last_row, last_column = farthest.shape[0] - 1, farthest.shape[1] - 1
-    for n in range(coordinates.shape[0]):
-        dx = (coordinates[n, 0] + 0.4375) * block - t[0]
-        dy = (coordinates[n, 1] + 0.4375) * block - t[1]
-        dz = (coordinates[n, 2] + 0.4375) * block - t[2]
+    for n in range(first, last):
+        dx = (coordinates[n, 0] + middle) * block - t[0]
+        dy = (coordinates[n, 1] + middle) * block - t[1]
+        dz = (coordinates[n, 2] + middle) * block - t[2]
         z = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
-        if z < 0.1:
+        nearest = max(z - radius, 0.05)
+        if z + radius < 0.05:
             continue
-        u = lens[0] * (R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz) / z + lens[2]
-        v = lens[1] * (R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz) / z + lens[3]
-        reach = 1.3 * max(lens[0], lens[1]) * radius / max(z - radius, 0.05) + 40.0 * (lens[4] != 0.0) + 2.0
-        c0, c1 = math.floor((u - reach) / TILE), math.floor((u + reach) / TILE)
-        r0, r1 = math.floor((v - reach) / TILE), math.floor((v + reach) / TILE)
-        if c1 < 0 or r1 < 0 or c0 > last_column or r0 > last_row:
+        x = (R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz) / max(z, 0.05)
+        y = (R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz) / max(z, 0.05)
+        u, v = lens[0] * x + lens[2] + margin, lens[1] * y + lens[3] + margin
+        reach_u = 1.0 + lens[0] * radius * math.sqrt(1.0 + x * x) / nearest
+        reach_v = 1.0 + lens[1] * radius * math.sqrt(1.0 + y * y) / nearest
+        c0, c1 = max((u - reach_u) / TILE, 0.0), min((u + reach_u) / TILE, last_column + 0.5)
+        r0, r1 = max((v - reach_v) / TILE, 0.0), min((v + reach_v) / TILE, last_row + 0.5)
+        if not (c0 <= c1 and r0 <= r1):
             continue
-        found = False
-        for r in range(max(r0, 0), min(r1, last_row) + 1):
-            for c in range(max(c0, 0), min(c1, last_column) + 1):
-                if farthest[r, c] > z - radius + margin:
-                    found = True
-        if found:
+        if _any_beyond(farthest, int(r0), int(r1), int(c0), int(c1), z - radius + gap):
             seen[count] = n
             count += 1
     return seen[:count]
 
 
 @nb.njit(cache=True, nogil=True)
+def _any_beyond(farthest: Float32Array, r0: int, r1: int, c0: int, c1: int, depth: float) -> bool:
+    for r in range(r0, r1 + 1):
+        for c in range(c0, c1 + 1):
+            if farthest[r, c] > depth:
+                return True
+    return False
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def carve_blocks(
     numbers: Int64Array,
     coordinates: Int32Array,
@@ -80,50 +98,61 @@ def carve_blocks(
     R: Float64Array,
     t: Float64Array,
     lens: Float64Array,
-    table: Int32Array,
+    shape: tuple[int, int],
     margin: int,
     free: Float32Array,
     band: float,
 ) -> None:
     """Make free what a frame sees through: two or three frames do away with what is no longer there.
 
-    ``free`` (n_pixels) is the depth up to which all of a pixel's surroundings see nothing, 0 where that isn't known;
-    the rest is as in :func:`fuse_blocks`. Nearer to it than two bands and three standard deviations nothing changes.
+    ``free`` (n + 1) is, in the image without distortion, the depth up to which all of a pixel's surroundings see
+    nothing, 0 where that isn't known; the rest is as in :func:`seismo3d.robot._kernels_fuse.fuse_blocks`. Nearer to it
+    than two bands and three standard deviations nothing changes.
     """
-    f4 = np.float32
-    rows, columns = table.shape
-    fx, fy = f4(lens[0]), f4(lens[1])
-    cx, cy = f4(lens[2] + margin + 0.5), f4(lens[3] + margin + 0.5)
-    band4, one, zero = f4(band), f4(1.0), f4(0.0)
-    width, height = f4(columns), f4(rows)
+    f4, i4 = np.float32, np.int32
+    band4, half_band, one, zero, least = f4(band), f4(0.5 * band), f4(1.0), f4(0.0), f4(0.05)
+    offsets = voxel_offsets(R, voxel)
+    place, depth = np.empty(VOXELS, dtype=np.int32), np.empty(VOXELS, dtype=np.float32)
+    beyond, cut = np.empty(VOXELS, dtype=np.float32), np.empty(VOXELS, dtype=np.float32)
     for number in numbers:
-        ox = coordinates[number, 0] * SIDE * voxel - t[0]
-        oy = coordinates[number, 1] * SIDE * voxel - t[1]
-        oz = coordinates[number, 2] * SIDE * voxel - t[2]
-        for index in range(SIDE * SIDE * SIDE):
-            if not (weight[number, index] > zero and distance[number, index] < f4(0.5) * band4):
-                continue  # unknown, or free already
-            wx = ox + (index >> 6) * voxel
-            wy = oy + ((index >> 3) & 7) * voxel
-            wz = oz + (index & 7) * voxel
-            z = f4(R[0, 2] * wx + R[1, 2] * wy + R[2, 2] * wz)
-            if z < f4(0.05):
-                continue
-            u = fx * f4(R[0, 0] * wx + R[1, 0] * wy + R[2, 0] * wz) / z + cx
-            v = fy * f4(R[0, 1] * wx + R[1, 1] * wy + R[2, 1] * wz) / z + cy
-            if not (zero <= u < width and zero <= v < height):
-                continue
-            pixel = table[int(v), int(u)]
-            if pixel < 0:
-                continue
-            beyond = free[pixel]
-            if beyond - z > f4(2.0) * band4 + f4(3.0 * depth_sigma(np.float64(beyond))):
-                old = weight[number, index]
-                share = max(f4(_CARVED), one / (one + old))
-                distance[number, index] += share * (band4 - distance[number, index])
-                if distance[number, index] > f4(0.5) * band4:
-                    distance[number, index] = band4
-                weight[number, index] = max((one - share) * old, f4(0.05))
+        d, held = distance[number], weight[number]
+        n_solid = i4(0)
+        for q in range(VOXELS):
+            n_solid += i4((held[q] > zero) & (d[q] < half_band))
+        if n_solid == 0:
+            continue  # unknown, or free already
+        project_block(coordinates[number], voxel, R, t, offsets, lens, shape, margin, place, depth)
+        for q in range(VOXELS):
+            beyond[q] = free[np.uint64(place[q])]
+        n_cut = i4(0)
+        for q in range(VOXELS):
+            far = beyond[q] - f4(0.4)
+            needed = band4 + band4 + f4(0.0036) + f4(0.0057) * far * far  # three times depth_sigma
+            seen_through = (beyond[q] - depth[q] > needed) & (depth[q] >= least) & (held[q] > zero) & (d[q] < half_band)
+            share = max(f4(_CARVED), one / (one + held[q]))
+            cut[q] = share if seen_through else zero
+            n_cut += i4(seen_through)
+        if n_cut == 0:
+            continue
+        for q in range(VOXELS):
+            was, had, share = d[q], held[q], cut[q]
+            moved = was + share * (band4 - was)
+            moved = band4 if moved > half_band else moved
+            left = max((one - share) * had, least)
+            d[q] = moved if share > zero else was
+            held[q] = left if share > zero else had
+
+
+@nb.njit(cache=True, nogil=True)
+def straighten_depth(table: Int32Array, depth: Float32Array) -> Float32Array:
+    """Depth (n + 1) of each pixel of an image without distortion, by a table of pixels; 0 last and where it is none."""
+    rows, columns = table.shape
+    out = np.zeros(rows * columns + 1, dtype=np.float32)
+    for r in range(rows):
+        for c in range(columns):
+            if table[r, c] >= 0:
+                out[r * columns + c] = depth[table[r, c]]
+    return out
 
 
 @nb.njit(cache=True, nogil=True)

@@ -81,3 +81,67 @@ def project_pairs(
             sigma[count] = depth_sigma(vz) * max(facing, 0.3) + 0.0005
             count += 1
     return count, tried
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def miss_rays(
+    T: Float64Array,
+    T_depth_pixel: Float64Array,
+    points: Float64Array,
+    rays: Float64Array,
+    fx: float,
+    fy: float,
+    depth: Float64Array,
+    miss: Float64Array,
+) -> None:
+    """Write the depth of points (n, 3) in the cameras ``T @ T_depth_pixel``, at least 0.1, and their pixels' misses."""
+    local = np.empty(3)
+    for n in range(points.shape[0]):
+        for a in range(3):
+            local[a] = 0.0
+        for b in range(3):
+            origin = T[b, 3]
+            for c in range(3):
+                origin += T[b, c] * T_depth_pixel[n, c, 3]
+            off = points[n, b] - origin
+            for a in range(3):
+                axis = 0.0
+                for c in range(3):
+                    axis += T[b, c] * T_depth_pixel[n, c, a]
+                local[a] += axis * off
+        depth[n] = max(local[2], 0.1)
+        u, v = fx * (local[0] / depth[n] - rays[n, 0]), fy * (local[1] / depth[n] - rays[n, 1])
+        miss[n] = math.sqrt(u * u + v * v)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def place_on_rays(
+    T: Float64Array,
+    T_depth_pixel: Float64Array,
+    rays: Float64Array,
+    depth: Float64Array,
+    weights: Float64Array,
+    fx: float,
+    source: Float64Array,
+    information: Float64Array,
+) -> None:
+    """Write points (n, 3) at some depths on rays, in the depth's camera, and what is known across each ray, (n, 3, 3).
+
+    The information is in the world's axes: the weight of the pixel's miss, over the pixel's size at that depth.
+    """
+    direction = np.empty(3)
+    for n in range(rays.shape[0]):
+        size = 0.0
+        for b in range(3):
+            source[n, b] = T_depth_pixel[n, b, 3]
+            for c in range(3):
+                source[n, b] += T_depth_pixel[n, b, c] * rays[n, c] * depth[n]
+            direction[b] = 0.0
+        for b in range(3):
+            for c in range(3):
+                direction[b] += T[b, c] * (source[n, c] - T_depth_pixel[n, c, 3])
+            size += direction[b] * direction[b]
+        known = weights[n] * (fx / depth[n]) ** 2
+        for a in range(3):
+            for b in range(3):
+                information[n, a, b] = known * ((1.0 if a == b else 0.0) - direction[a] * direction[b] / size)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,8 +13,8 @@ from seismo3d._typing import AnyArray, Float32Array, Float64Array
 from seismo3d._validate import as_number, as_real_array
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.camera import PinholeCamera
-from seismo3d.geometry.rotations import skew
 from seismo3d.robot import _kernels_frame as kernels
+from seismo3d.robot import _kernels_shutter as shutter
 from seismo3d.robot.camera import RgbdFrame
 
 
@@ -135,32 +136,44 @@ class Measurer:
         rays = self.rays(depth.shape)
         focal = np.array([self.lens.fx, self.lens.fy], dtype=np.float32)
         rows = depth.shape[0]
-        shutter = (np.arange(rows) / rows - 0.5) * timing.readout
+        spacing = timing.readout / rows
+        start = -0.5 * timing.readout
         if timing.readout > 0.0 and np.any(twist):
-            depth = kernels.freeze_shutter(depth, rays, _row_motions(twist, shutter), focal)
+            place, moved = np.empty(depth.shape, dtype=np.int32), np.empty(depth.shape, dtype=np.float32)
+            motion = (depth, rays, twist, start, spacing, focal)
+            self._by_rows(rows, lambda a, b: shutter.move_rows(a, b, *motion, place, moved))
+            depth = shutter.splat_rows(place, moved)
         colour = np.zeros((0, 0, 3), dtype=np.uint8)
         grey = None
         if frame.rgb is not None:
             import cv2
 
             grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
-            motion = _row_motions(-twist, shutter + timing.colour_lead)
             colour = np.zeros(frame.rgb.shape, dtype=np.uint8)
-            edges = np.linspace(0, rows, 5).astype(int).tolist()
-            parts = [
-                self._pool.submit(kernels.colour_at_depth, a, b, frame.rgb, depth, rays, motion, focal, colour)
-                for a, b in pairwise(edges)
-            ]
-            for part in parts:
-                part.result()
+            rgb = np.ascontiguousarray(frame.rgb)
+            start += timing.colour_lead
+            self._by_rows(
+                rows,
+                lambda a, b: shutter.colour_at_depth(a, b, rgb, depth, rays, -twist, start, spacing, focal, colour),
+            )
         return self.measured(depth, colour, grey)
 
     def measured(self, depth: Float32Array, colour: AnyArray, grey: AnyArray | None = None) -> Measured:
         """Measure a depth image in metres, free of the shutter's effect, with the colour of each pixel."""
-        vertices = kernels.halve(depth, self.rays(depth.shape), self.settings.near, self.settings.far)
-        normals = kernels.grid_normals(vertices, 2)
-        pixels = kernels.weigh_pixels(depth, vertices, normals, self.settings.far)
+        rays, s = self.rays(depth.shape), self.settings
+        vertices = np.empty((depth.shape[0] // 2, depth.shape[1] // 2, 3), dtype=np.float32)
+        self._by_rows(len(vertices), lambda a, b: kernels.halve(a, b, depth, rays, s.near, s.far, vertices))
+        normals = np.zeros_like(vertices)
+        self._by_rows(len(vertices), lambda a, b: kernels.grid_normals(a, b, vertices, 2, normals))
+        pixels = np.zeros((depth.size, 3), dtype=np.float32)
+        self._by_rows(len(vertices), lambda a, b: kernels.weigh_pixels(a, b, depth, vertices, normals, s.far, pixels))
         return Measured(depth, vertices, normals, pixels, colour, grey)
+
+    def _by_rows(self, rows: int, work: Callable[[int, int], None]) -> None:
+        """Do work on rows in parts on the pool."""
+        edges = np.linspace(0, rows, 5).astype(int).tolist()
+        for part in [self._pool.submit(work, a, b) for a, b in pairwise(edges)]:
+            part.result()
 
     def _metres(self, frame: RgbdFrame) -> Float32Array:
         raw = as_real_array(frame.depth, "depth", ndim=2)
@@ -206,13 +219,3 @@ def smooth_depth(depth: Float32Array, weight: float) -> Float32Array:
     nearest = distance_transform_edt(hole, return_distances=False, return_indices=True)
     smooth = denoise_tv_chambolle(depth[tuple(nearest)], weight=weight)
     return np.where(hole, np.float32(0.0), smooth.astype(np.float32))
-
-
-def _row_motions(twist: Float64Array, times: Float64Array) -> Float32Array:
-    """Motion (rows, 3, 4) over each of some times, to second order in the angle."""
-    K = skew(twist[:3])
-    t = times[:, None, None]
-    out = np.empty((len(times), 3, 4), dtype=np.float32)
-    out[:, :, :3] = np.eye(3) + t * K + 0.5 * t * t * (K @ K)
-    out[:, :, 3] = times[:, None] * twist[3:]
-    return out

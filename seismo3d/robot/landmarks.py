@@ -270,12 +270,12 @@ def _follow(
     side = 2 * radius + 1
     options: dict[str, Any] = {
         "winSize": (side, side),
-        "maxLevel": 3,
-        "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01),
+        "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.03),
         "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
     }
-    there, found, _ = cv2.calcOpticalFlowPyrLK(before, now, start, guess.copy(), **options)
-    back, returned, _ = cv2.calcOpticalFlowPyrLK(now, before, there, start.copy(), **options)
+    there, found, _ = cv2.calcOpticalFlowPyrLK(before, now, start, guess.copy(), maxLevel=3, **options)
+    # where the way back should end is known, so that it needs not begin far up in the pyramid
+    back, returned, _ = cv2.calcOpticalFlowPyrLK(now, before, there, start.copy(), maxLevel=1, **options)
     miss = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
     good = (found.ravel() == 1) & (returned.ravel() == 1) & (miss < 0.7)
     return there.reshape(-1, 2).astype(np.float64), good

@@ -18,26 +18,20 @@ from seismo3d.graph.poses import PoseGraph, solve_poses
 from seismo3d.robot.calibration import calibrate_timing
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
 from seismo3d.robot.closures import find_closures, is_strained
-from seismo3d.robot.ekf import MotionFilter, adjoint, exp_motion, log_motion
+from seismo3d.robot.ekf import exp_motion, log_motion
+from seismo3d.robot.follower import Follower
 from seismo3d.robot.frames import Measured, Measurer, Timing
 from seismo3d.robot.ground import make_ground, make_occupancy
-from seismo3d.robot.kept import KeptFrame
-from seismo3d.robot.keyframes import PlaceMemory, make_keyframe
-from seismo3d.robot.landmarks import Sightings, make_view
+from seismo3d.robot.keyframes import PlaceMemory
 from seismo3d.robot.local_maps import LocalMaps, change_poses
-from seismo3d.robot.locator import Locator, is_certain, is_sound
+from seismo3d.robot.locator import Locator
 from seismo3d.robot.mesh import Mesh, extract_mesh
-from seismo3d.robot.moving import MotionMemory
 from seismo3d.robot.occupancy import Occupancy
+from seismo3d.robot.recorder import Recorder
 from seismo3d.robot.results import Closed, MapperSettings, Tracked
-from seismo3d.robot.semantic_landmarks import LandmarkBook
 from seismo3d.robot.state import MapState
-from seismo3d.robot.tracking import Located
 from seismo3d.robot.trajectory import TimedPose, Trajectory
 from seismo3d.robot.tsdf import SurfaceMap
-
-_LEAST_NORMALS = 300
-_RELOCATE_EVERY = 4
 
 
 class Mapper:
@@ -137,7 +131,7 @@ class Mapper:
         Closed
             Poses and map change only where the trajectory strains a closure by more than its covariance explains.
         """
-        n_joined = self.maps.join_all(self._put)
+        n_joined = self.maps.join_all(self._recorder.put)
         state = self.state
         state.closures = find_closures(state.memory)
         n_links = len(state.closures) + len(state.joints)
@@ -175,13 +169,11 @@ class Mapper:
     def _start_afresh(self) -> None:
         s = self.settings
         self._measurers = [Measurer(camera.lens, s.measure, self._pool) for camera in self.cameras]
-        self._locator = Locator(self.cameras, s, self._pool, self._n_threads)
+        locator = Locator(self.cameras, s, self._pool, self._n_threads)
         self.maps = LocalMaps(self._empty_map)
+        self._follower = Follower(self.cameras, s, locator, self.maps)
         self.n_frames = 0
-        self._n_lost = self._n_unplaced = 0
-        self._moving = [MotionMemory() for _ in self.cameras]
-        self._filter: MotionFilter | None = None
-        self._book = LandmarkBook()
+        self._recorder = Recorder(self.cameras, s, self._measurers, locator, self._pool, self._n_threads)
 
     def _empty_map(self, number: int) -> MapState:
         s = self.settings
@@ -190,163 +182,44 @@ class Mapper:
         return MapState(surface, PlaceMemory(lenses), number=number, part=number)
 
     def _map(self, frame: RgbdFrame) -> Tracked:
-        camera = self.cameras[frame.camera]
+        camera, follower = self.cameras[frame.camera], self._follower
         number, self.n_frames = self.n_frames, self.n_frames + 1
         timing = Timing(camera.readout or 0.0, frame.time - frame.depth_time + (camera.depth_delay or 0.0))
-        motion = self._predict(frame, camera)
-        measured = self._measurers[frame.camera].measure(frame, _camera_twist(motion, camera), timing)
-        motion, T, seen = self._sight(measured, frame.camera, motion, timing)
-        state, located = "empty", None
-        if measured.n_normals >= _LEAST_NORMALS:
-            state, located = self._place(measured, frame.camera, T, seen, timing)
-            motion = self._filter or motion
-        twist = _camera_twist(motion, camera)
+        follower.predict(frame)
+        measured = self._measurers[frame.camera].measure(frame, follower.twist(frame.camera), timing)
+        state, located, T = follower.find(measured, frame.camera, timing)
+        motion, twist = follower.motion, follower.twist(frame.camera)
+        if state in ("started", "relocated"):
+            self._recorder.forget()
         if state in ("lost", "empty"):
-            self._lose(motion, state)
+            follower.lose(state)
         else:
-            T = T if located is None else located.T_world_camera
-            self._n_lost = self._n_unplaced = 0
+            follower.n_lost = follower.n_unplaced = 0
             stamp = frame.time + camera.clock_offset
             self.state.poses.append(TimedPose(stamp, motion.time, T, twist, number, frame.camera, self.state.part))
-            change = self._fuse(measured, frame.camera, T, twist, timing, number)
+            change = self._record(measured, frame.camera, T, twist, timing, number)
             if change is not None:
                 state, T = "joined", change @ T
         T_stamp = T @ exp_motion(twist * (timing.colour_lead + 0.5 * timing.readout))
         covariance = freeze(motion.covariance[:6, :6].copy())
         return Tracked(state, freeze(T_stamp), covariance, located, self.state.number)
 
-    def _lose(self, motion: MotionFilter, state: str) -> None:
-        self._n_lost += 1
-        self._n_unplaced += state == "lost"
-        if not self._book.sees_any:
-            motion.twist *= 0.95
-        if not self.state.poses:
-            self._filter = None
-
-    def _predict(self, frame: RgbdFrame, camera: Camera) -> MotionFilter:
-        now = frame.depth_time + camera.clock_offset - (camera.depth_delay or 0.0) - 0.5 * (camera.readout or 0.0)
-        if self._filter is None:
-            T = invert_transform(camera.T_body_camera)
-            if self.state.poses:  # a map that was read: near its last pose
-                T = self.state.poses[-1].T_world_camera @ T
-            self._filter = MotionFilter(now, T)
-        if not self.settings.filtered:
-            self._filter.twist[:] = 0.0
-        self._filter.predict(now)
-        return self._filter
-
-    def _sight(
-        self, measured: Measured, number: int, motion: MotionFilter, timing: Timing
-    ) -> tuple[MotionFilter, Float64Array, Sightings]:
-        """Update the filter by its landmarks; return it, the camera's pose, and the sightings that are left."""
-        camera = self.cameras[number]
-        T, twist = motion.T_world_body @ camera.T_body_camera, _camera_twist(motion, camera)
-        seen = self._locator.sight(self.state, measured, number, T, twist, timing, also=self._book.names)
-        if not (self.settings.filtered and self.settings.landmarks_in_state):
-            return motion, T, seen
-        own = self._book.take_in(motion, seen, camera.lens, camera.T_body_camera)
-        return motion, motion.T_world_body @ camera.T_body_camera, seen.only(~own)
-
-    def _place(
-        self, measured: Measured, number: int, T: Float64Array, seen: Sightings, timing: Timing
-    ) -> tuple[str, Located | None]:
-        """Locate a frame near the predicted pose, else at a place that looks like it, else begin a new local map."""
-        if not self.state.poses:
-            return "started", None
-        located = self._locator.locate(self.state, measured, number, T, seen)
-        sound = is_sound(located, T, n_lost=self._n_lost)
-        if not (sound and is_certain(located)):
-            found = self._place_elsewhere(measured, number, timing, located.share + 0.1 if sound else 0.0)
-            if found is not None:
-                return found
-        if sound:
-            self._take(located, number, seen)
-            return "tracked", located
-        if self._n_unplaced + 1 >= self.settings.new_map_after > 0:
-            self.maps.begin()
-            self._go_on(self.state, T, number)
-            return "started", None
-        return "lost", located
-
-    def _place_elsewhere(
-        self, measured: Measured, number: int, timing: Timing, least_share: float
-    ) -> tuple[str, Located] | None:
-        """Locate a frame at a place that looks like it: when it fits badly, and now and then after a loss."""
-        if self._n_lost >= _RELOCATE_EVERY and self._n_lost % _RELOCATE_EVERY:
-            return None
-        for state, place in self._locator.places(self.maps.every[::-1], measured, number):
-            there = self._locator.sight(state, measured, number, place, np.zeros(6), timing)
-            again = self._locator.locate(state, measured, number, place, there)
-            if again.share > max(0.4, least_share) and is_sound(again, place, n_lost=self._n_lost):
-                if state is self.state and self._n_lost == 0:  # it moved faster than foreseen: that says how fast
-                    self._take(again, number, there)
-                    return "tracked", again
-                self._go_on(state, again.T_world_camera, number)
-                return "relocated", again
-        return None
-
-    def _take(self, located: Located, number: int, seen: Sightings) -> None:
-        """Take a located frame into the filter; the pose is the registration's, so that it fits the map."""
-        if self._filter is None:
-            return
-        T_world_body = located.T_world_camera @ invert_transform(self.cameras[number].T_body_camera)
-        self._filter.update(T_world_body, located.covariance, gate=None)
-        self._filter.T_world_body = T_world_body
-        if self.settings.filtered and self.settings.landmarks_in_state and len(seen):
-            self._book.learn(self._filter, seen, located.landmark_weights, located.T_world_camera)
-
-    def _go_on(self, state: MapState, T_world_camera: Float64Array, number: int) -> None:
-        """Go on from a pose in a local map, with nothing known of the velocity."""
-        if state is not self.state:
-            self.maps.go_to(state)
-        T_world_body = T_world_camera @ invert_transform(self.cameras[number].T_body_camera)
-        self._book.forget(None)
-        self._filter = MotionFilter(0.0 if self._filter is None else self._filter.time, T_world_body)
-        for memory in self._moving:
-            memory.forget()
-
-    def _fuse(
+    def _record(
         self, measured: Measured, number: int, T: Float64Array, twist: Float64Array, timing: Timing, frame: int
     ) -> Float64Array | None:
-        """Put a located frame into the map, less what moves in it, and remember it where it shows something new.
-
-        Returns the change of its pose where that joined the map with another one.
-        """
-        state, lens = self.state, self.cameras[number].lens
-        moving = self._moving[number].watch(measured, lens, T)
-        carve = frame % 3 == 0
-        state.surface.fuse(measured, lens, T, carve=carve, pool=self._pool, n_threads=self._n_threads)
-        T_colour = T @ exp_motion(twist * timing.colour_lead)
-        distance = self.settings.view_distance
-        new = all(view.camera != number or view.apart(T_colour) > distance for view in state.views)
-        new = new and bool(moving.mean() < 0.1)
-        if new:
-            state.memory.add(make_keyframe(frame, number, T, measured.grey, measured.depth, part=state.part))
-            prediction = self._locator.cast(state.surface, measured, number, T, coarser=1)
-            state.views.append(make_view(measured.grey, lens, prediction, twist, timing, camera=number))
-        if frame % self.settings.keep_every == 0 or (new and len(state.views) > 1):
-            state.kept.append(KeptFrame.of(measured, len(state.poses) - 1, number))
+        """Put a located frame into the map; return the change of its pose where that joined the map with another."""
+        new = self._recorder.record(self.state, measured, number, T, twist, timing, frame)
         if not (new and self.maps.resting):
             return None
-        change = self.maps.join_by(len(state.memory.keyframes) - 1, self._put)
+        change = self.maps.join_by(len(self.state.memory.keyframes) - 1, self._recorder.put)
         if change is not None:
             self._shift(change)
         return change
 
-    def _put(self, surface: SurfaceMap, state: MapState, row: int) -> None:
-        """Put a frame that a local map keeps into a surface."""
-        kept = state.kept[row]
-        measured = kept.unpacked(self._measurers[kept.camera])
-        lens, T = self.cameras[kept.camera].lens, state.poses[kept.pose].T_world_camera
-        surface.fuse(measured, lens, T, carve=True, pool=self._pool, n_threads=self._n_threads)
-
     def _shift(self, change: Float64Array) -> None:
-        """Carry a change of the world's frame where the camera is now over to the filter."""
-        self._book.forget(self._filter)
-        if self._filter is not None:
-            self._filter.T_world_body = change @ self._filter.T_world_body
-        for memory in self._moving:
-            memory.forget()
+        """Carry a change of the world's frame where the camera is now over to what follows it."""
+        self._follower.shift(change)
+        self._recorder.forget()
 
     def _calibrate(self, tracked: Tracked) -> Tracked:
         """Find the open timing of each camera from the frames so far, and map them anew with it."""
@@ -370,12 +243,5 @@ class Mapper:
         state = self.state
         last = state.poses[-1].T_world_camera
         change_poses(state, key_poses)
-        state.surface = SurfaceMap(state.surface.voxel_size, state.surface.band)
-        for row in range(len(state.kept)):
-            self._put(state.surface, state, row)
+        self._recorder.remake(state)
         self._shift(state.poses[-1].T_world_camera @ invert_transform(last))
-
-
-def _camera_twist(motion: MotionFilter, camera: Camera) -> Float64Array:
-    """Velocity of a camera in its own frame."""
-    return adjoint(invert_transform(camera.T_body_camera)) @ motion.twist

@@ -120,7 +120,7 @@ def _padded(surface: SurfaceMap, number: int, least_weight: float) -> tuple[Floa
         take = tuple(slice(0, 1) if s else slice(0, 8) for s in step)
         held = surface.distance[other].reshape(8, 8, 8)[take]
         distance[into] = np.where(surface.weight[other].reshape(8, 8, 8)[take] >= least_weight, held, np.nan)
-        colour[into] = surface.colour[other].reshape(8, 8, 8, 3)[take]
+        colour[into] = surface.colour[other, :, :3].reshape(8, 8, 8, 3)[take]
     return distance, colour
 
 

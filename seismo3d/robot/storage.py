@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,9 +11,10 @@ import cv2
 import numpy as np
 
 from seismo3d._typing import AnyArray
-from seismo3d.errors import FileAccessError, FormatError
+from seismo3d.errors import FormatError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.io._files import as_readable_file, written_aside
+from seismo3d.io.numpy_files import read_npz, refuse_damage
 from seismo3d.robot.camera import Camera
 from seismo3d.robot.closures import Closure
 from seismo3d.robot.frames import MeasureSettings
@@ -29,7 +28,7 @@ from seismo3d.robot.trajectory import TimedPose
 if TYPE_CHECKING:
     from seismo3d.robot.mapper import Mapper
 
-_VERSION = 2
+_VERSION = 3
 
 
 def save_mapper(path: str | Path, mapper: Mapper) -> Path:
@@ -67,19 +66,12 @@ def load_mapper(path: str | Path, kind: type[Mapper]) -> Mapper:
         If the file cannot be read, or is not such a map.
     """
     file = as_readable_file(path)
-    try:
-        with file.open("rb") as opened, np.load(opened, allow_pickle=False) as held:
-            arrays = {name: held[name] for name in held.files}
+    arrays = read_npz(file)
+    with refuse_damage(file, "map that Mapper.save wrote"):
         header = json.loads(arrays["header"].tobytes())
-        version = header["version"]
-        mapper = _restored(header, arrays, kind) if version == _VERSION else None
-    except OSError as error:
-        raise FileAccessError(f"{file} cannot be read: {error}.") from error
-    except (ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise FormatError(f"{file} is no map that Mapper.save wrote ({error}).") from error
-    if mapper is None:
-        raise FormatError(f"{file.name} is of version {version}; expected {_VERSION}. Map anew.")
-    return mapper
+        if header["version"] != _VERSION:
+            raise FormatError(f"{file.name} is of version {header['version']}; expected {_VERSION}. Map anew.")
+        return _restored(header, arrays, kind)
 
 
 def _packed(state: MapState) -> dict[str, Any]:
@@ -90,7 +82,8 @@ def _packed(state: MapState) -> dict[str, Any]:
         "keys": surface.keys[:n],
         "distance": surface.distance[:n],
         "weight": surface.weight[:n],
-        "colour": surface.colour[:n],
+        "colour": surface.colour[:n, :, :3],
+        "times_shown": surface.times_shown[:n],
         "poses": np.array([pose.T_world_camera for pose in state.poses]).reshape(-1, 4, 4),
         "times": np.array([[p.stamp, p.time, *p.twist, p.frame, p.camera, p.part] for p in state.poses]).reshape(
             -1, 11
@@ -125,6 +118,7 @@ def _restored(header: dict[str, Any], arrays: dict[str, AnyArray], kind: type[Ma
         own = {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
         state = mapper.maps.empty(int(numbers["number"]))
         state.part = int(numbers["part"])
+        _check(own, len(mapper.cameras))
         _fill(state, own)
         states.append(state)
     mapper.n_frames = int(header["frames"])
@@ -133,13 +127,49 @@ def _restored(header: dict[str, Any], arrays: dict[str, AnyArray], kind: type[Ma
     return mapper
 
 
+def _check(arrays: dict[str, AnyArray], n_cameras: int) -> None:
+    """Refuse arrays of a local map that do not fit each other, by a ValueError that says which."""
+    n, n_poses, n_keys, n_kept = (len(arrays[name]) for name in ("keys", "poses", "key_numbers", "kept_numbers"))
+    shapes: dict[str, tuple[int, ...]] = {
+        "keys": (n,), "distance": (n, 512), "weight": (n, 512), "colour": (n, 512, 3), "times_shown": (n,),
+        "poses": (n_poses, 4, 4), "times": (n_poses, 11), "key_numbers": (n_keys, 4), "key_poses": (n_keys, 4, 4),
+        "kept_numbers": (n_kept, 2), "view_poses": (n_keys, 4, 4), "view_cameras": (n_keys,),
+    }  # fmt: skip
+    counts = {"key_grey": n_keys, "key_depth": n_keys, "kept_depth": n_kept, "kept_colour": n_kept}
+    counts |= {f"view_{name}": n_keys for name in ("grey", "pixels", "points")}
+    shapes |= {f"{name}_ends": (count,) for name, count in counts.items()}
+    shapes |= {name: (len(arrays[name]),) for name in counts}
+    for name in ("joints", "closures"):
+        n_links = len(arrays[f"{name}_ends"])
+        shapes |= {f"{name}_ends": (n_links, 2), f"{name}_poses": (n_links, 4, 4)}
+        shapes[f"{name}_information"] = (n_links, 6, 6)
+    wrong = [name for name, shape in shapes.items() if arrays[name].shape != shape]
+    wrong += [name for name in counts if not _is_split(arrays[f"{name}_ends"], len(arrays[name]))]
+    wrong += [name for name in ("poses", "key_poses", "view_poses") if not np.isfinite(arrays[name]).all()]
+    cameras = arrays["times"][:, 9], arrays["key_numbers"][:, 1], arrays["kept_numbers"][:, 1], arrays["view_cameras"]
+    wrong += ["cameras"] * any(not np.isin(held, np.arange(n_cameras)).all() for held in cameras)
+    wrong += ["kept_numbers"] * (not np.isin(arrays["kept_numbers"][:, 0], np.arange(n_poses)).all())
+    wrong += ["links"] * any(
+        not np.isin(arrays[f"{name}_ends"], np.arange(n_keys)).all() for name in ("joints", "closures")
+    )
+    if wrong:
+        raise ValueError(f"{', '.join(wrong)} do not fit the rest")
+
+
+def _is_split(ends: AnyArray, size: int) -> bool:
+    """Whether ends cut an array of a size into parts."""
+    return bool(ends[-1] == size and ends[0] >= 0 and (np.diff(ends) >= 0).all()) if len(ends) else size == 0
+
+
 def _fill(state: MapState, arrays: dict[str, AnyArray]) -> None:
     """Put what :func:`_packed` gave into an empty local map."""
     surface = state.surface
     surface.add_blocks(arrays["keys"])
     n = surface.n_blocks
-    for name in ("distance", "weight", "colour"):
-        getattr(surface, name)[:n] = arrays[name]
+    surface.weight[:n] = arrays["weight"]
+    surface.distance[:n] = np.where(surface.weight[:n] > 0.0, arrays["distance"], np.float32(np.nan))
+    surface.colour[:n, :, :3] = arrays["colour"]
+    surface.times_shown[:n] = arrays["times_shown"]
     for T, row in zip(arrays["poses"], arrays["times"]):
         numbers = (int(v) for v in row[8:11])
         state.poses.append(TimedPose(float(row[0]), float(row[1]), T, row[2:8], *numbers))
@@ -178,7 +208,10 @@ def _png(image: AnyArray | None) -> AnyArray:
 
 
 def _image(data: AnyArray) -> AnyArray:
-    return np.asarray(cv2.imdecode(data, cv2.IMREAD_UNCHANGED))
+    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    if image is None:
+        raise ValueError("an image cannot be unpacked")
+    return np.asarray(image)
 
 
 def _joined(name: str, parts: list[AnyArray]) -> dict[str, AnyArray]:

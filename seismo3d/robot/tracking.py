@@ -28,6 +28,10 @@ TERMS = ("fused", "planes", "features", "two_stage")
 _FREE = Limits(np.full(6, -np.inf), np.full(6, np.inf))
 _STILL = 2e-4
 """Steps below are the last, rad and m."""
+_COARSE, _FINE = 4, 3
+"""Every so many vertices of a row and rows are paired far from the solution and near it."""
+_ENOUGH = 2000
+"""Vertices that are enough far from the solution: of large images fewer than every ``_COARSE``-th one is paired."""
 _PER_PLANE = 8.0
 """Pixels of the half image (every second one of it) that carry as much as one independent measurement: neighbours
 share the sensor's and the map's errors."""
@@ -128,16 +132,22 @@ def locate(
     T = T_world_camera
     found = Located(T, np.full((6, 6), np.inf), 0, 0, 0.0, np.inf, np.inf, False, None, np.zeros(len(sightings)))
     last: _Step | None = None
+    rows, columns, _ = measured.vertices.shape
+    coarse = max(_COARSE, int(np.sqrt(rows * columns / _ENOUGH)))
+    frame: Frame | None = None
     for step in range(max_steps):
         fine = step >= max_steps // 2
         use_planes = terms in ("fused", "planes") or (terms == "two_stage" and fine)
         use_landmarks = terms in ("fused", "features") or (terms == "two_stage" and not fine)
         reach = (0.1, 0.1, 0.06, 0.04)[min(step, 3)] if fine or step < 3 else 0.04
-        pairs = _pair_planes(measured, prediction, T, 3 if fine else 4, reach) if use_planes else None
+        pairs = _pair_planes(measured, prediction, T, _FINE if fine else coarse, reach) if use_planes else None
         rays = _weigh_landmarks(sightings, T, lens) if use_landmarks and len(sightings) >= 4 else None
-        new = _solve(T, pairs, rays, sightings)
+        if pairs is None and rays is None:
+            break
+        frame = frame or _frame_of(pairs, rays, sightings)
+        new = _solve(T, frame, pairs, rays, sightings)
         if new is None:
-            return found if last is None else _concluded(last)
+            break
         move = log_motion(np.linalg.inv(T) @ new.T_world_camera)
         T, last = new.T_world_camera, new
         if np.linalg.norm(move[:3]) < _STILL and np.linalg.norm(move[3:]) < _STILL:
@@ -192,30 +202,28 @@ def _pair_planes(
 
 def _weigh_landmarks(sightings: Sightings, T: Float64Array, lens: PinholeCamera) -> _Rays:
     """Put each landmark at its depth on its ray, with the information of its pixel across the ray."""
-    poses = T @ sightings.T_depth_pixel
-    local = np.einsum("nji,nj->ni", poses[:, :3, :3], sightings.points - poses[:, :3, 3])
-    depth = np.maximum(local[:, 2], 0.1)
-    miss = np.linalg.norm((local[:, :2] / depth[:, None] - sightings.rays[:, :2]) * [lens.fx, lens.fy], axis=1)
-    spread = 1.2 * float(np.median(miss))
+    n = len(sightings)
+    depth, miss = np.empty(n), np.empty(n)
+    kernels.miss_rays(T, sightings.T_depth_pixel, sightings.points, sightings.rays, lens.fx, lens.fy, depth, miss)
+    spread = 1.2 / 1.4826 * robust_scale(miss)
     floored = max(spread, 0.3)
     weights = tukey_weights(miss, TUKEY * floored) / floored**2
-    on_ray = sightings.rays * depth[:, None]
-    M = sightings.T_depth_pixel
-    source = np.einsum("nij,nj->ni", M[:, :3, :3], on_ray) + M[:, :3, 3]
-    direction = np.einsum("nij,nj->ni", poses[:, :3, :3], sightings.rays)
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
-    information = (weights * (lens.fx / depth) ** 2)[:, None, None] * across
-    return _Rays(source, information, weights, spread, int((weights > 0).sum()))
+    source, information = np.empty((n, 3)), np.empty((n, 3, 3))
+    kernels.place_on_rays(T, sightings.T_depth_pixel, sightings.rays, depth, weights, lens.fx, source, information)
+    return _Rays(source, information, weights, spread, int(np.count_nonzero(weights)))
 
 
-def _solve(T: Float64Array, pairs: PlanePairs | None, rays: _Rays | None, sightings: Sightings) -> _Step | None:
-    """Add both terms up in one form, and solve it."""
-    if pairs is None and rays is None:
-        return None
+def _frame_of(pairs: PlanePairs | None, rays: _Rays | None, sightings: Sightings) -> Frame:
+    """Return the frame in which the forms of all steps are kept: that of the first pairs."""
     targets = [p for p in (pairs.target if pairs else None, sightings.points if rays else None) if p is not None]
     sources = [p for p in (pairs.source if pairs else None, rays.source if rays else None) if p is not None]
-    frame = Frame.of(np.concatenate(targets), np.concatenate(sources))
+    return Frame.of(np.concatenate(targets), np.concatenate(sources))
+
+
+def _solve(
+    T: Float64Array, frame: Frame, pairs: PlanePairs | None, rays: _Rays | None, sightings: Sightings
+) -> _Step | None:
+    """Add both terms up in one form, and solve it."""
     Q = np.zeros((13, 13))
     if pairs is not None:
         Q += plane_form(frame.target(pairs.target), frame.source(pairs.source), pairs.normals, pairs.weights)

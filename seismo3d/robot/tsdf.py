@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,12 +25,15 @@ from seismo3d.geometry._kernels_voxels import find
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import _kernels_blocks as blocks
 from seismo3d.robot import _kernels_carve as carving
+from seismo3d.robot import _kernels_fuse as fusing
 from seismo3d.robot import _kernels_raycast as rays
 from seismo3d.robot.frames import Measured
 
 REACH = 0.15
 """Metres from the expected depth within which a surface is looked for."""
 _MARGIN = 40
+_STEADY = 10
+"""Frames that have shown a block before it takes only every second one."""
 _SEEN_THROUGH = 2
 """Pixels around one that must see through a voxel, too."""
 
@@ -42,8 +46,6 @@ class Prediction:
     ----------
     points, normals : ndarray of shape (rows, columns, 3), float32
         In the world frame; NaN where no surface is met. Normals point out of the surface.
-    shade : ndarray of shape (rows, columns, 2), float32
-        Grey value and fused weight.
     T_world_camera : ndarray of shape (4, 4), float64
     lens : ndarray of shape (4,), float64
         fx, fy, cx, cy of the image, which has no distortion.
@@ -51,7 +53,6 @@ class Prediction:
 
     points: Float32Array
     normals: Float32Array
-    shade: Float32Array
     T_world_camera: Float64Array
     lens: Float64Array
 
@@ -59,7 +60,8 @@ class Prediction:
 class SurfaceMap:
     """A truncated signed-distance map in hashed blocks of 8 x 8 x 8 voxels.
 
-    Memory follows the surface that has been seen, 5.6 KB a block, never the volume around it.
+    The distance of a voxel that was never seen is NaN, and its weight 0.
+    Memory follows the surface that has been seen, 6.2 KB a block, never the volume around it.
 
     Parameters
     ----------
@@ -75,13 +77,15 @@ class SurfaceMap:
         self.voxel_size = voxel_size
         self.band = band
         self.heaviest = heaviest
-        self.n_blocks = 0
+        self.n_blocks = self._n_fused = 0
         self.keys = np.empty(1024, dtype=np.int64)
         self.coordinates = np.empty((1024, 3), dtype=np.int32)
-        self.distance = np.zeros((1024, 512), dtype=np.float32)
+        self.distance = np.empty((1024, 512), dtype=np.float32)
         self.weight = np.zeros((1024, 512), dtype=np.float32)
-        self.colour = np.zeros((1024, 512, 3), dtype=np.uint8)
+        self.colour = np.zeros((1024, 512, 4), dtype=np.uint8)
+        self.times_shown = np.zeros(1024, dtype=np.uint8)
         self._tables: dict[tuple[PinholeCamera, tuple[int, ...]], Int32Array] = {}
+        self._image = np.zeros((1, 4), dtype=np.float32)
         self._make_table(12)
 
     @property
@@ -92,7 +96,7 @@ class SurfaceMap:
     @property
     def n_bytes(self) -> int:
         """Memory that the blocks in use take."""
-        return self.n_blocks * (512 * (4 + 4 + 3) + 8 + 12)
+        return self.n_blocks * (512 * (4 + 4 + 4) + 8 + 12 + 1)
 
     def add_blocks(self, keys: Int64Array) -> Int64Array:
         """Make the blocks of some keys where they are missing; return the numbers of all of them."""
@@ -102,6 +106,7 @@ class SurfaceMap:
         self._reserve(self.n_blocks + len(keys))
         first = self.n_blocks
         self.n_blocks = blocks.enter_keys(keys, first, self.keys, numbers, self._table_keys, self._table, self._shift)
+        self.distance[first : self.n_blocks] = np.nan
         self.coordinates[first : self.n_blocks] = blocks.unpack(self.keys[first : self.n_blocks])
         return numbers
 
@@ -136,38 +141,64 @@ class SurfaceMap:
         if carve:
             self._carve(measured, camera, T_world_camera, pool, n_threads)
         R, t = _parts(T_world_camera)
-        keys = blocks.touched_blocks(measured.vertices, 2, R, t, self.block_size, self.band + self.voxel_size)
-        numbers = self.add_blocks(keys)
+        reach = self.band + self.voxel_size
+
+        def touch(pair: tuple[int, int]) -> Int64Array:
+            return blocks.touched_blocks(2 * pair[0], 2 * pair[1], measured.vertices, 2, R, t, self.block_size, reach)
+
+        touched = _spread(touch, _ranges((len(measured.vertices) + 1) // 2, 2 * n_threads), pool)
+        numbers, times = self._due(self.add_blocks(np.unique(np.concatenate(touched))))
         lens = lens_numbers(camera)
         table = self._pixel_table(camera, measured.depth.shape)
         rgb = measured.colour.reshape(-1, 3)
+        image = self._image_of(table.size)
 
-        def work(part: Int64Array) -> None:
-            blocks.fuse_blocks(
-                part, self.coordinates, self.distance, self.weight, self.colour, self.voxel_size, R, t, lens, table,
-                _MARGIN, measured.pixels, rgb, self.band, self.heaviest,
+        def straighten(pair: tuple[int, int]) -> None:
+            fusing.straighten(*pair, table, lens, _MARGIN, measured.pixels, rgb, image, image.view(np.uint32))
+
+        def work(pair: tuple[int, int]) -> None:
+            part = slice(*pair)
+            fusing.fuse_blocks(
+                numbers[part], self.coordinates, self.distance, self.weight, self.colour.view(np.uint32)[:, :, 0],
+                self.voxel_size, R, t, lens, table.shape, _MARGIN, image.view(np.uint64), len(rgb) > 0, times[part],
+                self.band, self.heaviest,
             )  # fmt: skip
 
-        _spread(work, np.array_split(numbers, 4 * n_threads), pool)
+        _spread(straighten, _ranges(len(table), n_threads), pool)
+        _spread(work, _ranges(len(numbers), 8 * n_threads), pool)
+
+    def _due(self, numbers: Int64Array) -> tuple[Int64Array, Float32Array]:
+        """Return those of the blocks that a frame shows that it is put into, and how many times its weight each takes.
+
+        A block that was shown often takes every second frame, with twice the weight, half of the blocks in turn.
+        """
+        self._n_fused += 1
+        steady = self.times_shown[numbers] >= _STEADY
+        self.times_shown[numbers] += ~steady
+        due = ~steady | ((numbers + self._n_fused) % 2 == 0)
+        return numbers[due], np.where(steady[due], np.float32(2.0), np.float32(1.0))
 
     def _carve(
         self, measured: Measured, camera: PinholeCamera, T: Float64Array, pool: ThreadPoolExecutor, n_threads: int
     ) -> None:
-        rows, columns = measured.depth.shape
         R, t = _parts(T)
         lens, table = lens_numbers(camera), self._pixel_table(camera, measured.depth.shape)
-        free = carving.nearest_around(measured.depth, _SEEN_THROUGH)
-        farthest = carving.farthest_tiles(free, rows, columns)
-        every = self.coordinates[: self.n_blocks]
-        seen = carving.blocks_before(every, self.block_size, R, t, lens, farthest, 2.0 * self.band)
+        beyond = carving.straighten_depth(table, carving.nearest_around(measured.depth, _SEEN_THROUGH))
+        farthest = carving.farthest_tiles(beyond, *table.shape)
+
+        def before(pair: tuple[int, int]) -> Int64Array:
+            return carving.blocks_before(
+                *pair, self.coordinates, self.block_size, R, t, lens, _MARGIN, farthest, 2.0 * self.band
+            )
 
         def work(part: Int64Array) -> None:
             carving.carve_blocks(
-                part, self.coordinates, self.distance, self.weight, self.voxel_size, R, t, lens, table, _MARGIN, free,
-                self.band,
+                part, self.coordinates, self.distance, self.weight, self.voxel_size, R, t, lens, table.shape, _MARGIN,
+                beyond, self.band,
             )  # fmt: skip
 
-        _spread(work, np.array_split(seen, 4 * n_threads), pool)
+        seen = np.concatenate(_spread(before, _ranges(self.n_blocks, 4 * n_threads), pool))
+        _spread(work, np.array_split(seen, 8 * n_threads), pool)
 
     def cast(
         self,
@@ -199,17 +230,21 @@ class SurfaceMap:
         R, t = _parts(T_world_camera)
         points = np.empty((rows, columns, 3), dtype=np.float32)
         normals = np.empty((rows, columns, 3), dtype=np.float32)
-        shade = np.empty((rows, columns, 2), dtype=np.float32)
 
         def work(first: int, last: int) -> None:
             rays.cast_rows(
-                first, last, expected, REACH, R, t, lens, self.voxel_size, self.band, self.distance, self.weight,
-                self.colour, self._table_keys, self._table, self._shift, points, normals, shade,
+                first, last, expected, REACH, R, t, lens, self.voxel_size, self.band, self.distance,
+                self._table_keys, self._table, self._shift, points, normals,
             )  # fmt: skip
 
-        edges = np.linspace(0, rows, 4 * n_threads + 1).astype(int)
-        _spread(lambda pair: work(*pair), list(zip(edges[:-1].tolist(), edges[1:].tolist())), pool)
-        return Prediction(points, normals, shade, T_world_camera, lens)
+        _spread(lambda pair: work(*pair), _ranges(rows, 4 * n_threads), pool)
+        return Prediction(points, normals, T_world_camera, lens)
+
+    def _image_of(self, n_pixels: int) -> Float32Array:
+        """Return the memory of a frame's image without distortion, kept from frame to frame; its last row is zero."""
+        if len(self._image) != n_pixels + 1:
+            self._image = np.zeros((n_pixels + 1, 4), dtype=np.float32)
+        return self._image
 
     def _pixel_table(self, camera: PinholeCamera, shape: tuple[int, ...]) -> Int32Array:
         key = (camera, shape)
@@ -227,7 +262,7 @@ class SurfaceMap:
         if n <= len(self.keys):
             return
         size = max(n, 2 * len(self.keys))
-        for name in ("keys", "coordinates", "distance", "weight", "colour"):
+        for name in ("keys", "coordinates", "distance", "weight", "colour", "times_shown"):
             old = getattr(self, name)
             new = np.zeros((size, *old.shape[1:]), dtype=old.dtype)
             new[: self.n_blocks] = old[: self.n_blocks]
@@ -244,7 +279,12 @@ def _parts(T: Float64Array) -> tuple[Float64Array, Float64Array]:
     return np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])
 
 
-def _spread(work: Callable[[Any], None], parts: list[Any], pool: ThreadPoolExecutor) -> None:
-    """Do each part on the pool; errors of a part are raised here."""
-    for _ in pool.map(work, parts):
-        pass
+def _ranges(n: int, n_parts: int) -> list[tuple[int, int]]:
+    """Return first and last + 1 of parts of a range, nearly equal ones."""
+    edges = np.linspace(0, n, n_parts + 1).astype(int).tolist()
+    return list(pairwise(edges))
+
+
+def _spread(work: Callable[[Any], Any], parts: list[Any], pool: ThreadPoolExecutor) -> list[Any]:
+    """Do each part on the pool, and return what each gave; errors of a part are raised here."""
+    return list(pool.map(work, parts))

@@ -97,5 +97,5 @@ def test_blocks_behind_the_surface_are_left_out() -> None:
     lens = np.array([130.0, 130.0, 79.5, 59.5, 0.0, 0.0, 0.0, 0.0, 0.0])
     farthest = carving.farthest_tiles(np.full(120 * 160, 2.0, np.float32), 120, 160)
     coordinates = np.array([[0, 0, z] for z in (3, 6, 11, 12, 20)] + [[40, 0, 6]], dtype=np.int32)
-    seen = carving.blocks_before(coordinates, 0.16, np.eye(3), np.zeros(3), lens, farthest, 0.16)
+    seen = carving.blocks_before(0, 6, coordinates, 0.16, np.eye(3), np.zeros(3), lens, 0, farthest, 0.16)
     assert seen.tolist() == [0, 1, 2]

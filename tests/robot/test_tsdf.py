@@ -140,13 +140,9 @@ def test_interpolation_is_linear_across_blocks() -> None:
         surface.weight[number] = 1.0
     out = np.empty(4)
     for x, y, z in ((2.3, 1.6, 5.9), (-0.4, -0.2, -0.9), (-1.0, 0.0, 3.5)):
-        assert sample_cell(
-            x, y, z, surface.distance, surface.weight, surface._table_keys, surface._table, surface._shift, out
-        )
+        assert sample_cell(x, y, z, surface.distance, surface._table_keys, surface._table, surface._shift, out)
         np.testing.assert_allclose(out, [0.001 * x - 0.002 * y + 0.003 * z, 0.001, -0.002, 0.003], atol=1e-6)
-    assert not sample_cell(
-        30.0, 0.0, 0.0, surface.distance, surface.weight, surface._table_keys, surface._table, surface._shift, out
-    )
+    assert not sample_cell(30.0, 0.0, 0.0, surface.distance, surface._table_keys, surface._table, surface._shift, out)
 
 
 def test_lens_numbers_fill_up_with_zeros() -> None:

@@ -1,0 +1,125 @@
+"""Kernels for cameras that read row by row, and colour and depth apart; see :mod:`seismo3d.robot.frames`.
+
+A motion is (rotation, translation) a second, in the camera's frame; over a time t it carries a point p, to second order
+in the angle, to p + t (w x p + v) + t^2 / 2 w x (w x p).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba as nb
+import numpy as np
+
+from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _carried(w: Any, v: Any, x: Any, y: Any, z: Any, t: Any) -> Any:
+    """Where a point is after a time."""
+    ax, ay, az = w[1] * z - w[2] * y, w[2] * x - w[0] * z, w[0] * y - w[1] * x
+    bx, by, bz = w[1] * az - w[2] * ay, w[2] * ax - w[0] * az, w[0] * ay - w[1] * ax
+    h = np.float32(0.5) * t * t
+    return x + t * (ax + v[0]) + h * bx, y + t * (ay + v[1]) + h * by, z + t * (az + v[2]) + h * bz
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _halves(twist: Float64Array) -> Any:
+    f4 = np.float32
+    return (f4(twist[0]), f4(twist[1]), f4(twist[2])), (f4(twist[3]), f4(twist[4]), f4(twist[5]))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def move_rows(
+    first: int,
+    last: int,
+    depth: Float32Array,
+    rays: Float32Array,
+    twist: Float64Array,
+    start: float,
+    spacing: float,
+    focal: Float32Array,
+    place: Int32Array,
+    moved: Float32Array,
+) -> None:
+    """Write where pixels of some rows of a depth image come to lie (-1 for outside), and their depth there.
+
+    ``twist`` is what carries points of a row's camera frame into the frame of the image's own time, over ``start``
+    seconds for the first row and ``spacing`` more for each one after it.
+    """
+    f4, i4 = np.float32, np.int32
+    rows, columns = depth.shape
+    w, v = _halves(twist)
+    fx, fy, zero, half = focal[0], focal[1], f4(0.0), f4(0.5)
+    width, height, stride = f4(columns), f4(rows), i4(columns)
+    for r in range(first, last):
+        row, ray, to, at_depth, t = depth[r], rays[r], place[r], moved[r], f4(start + r * spacing)
+        for c in range(columns):
+            z, a, b = row[c], ray[c, 0], ray[c, 1]
+            nx, ny, nz = _carried(w, v, z * a, z * b, z, t)
+            inverse = f4(1.0) / nz
+            u = f4(i4(c)) + fx * (nx * inverse - a) + half
+            q = f4(i4(r)) + fy * (ny * inverse - b) + half
+            inside = (z > zero) & (nz >= f4(0.05)) & (u >= zero) & (u < width) & (q >= zero) & (q < height)
+            at = i4(q) * stride + i4(u)
+            to[c] = at if inside else i4(-1)
+            at_depth[c] = nz
+
+
+@nb.njit(cache=True, nogil=True)
+def splat_rows(place: Int32Array, moved: Float32Array) -> Float32Array:
+    """Depth image of what :func:`move_rows` gave: the nearest surface wins where two pixels land on one."""
+    out = np.zeros(place.shape, dtype=np.float32)
+    to, far, flat = place.reshape(-1), moved.reshape(-1), out.reshape(-1)
+    for i in range(to.shape[0]):
+        if to[i] >= 0:
+            at = np.uint64(to[i])
+            if flat[at] == np.float32(0.0) or far[i] < flat[at]:
+                flat[at] = far[i]
+    return out
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def colour_at_depth(
+    first: int,
+    last: int,
+    rgb: AnyArray,
+    depth: Float32Array,
+    rays: Float32Array,
+    twist: Float64Array,
+    start: float,
+    spacing: float,
+    focal: Float32Array,
+    out: AnyArray,
+) -> None:
+    """Colour of each pixel of some rows of a depth image taken at another time; zero where there is none.
+
+    ``twist`` is what carries points of the depth's camera frame into the frame of a row of the colour image, over
+    ``start`` seconds for its first row and ``spacing`` more for each one after it; the row is found from the
+    pixel's own first.
+    """
+    f4, i4 = np.float32, np.int32
+    rows, columns = depth.shape
+    place = np.empty(columns, dtype=np.int32)
+    w, v = _halves(twist)
+    fx, fy, zero, half, near = focal[0], focal[1], f4(0.0), f4(0.5), f4(0.05)
+    width, height, stride, t0, dt = f4(columns), f4(rows), i4(columns), f4(start), f4(spacing)
+    colours, wanted = rgb.reshape(rows * columns, 3), out.reshape(rows * columns, 3)
+    for r in range(first, last):
+        row, ray, own = depth[r], rays[r], f4(i4(r))
+        for c in range(columns):
+            z, a, b = row[c], ray[c, 0], ray[c, 1]
+            nx, ny, nz = _carried(w, v, z * a, z * b, z, t0 + own * dt)
+            other = own + fy * (ny / nz - b)
+            nx, ny, nz = _carried(w, v, z * a, z * b, z, t0 + other * dt)
+            inverse = f4(1.0) / nz
+            u = f4(i4(c)) + fx * (nx * inverse - a) + half
+            q = own + fy * (ny * inverse - b) + half
+            inside = (z > zero) & (nz >= near) & (u >= zero) & (u < width) & (q >= zero) & (q < height)
+            at = i4(q) * stride + i4(u)
+            place[c] = at if inside else i4(-1)
+        for c in range(columns):
+            if place[c] >= 0:
+                source, target = np.uint64(place[c]), np.uint64(r * columns + c)
+                for k in range(3):
+                    wanted[target, np.uint64(k)] = max(colours[source, np.uint64(k)], np.uint8(1))

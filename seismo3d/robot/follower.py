@@ -1,0 +1,167 @@
+"""Follow the camera from frame to frame: predict where it is, find it there or elsewhere, and learn how it moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seismo3d._typing import Float64Array
+from seismo3d.geometry.rotations import invert_transform
+from seismo3d.robot.camera import Camera, RgbdFrame
+from seismo3d.robot.ekf import MotionFilter, adjoint
+from seismo3d.robot.frames import Measured, Timing
+from seismo3d.robot.landmarks import Sightings
+from seismo3d.robot.local_maps import LocalMaps
+from seismo3d.robot.locator import Locator, is_certain, is_sound
+from seismo3d.robot.results import MapperSettings
+from seismo3d.robot.semantic_landmarks import LandmarkBook
+from seismo3d.robot.state import MapState
+from seismo3d.robot.tracking import Located
+
+_LEAST_NORMALS = 300
+_RELOCATE_EVERY = 4
+
+
+class Follower:
+    """Follows the body that some cameras sit on through local maps.
+
+    Parameters
+    ----------
+    cameras : list of Camera
+    settings : MapperSettings
+    locator : Locator
+    maps : LocalMaps
+
+    Attributes
+    ----------
+    n_lost, n_unplaced : int
+        Frames in a row that were not located, and those of them that had depth.
+    """
+
+    def __init__(self, cameras: list[Camera], settings: MapperSettings, locator: Locator, maps: LocalMaps) -> None:
+        self._cameras = cameras
+        self._settings = settings
+        self._locator = locator
+        self._maps = maps
+        self._filter: MotionFilter | None = None
+        self._book = LandmarkBook()
+        self.n_lost = self.n_unplaced = 0
+
+    @property
+    def motion(self) -> MotionFilter:
+        """The filter; there is one once a frame was predicted."""
+        if self._filter is None:
+            raise RuntimeError("no frame was predicted; expected one before its motion is asked for.")
+        return self._filter
+
+    def twist(self, number: int) -> Float64Array:
+        """Velocity of a camera in its own frame."""
+        return adjoint(invert_transform(self._cameras[number].T_body_camera)) @ self.motion.twist
+
+    def predict(self, frame: RgbdFrame) -> None:
+        """Carry the filter on to the time of a frame's depth."""
+        camera = self._cameras[frame.camera]
+        now = frame.depth_time + camera.clock_offset - (camera.depth_delay or 0.0) - 0.5 * (camera.readout or 0.0)
+        if self._filter is None:
+            T = invert_transform(camera.T_body_camera)
+            if self._maps.current.poses:  # a map that was read: near its last pose
+                T = self._maps.current.poses[-1].T_world_camera @ T
+            self._filter = MotionFilter(now, T)
+        if not self._settings.filtered:
+            self._filter.twist[:] = 0.0
+        self._filter.predict(now)
+
+    def find(self, measured: Measured, number: int, timing: Timing) -> tuple[str, Located | None, Float64Array]:
+        """Find where a frame of a camera was taken, near where it is predicted or elsewhere.
+
+        Returns
+        -------
+        (str, Located or None, ndarray of shape (4, 4))
+            State of the frame, how it was located, and the camera's pose; the prediction where it is not known.
+        """
+        T, seen = self._sight(measured, number, timing)
+        if measured.n_normals < _LEAST_NORMALS:
+            return "empty", None, T
+        state, located = self._place(measured, number, T, seen, timing)
+        return state, located, T if located is None or state == "lost" else located.T_world_camera
+
+    def lose(self, state: str) -> None:
+        """Take note of a frame that was not located; its state is ``lost`` or ``empty``."""
+        self.n_lost += 1
+        self.n_unplaced += state == "lost"
+        if not self._book.sees_any:
+            self.motion.twist *= 0.95
+        if not self._maps.current.poses:
+            self._filter = None
+
+    def shift(self, change: Float64Array) -> None:
+        """Carry over a change of the world's frame."""
+        self._book.forget(self._filter)
+        if self._filter is not None:
+            self._filter.T_world_body = change @ self._filter.T_world_body
+
+    def _sight(self, measured: Measured, number: int, timing: Timing) -> tuple[Float64Array, Sightings]:
+        """Update the filter by its landmarks; return the camera's pose, and the sightings that are left."""
+        camera, motion = self._cameras[number], self.motion
+        T, twist = motion.T_world_body @ camera.T_body_camera, self.twist(number)
+        seen = self._locator.sight(self._maps.current, measured, number, T, twist, timing, also=self._book.names)
+        if not (self._settings.filtered and self._settings.landmarks_in_state):
+            return T, seen
+        own = self._book.take_in(motion, seen, camera.lens, camera.T_body_camera)
+        return motion.T_world_body @ camera.T_body_camera, seen.only(~own)
+
+    def _place(
+        self, measured: Measured, number: int, T: Float64Array, seen: Sightings, timing: Timing
+    ) -> tuple[str, Located | None]:
+        """Locate a frame near the predicted pose, else at a place that looks like it, else begin a new local map."""
+        if not self._maps.current.poses:
+            return "started", None
+        located = self._locator.locate(self._maps.current, measured, number, T, seen)
+        sound = is_sound(located, T, n_lost=self.n_lost)
+        if not (sound and is_certain(located)):
+            found = self._place_elsewhere(measured, number, timing, located.share + 0.1 if sound else 0.0)
+            if found is not None:
+                return found
+        if sound:
+            self._take(located, number, seen)
+            return "tracked", located
+        if self.n_unplaced + 1 >= self._settings.new_map_after > 0:
+            self._maps.begin()
+            self._go_on(self._maps.current, T, number)
+            return "started", None
+        return "lost", located
+
+    def _place_elsewhere(
+        self, measured: Measured, number: int, timing: Timing, least_share: float
+    ) -> tuple[str, Located] | None:
+        """Locate a frame at a place that looks like it: when it fits badly, and now and then after a loss."""
+        if self.n_lost >= _RELOCATE_EVERY and self.n_lost % _RELOCATE_EVERY:
+            return None
+        for state, place in self._locator.places(self._maps.every[::-1], measured, number):
+            there = self._locator.sight(state, measured, number, place, np.zeros(6), timing)
+            again = self._locator.locate(state, measured, number, place, there)
+            if again.share > max(0.4, least_share) and is_sound(again, place, n_lost=self.n_lost):
+                if state is self._maps.current and self.n_lost == 0:
+                    # it moved faster than foreseen: that says how fast
+                    self._take(again, number, there)
+                    return "tracked", again
+                self._go_on(state, again.T_world_camera, number)
+                return "relocated", again
+        return None
+
+    def _take(self, located: Located, number: int, seen: Sightings) -> None:
+        """Take a located frame into the filter; the pose is the registration's, so that it fits the map."""
+        if self._filter is None:
+            return
+        T_world_body = located.T_world_camera @ invert_transform(self._cameras[number].T_body_camera)
+        self._filter.update(T_world_body, located.covariance, gate=None)
+        self._filter.T_world_body = T_world_body
+        if self._settings.filtered and self._settings.landmarks_in_state and len(seen):
+            self._book.learn(self._filter, seen, located.landmark_weights, located.T_world_camera)
+
+    def _go_on(self, state: MapState, T_world_camera: Float64Array, number: int) -> None:
+        """Go on from a pose in a local map, with nothing known of the velocity."""
+        if state is not self._maps.current:
+            self._maps.go_to(state)
+        T_world_body = T_world_camera @ invert_transform(self._cameras[number].T_body_camera)
+        self._book.forget(None)
+        self._filter = MotionFilter(0.0 if self._filter is None else self._filter.time, T_world_body)

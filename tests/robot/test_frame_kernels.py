@@ -1,0 +1,158 @@
+"""Kernels of measuring and fusing against plain numpy."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.geometry.rotations import exp_rotation, make_transform
+from seismo3d.robot import _kernels_carve as carving
+from seismo3d.robot import _kernels_frame as frames
+from seismo3d.robot import _kernels_shutter as shutter
+from seismo3d.robot.frames import Measured, Measurer, MeasureSettings
+from seismo3d.robot.tsdf import SurfaceMap, lens_numbers
+
+LENS = PinholeCamera(130.0, 130.0, 79.5, 59.5, (0.1, -0.05, 0.001, -0.002))
+POOL = ThreadPoolExecutor(2)
+POSE = make_transform(exp_rotation([0.1, -0.2, 0.05]), [0.2, -0.1, 0.3])
+
+
+def measured_room(rng: np.random.Generator) -> Measured:
+    """A wall with a step, with holes, noise and colours."""
+    depth = np.full((120, 160), 1.6)
+    depth[30:80, 50:110] = 1.1
+    depth += 0.002 * rng.standard_normal(depth.shape)
+    depth[rng.random(depth.shape) < 0.05] = 0.0
+    colour = rng.integers(1, 255, (120, 160, 3)).astype(np.uint8)
+    return Measurer(LENS, MeasureSettings(), POOL).measured(depth.astype(np.float32), colour)
+
+
+def seen_by(surface: SurfaceMap, lens: PinholeCamera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pixel (row, column; -1 outside) and depth of each voxel of a map, and its ray's length at depth 1."""
+    voxel = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    at = (surface.coordinates[: surface.n_blocks, None] * 8 + voxel) * surface.voxel_size
+    local = (at - POSE[:3, 3]) @ POSE[:3, :3]
+    # to the nearest pixel of an image without distortion, then to the one with it
+    straight = PinholeCamera(lens.fx, lens.fy, lens.cx, lens.cy)
+    nearest = np.floor(straight.project(local.reshape(-1, 3)) + 0.5)
+    ray = np.column_stack([(nearest - [lens.cx, lens.cy]) / [lens.fx, lens.fy], np.ones(len(nearest))])
+    pixel = np.floor(lens.project(ray) + 0.5)
+    outside = ~((pixel >= 0) & (pixel < [160, 120])).all(axis=1)
+    rows_columns = np.where(outside[:, None], -1, pixel[:, ::-1]).astype(int).reshape(*at.shape[:2], 2)
+    return rows_columns, local[:, :, 2], np.linalg.norm(ray, axis=1).reshape(at.shape[:2])
+
+
+def test_a_frame_is_fused_as_the_definition_says(rng: np.random.Generator) -> None:
+    measured = measured_room(rng)
+    surface = SurfaceMap(0.02, 0.08)
+    surface.fuse(measured, LENS, POSE, pool=POOL, n_threads=2)
+    n = surface.n_blocks
+    pixel, z, length = seen_by(surface, LENS)
+    number = pixel[..., 0] * 160 + pixel[..., 1]
+    depth, cosine, weight = (np.where(number >= 0, measured.pixels[number, k], 0.0) for k in range(3))
+    ahead = (depth - z) * cosine * length
+    taken = (weight > 0) & (ahead >= -0.08) & (depth - z >= -0.16)
+    same = taken == (surface.weight[:n] > 0)
+    assert same.mean() > 0.999  # where rounding decides on a pixel
+    assert np.isnan(surface.distance[:n][~taken & same]).all()
+    both = taken & same
+    close = np.abs(surface.distance[:n][both] - np.minimum(ahead[both], 0.08)) < 1e-4
+    assert close.mean() > 0.999
+    assert np.median(np.abs(surface.weight[:n][both] - weight[both])) < 1e-6
+    coloured = both & (np.abs(ahead) < 0.039)
+    hue = measured.colour.reshape(-1, 3)[number[coloured]]
+    assert (surface.colour[:n, :, :3][coloured] == hue).all(axis=1).mean() > 0.999
+    assert not surface.colour[:n, :, 3].any()
+
+
+def test_steady_blocks_take_every_second_frame_twofold(rng: np.random.Generator) -> None:
+    measured = measured_room(rng)
+    often, once = SurfaceMap(0.02, 0.08), SurfaceMap(0.02, 0.08)
+    once.fuse(measured, LENS, POSE, pool=POOL, n_threads=1)
+    for _ in range(30):
+        often.fuse(measured, LENS, POSE, pool=POOL, n_threads=2)
+    n = often.n_blocks
+    np.testing.assert_array_equal(often.keys[:n], once.keys[:n])
+    np.testing.assert_allclose(often.distance[:n], once.distance[:n], atol=1e-5)  # the same frame again and again
+    ratio = often.weight[:n][once.weight[:n] > 0] / once.weight[:n][once.weight[:n] > 0]
+    assert np.abs(ratio - 30.0).max() < 1e-3
+
+
+def test_no_block_that_would_be_carved_is_left_out(rng: np.random.Generator) -> None:
+    measured = measured_room(rng)
+    surface = SurfaceMap(0.02, 0.08)
+    surface.fuse(measured, LENS, POSE, pool=POOL, n_threads=1)
+    near = Measurer(LENS, MeasureSettings(), POOL).measured(
+        np.where(measured.depth > 0, 0.7, 0.0).astype(np.float32), np.zeros((0, 0, 3), np.uint8)
+    )
+    surface.fuse(near, LENS, POSE, pool=POOL, n_threads=1)
+    n, R, t = surface.n_blocks, np.ascontiguousarray(POSE[:3, :3]), np.ascontiguousarray(POSE[:3, 3])
+    table = surface._pixel_table(LENS, (120, 160))
+    lens, beyond = lens_numbers(LENS), carving.straighten_depth(table, carving.nearest_around(measured.depth, 2))
+    farthest = carving.farthest_tiles(beyond, *table.shape)
+    seen = carving.blocks_before(0, n, surface.coordinates, surface.block_size, R, t, lens, 40, farthest, 0.16)
+    rest = (R, t, lens, table.shape, 40, beyond, 0.08)
+    maps = []
+    for numbers in (seen, np.arange(n)):
+        d, w = surface.distance.copy(), surface.weight.copy()
+        carving.carve_blocks(numbers, surface.coordinates, d, w, 0.02, *rest)
+        maps.append((d[:n], w[:n]))
+    np.testing.assert_array_equal(maps[0][0], maps[1][0])
+    np.testing.assert_array_equal(maps[0][1], maps[1][1])
+    assert (maps[0][1] != surface.weight[:n]).any()
+    assert len(seen) < 0.7 * n
+
+
+@pytest.mark.parametrize("size", [(20, 24), (21, 27)])
+def test_half_image_is_the_mean_of_one_surface(rng: np.random.Generator, size: tuple[int, int]) -> None:
+    depth = (1.0 + 0.02 * rng.random(size) + (rng.random(size) < 0.3)).astype(np.float32)
+    depth[rng.random(size) < 0.2] = 0.0
+    rays = rng.normal(size=(*size, 2)).astype(np.float32)
+    out = np.empty((size[0] // 2, size[1] // 2, 3), np.float32)
+    frames.halve(0, len(out), depth, rays, 0.3, 4.0, out)
+    for r in range(out.shape[0]):
+        for c in range(out.shape[1]):
+            four = np.sort(depth[2 * r : 2 * r + 2, 2 * c : 2 * c + 2].ravel())
+            four = four[four > 0.3]
+            expected = np.zeros(3)
+            if len(four) > 1:
+                middle = four[(len(four) - 1) // 2]
+                around = np.s_[max(2 * r - 1, 0) : 2 * r + 3, max(2 * c - 1, 0) : 2 * c + 3]
+                z, ray = depth[around].astype(float), rays[around].astype(float)
+                kept = np.abs(z - middle) < 4.0 * frames.depth_sigma(middle)
+                if kept.sum() >= 3:
+                    z, ray = z[kept], ray[kept]
+                    expected = np.array([(z * ray[:, 0]).mean(), (z * ray[:, 1]).mean(), z.mean()])
+            np.testing.assert_allclose(out[r, c], expected, atol=1e-5)
+
+
+def test_a_still_camera_changes_nothing(rng: np.random.Generator) -> None:
+    measured = measured_room(rng)
+    rays = Measurer(LENS, MeasureSettings(), POOL).rays((120, 160))
+    place, moved = np.empty((120, 160), np.int32), np.empty((120, 160), np.float32)
+    focal = np.array([130.0, 130.0], np.float32)
+    shutter.move_rows(0, 120, measured.depth, rays, np.zeros(6), -0.015, 0.03 / 120, focal, place, moved)
+    np.testing.assert_array_equal(shutter.splat_rows(place, moved), measured.depth)
+    out = np.zeros((120, 160, 3), np.uint8)
+    shutter.colour_at_depth(0, 120, measured.colour, measured.depth, rays, np.zeros(6), 0.01, 0.0, focal, out)
+    np.testing.assert_array_equal(out, np.where(measured.depth[:, :, None] > 0, measured.colour, 0))
+
+
+def test_a_turning_camera_is_undone_row_by_row() -> None:
+    """A wall seen while the camera turns about the plumb axis: each row's pixels shift by its own time."""
+    depth = np.full((120, 160), 2.0, np.float32)
+    lens = PinholeCamera(130.0, 130.0, 79.5, 59.5)
+    rays = Measurer(lens, MeasureSettings(), POOL).rays((120, 160))
+    place, moved = np.empty((120, 160), np.int32), np.empty((120, 160), np.float32)
+    twist, focal = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]), np.array([130.0, 130.0], np.float32)
+    shutter.move_rows(0, 120, depth, rays, twist, -0.05, 0.1 / 120, focal, place, moved)
+    for r in (0, 30, 90, 119):
+        angle = -0.05 + r * 0.1 / 120
+        c = 80
+        x, z = 2.0 * rays[r, c, 0], 2.0
+        turned = np.array([np.cos(angle) * x + np.sin(angle) * z, np.cos(angle) * z - np.sin(angle) * x])
+        assert place[r, c] % 160 == np.floor(130.0 * turned[0] / turned[1] + 79.5 + 0.5)
+        assert moved[r, c] == pytest.approx(turned[1], abs=2e-4)
