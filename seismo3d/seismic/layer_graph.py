@@ -14,7 +14,8 @@ from seismo3d.seismic.dip import DipSettings
 from seismo3d.seismic.fault_links import LinkSettings, SurfaceGrid, link_grid
 from seismo3d.seismic.shifts import ShiftField, ShiftSettings
 
-_DOUBT = np.float32(1e4)
+DOUBT = np.float32(1e4)
+"""By how much the variance of doubtful shifts is larger."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,19 +137,24 @@ def _round(
 def _doubt(graph: LayerGraph) -> list[ShiftField]:
     """Return the shifts, those near a fault or with a bad fit with a much larger variance."""
     settings = graph.settings
-    step = settings.shifts.step
-    near = np.zeros(graph.breaks.shape, bool)
-    for t in range(step):
-        part = graph.cuts[:, :, t::step] & 3 > 0
-        near[:, :, : part.shape[2]] |= part
-    size = 2 * settings.clear + 1
-    near = ndimage.maximum_filter(near, (size, size, 1))
+    near = near_faults(graph.cuts, graph.breaks.shape, settings)
     return [
-        replace(f, variance=np.where(_is_doubtful(f, near, settings), _DOUBT, 1) * f.variance) for f in graph.fields
+        replace(f, variance=np.where(is_doubtful(f, near, settings), DOUBT, 1) * f.variance) for f in graph.fields
     ]
 
 
-def _is_doubtful(f: ShiftField, near: BoolArray, settings: LayerTimeSettings) -> BoolArray:
+def near_faults(cuts: AnyArray, shape: tuple[int, ...], settings: LayerTimeSettings) -> BoolArray:
+    """Mark the coarse samples, in an array of this shape, beside which a fault passes within `clear` traces."""
+    step, near = settings.shifts.step, np.zeros(shape, bool)
+    for t in range(step):
+        part = cuts[:, :, t::step] & 3 > 0
+        near[:, :, : part.shape[2]] |= part
+    size = 2 * settings.clear + 1
+    return np.asarray(ndimage.maximum_filter(near, (size, size, 1)))
+
+
+def is_doubtful(f: ShiftField, near: BoolArray, settings: LayerTimeSettings) -> BoolArray:
+    """Tell which shifts touch a fault, fit badly, or are not measured."""
     doubt = near | (f.misfit > 1.0) | (f.variance >= np.float32(settings.shifts.most * f.length))
     if f.axis == 0:
         doubt[: -f.length] |= near[f.length :]
@@ -185,11 +191,11 @@ def _edges(graph: LayerGraph, fields: list[ShiftField], stride: int) -> ScalarEd
 def _thickness_edges(graph: LayerGraph, values: Float32Array, stride: int) -> ScalarEdges:
     breaks = np.ascontiguousarray(graph.breaks[::stride, ::stride])
     arrays = _empty_edges(values.size)
-    thickness = _smooth_thickness(values, breaks, graph.settings, stride).ravel()
+    thickness = smooth_thickness(values, breaks, graph.settings, stride).ravel()
     return _as_edges(arrays, link_samples(thickness, breaks, np.float32(graph.settings.thickness**2), *arrays))
 
 
-def _smooth_thickness(values: Float32Array, breaks: AnyArray, settings: LayerTimeSettings, stride: int) -> Float32Array:
+def smooth_thickness(values: Float32Array, breaks: AnyArray, settings: LayerTimeSettings, stride: int) -> Float32Array:
     """Return the mean growth of the values over a coarse sample in wide surroundings, faults left out."""
     known = (breaks == 0).astype(np.float32)
     known[:, :, -1] = 0.0

@@ -1,0 +1,195 @@
+"""The equations of the layer graph on a grid too large for memory: mapped from disk, worked on some rows at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int64Array
+from seismo3d.graph.scalars import ScalarEdges
+from seismo3d.seismic._kernels_layer_solve import (
+    DIAGONAL,
+    GRADIENT,
+    NORMAL,
+    advance,
+    multiply_rows,
+    pull_crosslines,
+    pull_faults,
+    pull_inlines,
+    pull_samples,
+    turn,
+    weigh_links,
+    weigh_samples,
+)
+from seismo3d.seismic.linking import Room
+
+_TOLERANCE = 1e-3
+# bytes of a vertex in the arrays of the solution: five vectors, and room for the pages of their neighbours
+_VECTOR_BYTES = 40
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinkField:
+    """Links from every vertex to the trace `hop` further along an axis.
+
+    Attributes
+    ----------
+    axis, hop : int
+        0 for rows, 1 for the traces of a row; and how many of them on.
+    shift, variance, weight : ndarray of shape (row, trace, coarse sample), float32
+        What a link measures; its variance, infinite where there is none; its weight in the round.
+    """
+
+    axis: int
+    hop: int
+    shift: Float32Array
+    variance: Float32Array
+    weight: Float32Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaultLinks:
+    """Links across faults, listed, and their ends in the order of the rows that they lie in."""
+
+    vertices: Int64Array
+    shares: Float32Array
+    measured: Float32Array
+    variance: Float32Array
+    weight: Float32Array
+    ends: Int64Array
+    first_of_row: Int64Array
+
+    @classmethod
+    def from_edges(cls, edges: ScalarEdges, shape: tuple[int, int, int]) -> FaultLinks:
+        """Sort the ends of edges between vertices of a grid."""
+        vertices = np.stack([edges.first, edges.second]).astype(np.int64)
+        rows = (vertices.T // (shape[1] * shape[2])).ravel()
+        ends = np.argsort(rows, kind="stable")
+        first = np.searchsorted(rows[ends], np.arange(shape[0] + 1)).astype(np.int64)
+        shares = np.stack([edges.first_share, edges.second_share])
+        return cls(vertices, shares, edges.measured, edges.variance, np.zeros(len(edges), np.float32), ends, first)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LayerSystem:
+    """A layer graph at one stride.
+
+    Attributes
+    ----------
+    fields : list of LinkField
+        Links between traces.
+    breaks : ndarray of shape (row, trace, coarse sample), uint8
+        As in :class:`~seismo3d.seismic.layer_graph.LayerGraph`.
+    faults : FaultLinks
+        Links across faults.
+    thickness, down : ndarray of the same shape, float32
+        What links down a trace measure, and their weight in the round.
+    room : Room
+        Where the vectors of a solution are kept.
+    step : int
+        Samples from a vertex to the next.
+    bytes_at_a_time : int
+        Memory that the rows worked on between two rests may take.
+    """
+
+    fields: list[LinkField]
+    breaks: AnyArray
+    faults: FaultLinks
+    thickness: Float32Array
+    down: Float32Array
+    room: Room
+    step: int
+    bytes_at_a_time: int
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Rows, traces of a row, and coarse samples."""
+        n0, n1, m = self.breaks.shape
+        return n0, n1, m
+
+    def slabs(self) -> Iterator[tuple[int, int]]:
+        """Give the first and last row of parts that fit into memory, which is given back after each."""
+        n0, n1, m = self.shape
+        row = n1 * m * (_VECTOR_BYTES + 8 * len(self.fields) + 9)
+        hops = 2 * max((field.hop for field in self.fields if field.axis == 0), default=0)
+        rows = max(1, self.bytes_at_a_time // row - hops)
+        for start in range(0, n0, rows):
+            yield start, min(start + rows, n0)
+            if rows < n0:
+                self.room.rest()
+
+    def pull(self, kind: int, values: Float32Array, start: int, stop: int, out: Float32Array) -> None:
+        """Write rows of the normal matrix times values, of the gradient at them, or of the diagonal."""
+        out[start:stop] = 0.0
+        for field in self.fields:
+            kernel = pull_inlines if field.axis == 0 else pull_crosslines
+            kernel(values, field.shift, field.weight, self.breaks, field.hop, self.step, start, stop, kind, out)
+        pull_samples(values, self.thickness, self.down, start, stop, kind, out)
+        faults = self.faults
+        edges = (faults.vertices, faults.shares)
+        given = (faults.ends, faults.first_of_row, edges, faults.measured, faults.weight)
+        pull_faults(values, *given, start, stop, kind, out)
+
+    def weigh(self, values: Float32Array, cutoff: float, variance: float) -> float:
+        """Weigh every link by how well values fit it; return the share of those beyond the cutoff."""
+        limit = np.float32(cutoff)
+        counts = np.zeros((len(self.fields) + 1, self.shape[0], 2), np.int64)
+        for start, stop in self.slabs():
+            for field, found in zip(self.fields, counts[:-1], strict=True):
+                weigh_links(
+                    values, field.shift, field.variance, self.breaks, field.axis, field.hop, self.step, limit,
+                    start, stop, field.weight, found,
+                )  # fmt: skip
+            weigh_samples(
+                values, self.thickness, self.breaks, np.float32(variance), limit, start, stop, self.down, counts[-1]
+            )
+        n_links, n_beyond = counts.sum(axis=(0, 1))
+        n_beyond += self._weigh_faults(values, limit)
+        return float(n_beyond / max(1, n_links + len(self.faults.measured)))
+
+    def _weigh_faults(self, values: Float32Array, cutoff: np.float32) -> int:
+        """Weigh the links across faults; return how many lie beyond the cutoff."""
+        faults, flat = self.faults, values.reshape(-1)
+        n_beyond = 0
+        for begin in range(0, len(faults.measured), self.room.most):
+            part = slice(begin, begin + self.room.most)
+            at, share = faults.vertices[:, part], faults.shares[:, part]
+            value = np.where(share > 0, (1 - share) * flat[at] + share * flat[at + (share > 0)], flat[at])
+            residual = faults.measured[part] - (value[1] - value[0])
+            spread = faults.variance[part]
+            shrink = 1 / (1 + residual**2 / spread / (cutoff * cutoff))
+            faults.weight[part] = shrink * shrink / spread
+            n_beyond += int((np.abs(residual) > cutoff * np.sqrt(spread)).sum())
+            self.room.rest()
+        return n_beyond
+
+    def improve(self, values: Float32Array, iterations: int) -> None:
+        """Take values, in place, to the least squares of the weighted links, by scaled conjugate gradients."""
+        gradient, scale, step, direction, product = (self.room.array(self.shape, np.float32) for _ in range(5))
+        sums: Float64Array = np.zeros(self.shape[0])
+        for start, stop in self.slabs():
+            rows = slice(start, stop)
+            self.pull(DIAGONAL, values, start, stop, scale)
+            np.divide(np.float32(1.0), scale[rows], out=scale[rows], where=scale[rows] > 0)
+            self.pull(GRADIENT, values, start, stop, gradient)
+            step[rows] = 0.0
+            np.multiply(scale[rows], gradient[rows], out=direction[rows])
+            multiply_rows(gradient, direction, start, stop, sums)
+        energy = first = float(sums.sum())
+        for _ in range(iterations):
+            if energy <= _TOLERANCE**2 * first or energy <= 0.0:
+                break
+            for start, stop in self.slabs():
+                self.pull(NORMAL, direction, start, stop, product)
+                multiply_rows(direction, product, start, stop, sums)
+            length = np.float32(energy / max(float(sums.sum()), 1e-30))
+            for start, stop in self.slabs():
+                advance(length, direction, product, scale, start, stop, step, gradient, sums)
+            last, energy = energy, float(sums.sum())
+            factor = np.float32(energy / last)
+            for start, stop in self.slabs():
+                turn(factor, gradient, scale, start, stop, direction)
+        for start, stop in self.slabs():
+            values[start:stop] += step[start:stop]
