@@ -55,104 +55,147 @@ def _give(out, low, part, pull, kind):  # type: ignore[no-untyped-def]
         out[low + 1] += part * pull
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def pull_crosslines(values, shift, weight, breaks, hop, step, start, stop, kind, out):  # type: ignore[no-untyped-def]
-    """Add, to rows from start to stop, what links within each row pull."""
+@njit(cache=True, nogil=True)
+def _pull_along(values, shift, weight, breaks, hop, step, i, kind, out):  # type: ignore[no-untyped-def]
+    """Add to row i what links within it pull."""
     _, n1, m = values.shape
     sign = np.float32(1.0) if kind == DIAGONAL else np.float32(-1.0)
-    for line in prange(start, stop):
-        i = np.int64(line)
-        for j in range(n1 - hop):
-            for k in range(m):
-                w = weight[i, j, k]
-                if w == 0.0:
-                    continue
-                low, part = _head(shift[i, j, k], breaks[i, j + hop], k, step, m)
-                pull = _pull(values[i, j, k], values[i, j + hop], low, part, -shift[i, j, k], w, kind)
-                out[i, j, k] += sign * pull
-                _give(out[i, j + hop], low, part, pull, kind)
+    for j in range(n1 - hop):
+        for k in range(m):
+            w = weight[i, j, k]
+            if w == 0.0:
+                continue
+            low, part = _head(shift[i, j, k], breaks[i, j + hop], k, step, m)
+            pull = _pull(values[i, j, k], values[i, j + hop], low, part, -shift[i, j, k], w, kind)
+            out[i, j, k] += sign * pull
+            _give(out[i, j + hop], low, part, pull, kind)
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def pull_inlines(values, shift, weight, breaks, hop, step, start, stop, kind, out):  # type: ignore[no-untyped-def]
-    """Add, to rows from start to stop, what links to the row `hop` further, and from the one before, pull."""
+@njit(cache=True, nogil=True)
+def _pull_across(values, shift, weight, breaks, hop, step, i, kind, out):  # type: ignore[no-untyped-def]
+    """Add to row i what links to the row `hop` further, and from the one before, pull."""
     n0, n1, m = values.shape
     sign = np.float32(1.0) if kind == DIAGONAL else np.float32(-1.0)
-    for line in prange(start, stop):
-        i = np.int64(line)
-        for j in range(n1):
-            for k in range(m):
-                if i + hop < n0 and weight[i, j, k] != 0.0:
-                    low, part = _head(shift[i, j, k], breaks[i + hop, j], k, step, m)
-                    ahead = values[i + hop, j]
-                    pull = _pull(values[i, j, k], ahead, low, part, -shift[i, j, k], weight[i, j, k], kind)
-                    out[i, j, k] += sign * pull
-            if i < hop:
+    for j in range(n1):
+        for k in range(m):
+            if i + hop < n0 and weight[i, j, k] != 0.0:
+                low, part = _head(shift[i, j, k], breaks[i + hop, j], k, step, m)
+                pull = _pull(values[i, j, k], values[i + hop, j], low, part, -shift[i, j, k], weight[i, j, k], kind)
+                out[i, j, k] += sign * pull
+        if i < hop:
+            continue
+        for k in range(m):
+            w = weight[i - hop, j, k]
+            if w == 0.0:
                 continue
-            for k in range(m):
-                w = weight[i - hop, j, k]
-                if w == 0.0:
-                    continue
-                low, part = _head(shift[i - hop, j, k], breaks[i, j], k, step, m)
-                pull = _pull(values[i - hop, j, k], values[i, j], low, part, -shift[i - hop, j, k], w, kind)
-                _give(out[i, j], low, part, pull, kind)
+            low, part = _head(shift[i - hop, j, k], breaks[i, j], k, step, m)
+            pull = _pull(values[i - hop, j, k], values[i, j], low, part, -shift[i - hop, j, k], w, kind)
+            _give(out[i, j], low, part, pull, kind)
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def pull_samples(values, thickness, weight, start, stop, kind, out):  # type: ignore[no-untyped-def]
-    """Add, to rows from start to stop, what links down every trace pull; thickness is what they measure."""
+@njit(cache=True, nogil=True)
+def _pull_down(values, thickness, weight, i, kind, out):  # type: ignore[no-untyped-def]
+    """Add to row i what links down its traces pull; thickness is what they measure."""
     _, n1, m = values.shape
     sign = np.float32(1.0) if kind == DIAGONAL else np.float32(-1.0)
-    for line in prange(start, stop):
-        i = np.int64(line)
-        for j in range(n1):
-            for k in range(m - 1):
-                w = weight[i, j, k]
-                if w != 0.0:
-                    pull = w
-                    if kind != DIAGONAL:
-                        pull *= values[i, j, k + 1] - values[i, j, k]
-                    if kind == GRADIENT:
-                        pull = w * thickness[i, j, k] - pull
-                    out[i, j, k] += sign * pull
-                    out[i, j, k + 1] += pull
+    for j in range(n1):
+        for k in range(m - 1):
+            w = weight[i, j, k]
+            if w == 0.0:
+                continue
+            pull = w
+            if kind != DIAGONAL:
+                pull *= values[i, j, k + 1] - values[i, j, k]
+            if kind == GRADIENT:
+                pull = w * thickness[i, j, k] - pull
+            out[i, j, k] += sign * pull
+            out[i, j, k + 1] += pull
+
+
+@njit(cache=True, nogil=True)
+def _pull_listed(values, faults, i, kind, out):  # type: ignore[no-untyped-def]
+    """Add to row i what listed links pull."""
+    vertices, shares, measured, weight, ends, first_of_row = faults
+    _, n1, m = values.shape
+    one = np.float32(1.0)
+    for n in range(first_of_row[i], first_of_row[i + 1]):
+        e, side = ends[n] // 2, ends[n] % 2
+        at, part = vertices[side, e] - i * n1 * m, shares[side, e]
+        row = out[i, at // m]
+        k, w = at % m, weight[e]
+        if kind == DIAGONAL:
+            row[k] += (one - part) * (one - part) * w
+            if part > 0:
+                row[k + 1] += part * part * w
+            continue
+        difference = _end_value(values, vertices[1, e], shares[1, e]) - _end_value(values, vertices[0, e], shares[0, e])
+        pull = w * (measured[e] - difference) if kind == GRADIENT else w * difference
+        if side == 0:
+            pull = -pull
+        row[k] += (one - part) * pull
+        if part > 0:
+            row[k + 1] += part * pull
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def pull_faults(values, ends, first_of_row, edges, measured, weight, start, stop, kind, out):  # type: ignore[no-untyped-def]
-    """Add, to rows from start to stop, what listed links pull.
+def pull_rows(values, links, breaks, step, down, faults, start, stop, kind, out, other, sums):  # type: ignore[no-untyped-def]
+    """Write rows from start to stop of what all links pull, and each one's inner product with the same of `other`.
 
-    `edges` has the two ends' vertices and their shares, each of shape (2, n); `ends` the numbers of ends, 2 e for the
-    foot of link e and 2 e + 1 for its head, in the order of the rows that they lie in, from `first_of_row` on.
+    Parameters
+    ----------
+    links : tuple
+        Shifts and weights of shape (field, row, trace, coarse sample), and the axis and hop of each field.
+    down : tuple
+        What links down the traces measure, and their weights.
+    faults : tuple
+        Of listed links: the two ends' vertices and shares, each of shape (2, n); what they measure; their weights; the
+        numbers of their ends, 2 e for the foot of link e and 2 e + 1 for its head, in the order of the rows that they
+        lie in; and where each row begins in there.
     """
-    vertices, shares = edges
-    flat, given = values.reshape(-1), out.reshape(-1)
-    one = np.float32(1.0)
+    shift, weight, axes, hops = links
+    _, n1, m = values.shape
     for line in prange(start, stop):
-        for n in range(first_of_row[line], first_of_row[line + 1]):
-            e, side = ends[n] // 2, ends[n] % 2
-            w = weight[e]
-            at, part = vertices[side, e], shares[side, e]
-            if kind == DIAGONAL:
-                given[at] += (one - part) * (one - part) * w
-                if part > 0:
-                    given[at + 1] += part * part * w
-                continue
-            difference = _end_value(flat, vertices[1, e], shares[1, e]) - _end_value(flat, vertices[0, e], shares[0, e])
-            pull = w * (measured[e] - difference) if kind == GRADIENT else w * difference
-            if side == 0:
-                pull = -pull
-            given[at] += (one - part) * pull
-            if part > 0:
-                given[at + 1] += part * pull
+        i = np.int64(line)
+        out[i] = np.float32(0.0)
+        for f in range(len(axes)):
+            if axes[f] == 0:
+                _pull_across(values, shift[f], weight[f], breaks, hops[f], step, i, kind, out)
+            else:
+                _pull_along(values, shift[f], weight[f], breaks, hops[f], step, i, kind, out)
+        _pull_down(values, down[0], down[1], i, kind, out)
+        _pull_listed(values, faults, i, kind, out)
+        total = 0.0
+        for j in range(n1):
+            for k in range(m):
+                total += np.float64(out[i, j, k]) * np.float64(other[i, j, k])
+        sums[i] = total
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def begin_rows(scale, gradient, start, stop, step, direction, energies):  # type: ignore[no-untyped-def]
+    """Turn the diagonal into its inverse, and begin a solution at nothing, down the scaled gradient."""
+    _, n1, m = step.shape
+    for line in prange(start, stop):
+        i = np.int64(line)
+        total = 0.0
+        for j in range(n1):
+            for k in range(m):
+                if scale[i, j, k] > 0.0:
+                    scale[i, j, k] = np.float32(1.0) / scale[i, j, k]
+                step[i, j, k] = 0.0
+                direction[i, j, k] = scale[i, j, k] * gradient[i, j, k]
+                total += np.float64(gradient[i, j, k]) * np.float64(direction[i, j, k])
+        energies[i] = total
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _end_value(flat, at, part):  # type: ignore[no-untyped-def]
+def _end_value(values, at, part):  # type: ignore[no-untyped-def]
     """Return the value at an end of a listed link."""
+    _, n1, m = values.shape
+    row, k = values[at // (n1 * m), at // m % n1], at % m
     if part > 0:
-        return (np.float32(1.0) - part) * flat[at] + part * flat[at + 1]
-    return flat[at]
+        return (np.float32(1.0) - part) * row[k] + part * row[k + 1]
+    return row[k]
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -233,19 +276,6 @@ def turn(factor, gradient, scale, start, stop, direction):  # type: ignore[no-un
         for j in range(n1):
             for k in range(m):
                 direction[i, j, k] = factor * direction[i, j, k] + scale[i, j, k] * gradient[i, j, k]
-
-
-@njit(cache=True, nogil=True, parallel=True)
-def multiply_rows(one, other, start, stop, sums):  # type: ignore[no-untyped-def]
-    """Write the inner product of every row with the same of another array."""
-    _, n1, m = one.shape
-    for line in prange(start, stop):
-        i = np.int64(line)
-        total = 0.0
-        for j in range(n1):
-            for k in range(m):
-                total += np.float64(one[i, j, k]) * np.float64(other[i, j, k])
-        sums[i] = total
 
 
 @njit(cache=True, nogil=True, parallel=True)

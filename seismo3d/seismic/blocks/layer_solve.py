@@ -11,7 +11,7 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array
 from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_layer_solve import keep_free
 from seismo3d.seismic._kernels_layers import fill_samples, make_increasing
-from seismo3d.seismic.blocks.layer_system import FaultLinks, LayerSystem, LinkField
+from seismo3d.seismic.blocks.layer_system import FaultLinks, LayerSystem, LinkFields
 from seismo3d.seismic.blocks.layers import by_box, coarse_shape, live_traces, read_field, read_grid
 from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
 from seismo3d.seismic.blocks.plan import BASE_BYTES, Box, Tiling
@@ -158,16 +158,13 @@ def _load(run: BlockRun, stride: int, is_doubted: bool, room: Room, at_a_time: i
     """Read the links between the traces of a stride, and those across faults."""
     shape, settings = _grid_shape(run, stride), run.settings
     numbers = [n for n in range(2 * len(settings.lengths)) if settings.lengths[n // 2] % stride == 0]
-    fields = [
-        LinkField(
-            n % 2, settings.lengths[n // 2] // stride, *(room.array(shape, np.float32) for _ in range(3))
-        )
-        for n in numbers
-    ]  # fmt: skip
+    axes = np.array([n % 2 for n in numbers], np.int64)
+    hops = np.array([settings.lengths[n // 2] // stride for n in numbers], np.int64)
+    fields = LinkFields(axes, hops, *(room.array((len(numbers), *shape), np.float32) for _ in range(3)))
     breaks = room.array(shape, np.uint8)
     edge = run.plan.edges["links"][0]
     for box in Tiling(run.plan.shape[:2], (edge, edge)):
-        _load_box(run, box, stride, is_doubted, list(zip(numbers, fields, strict=True)), breaks)
+        _load_box(run, box, stride, is_doubted, numbers, fields, breaks)
         room.rest()
     faults = FaultLinks.from_edges(_fault_edges(run, stride), shape)
     thickness, down = (room.array(shape, np.float32) for _ in range(2))
@@ -175,7 +172,7 @@ def _load(run: BlockRun, stride: int, is_doubted: bool, room: Room, at_a_time: i
 
 
 def _load_box(
-    run: BlockRun, box: Box, stride: int, is_doubted: bool, fields: list[tuple[int, LinkField]], breaks: AnyArray
+    run: BlockRun, box: Box, stride: int, is_doubted: bool, numbers: list[int], fields: LinkFields, breaks: AnyArray
 ) -> None:
     """Read the links that begin in a box."""
     settings, step = run.settings, run.settings.shifts.step
@@ -185,24 +182,16 @@ def _load_box(
     here = (slice(box.i0 - wide.i0, box.i1 - wide.i0, stride), slice(box.j0 - wide.j0, box.j1 - wide.j0, stride))
     breaks[at] = run.store.read("breaks", wide)[here]
     near = near_faults(cuts, (*wide.shape, breaks.shape[2]), settings) if is_doubted else None
-    for number, field in fields:
+    for f, number in enumerate(numbers):
         found, nearest = read_field(run, wide, number), run.store.read(f"shift{number % 2}_1", wide)
         variance = found.variance
         if near is not None:
             variance = np.where(is_doubtful(found, near, settings), DOUBT, np.float32(1)) * variance
-        field.shift[at] = found.shift[here]
-        field.variance[at] = _free_variance(
-            nearest, cuts, variance, found.axis, found.length, stride, step, here, field.variance[at].shape
-        )
-
-
-def _free_variance(
-    nearest: Float32Array, cuts: AnyArray, variance: Float32Array, axis: int, length: int, stride: int, step: int,
-    here: tuple[slice, slice], shape: tuple[int, ...],
-) -> Float32Array:  # fmt: skip
-    out = np.empty(shape, np.float32)
-    keep_free(nearest, cuts, variance, axis, length, stride, step, here[0].start, here[1].start, out)
-    return out
+        fields.shift[f][at] = found.shift[here]
+        keep_free(
+            nearest, cuts, variance, found.axis, found.length, stride, step, here[0].start, here[1].start,
+            fields.variance[f][at],
+        )  # fmt: skip
 
 
 def _fault_edges(run: BlockRun, stride: int) -> ScalarEdges:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int64Array
@@ -14,11 +16,8 @@ from seismo3d.seismic._kernels_layer_solve import (
     GRADIENT,
     NORMAL,
     advance,
-    multiply_rows,
-    pull_crosslines,
-    pull_faults,
-    pull_inlines,
-    pull_samples,
+    begin_rows,
+    pull_rows,
     turn,
     weigh_links,
     weigh_samples,
@@ -28,22 +27,24 @@ from seismo3d.seismic.linking import Room
 _TOLERANCE = 1e-3
 # bytes of a vertex in the arrays of the solution: five vectors, and room for the pages of their neighbours
 _VECTOR_BYTES = 40
+# vertices below which a thread more costs more time than it saves
+_LEAST_SHARE = 1 << 18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LinkField:
-    """Links from every vertex to the trace `hop` further along an axis.
+class LinkFields:
+    """Links from every vertex to the trace so many further along an axis.
 
     Attributes
     ----------
-    axis, hop : int
+    axes, hops : ndarray of shape (field,), int64
         0 for rows, 1 for the traces of a row; and how many of them on.
-    shift, variance, weight : ndarray of shape (row, trace, coarse sample), float32
+    shift, variance, weight : ndarray of shape (field, row, trace, coarse sample), float32
         What a link measures; its variance, infinite where there is none; its weight in the round.
     """
 
-    axis: int
-    hop: int
+    axes: Int64Array
+    hops: Int64Array
     shift: Float32Array
     variance: Float32Array
     weight: Float32Array
@@ -78,7 +79,7 @@ class LayerSystem:
 
     Attributes
     ----------
-    fields : list of LinkField
+    fields : LinkFields
         Links between traces.
     breaks : ndarray of shape (row, trace, coarse sample), uint8
         As in :class:`~seismo3d.seismic.layer_graph.LayerGraph`.
@@ -94,7 +95,7 @@ class LayerSystem:
         Memory that the rows worked on between two rests may take.
     """
 
-    fields: list[LinkField]
+    fields: LinkFields
     breaks: AnyArray
     faults: FaultLinks
     thickness: Float32Array
@@ -112,35 +113,46 @@ class LayerSystem:
     def slabs(self) -> Iterator[tuple[int, int]]:
         """Give the first and last row of parts that fit into memory, which is given back after each."""
         n0, n1, m = self.shape
-        row = n1 * m * (_VECTOR_BYTES + 8 * len(self.fields) + 9)
-        hops = 2 * max((field.hop for field in self.fields if field.axis == 0), default=0)
+        row = n1 * m * (_VECTOR_BYTES + 8 * len(self.fields.axes) + 9)
+        hops = 2 * int(self.fields.hops.max(initial=0))
         rows = max(1, self.bytes_at_a_time // row - hops)
         for start in range(0, n0, rows):
             yield start, min(start + rows, n0)
             if rows < n0:
                 self.room.rest()
 
-    def pull(self, kind: int, values: Float32Array, start: int, stop: int, out: Float32Array) -> None:
+    def pull(
+        self, kind: int, values: Float32Array, start: int, stop: int, out: Float32Array, other: Float32Array,
+        sums: Float64Array,
+    ) -> None:  # fmt: skip
         """Write rows of the normal matrix times values, of the gradient at them, or of the diagonal."""
-        out[start:stop] = 0.0
-        for field in self.fields:
-            kernel = pull_inlines if field.axis == 0 else pull_crosslines
-            kernel(values, field.shift, field.weight, self.breaks, field.hop, self.step, start, stop, kind, out)
-        pull_samples(values, self.thickness, self.down, start, stop, kind, out)
-        faults = self.faults
-        edges = (faults.vertices, faults.shares)
-        given = (faults.ends, faults.first_of_row, edges, faults.measured, faults.weight)
-        pull_faults(values, *given, start, stop, kind, out)
+        fields, faults = self.fields, self.faults
+        links = (fields.shift, fields.weight, fields.axes, fields.hops)
+        listed = (
+            faults.vertices, faults.shares, faults.measured, faults.weight, faults.ends, faults.first_of_row,
+        )  # fmt: skip
+        down = (self.thickness, self.down)
+        pull_rows(values, links, self.breaks, self.step, down, listed, start, stop, kind, out, other, sums)
 
     def weigh(self, values: Float32Array, cutoff: float, variance: float) -> float:
         """Weigh every link by how well values fit it; return the share of those beyond the cutoff."""
+        with _fitting_threads(values.size):
+            return self._weigh(values, cutoff, variance)
+
+    def improve(self, values: Float32Array, iterations: int) -> None:
+        """Take values, in place, to the least squares of the weighted links, by scaled conjugate gradients."""
+        with _fitting_threads(values.size):
+            self._improve(values, iterations)
+
+    def _weigh(self, values: Float32Array, cutoff: float, variance: float) -> float:
         limit = np.float32(cutoff)
-        counts = np.zeros((len(self.fields) + 1, self.shape[0], 2), np.int64)
+        fields = self.fields
+        counts = np.zeros((len(fields.axes) + 1, self.shape[0], 2), np.int64)
         for start, stop in self.slabs():
-            for field, found in zip(self.fields, counts[:-1], strict=True):
+            for f, found in enumerate(counts[:-1]):
                 weigh_links(
-                    values, field.shift, field.variance, self.breaks, field.axis, field.hop, self.step, limit,
-                    start, stop, field.weight, found,
+                    values, fields.shift[f], fields.variance[f], self.breaks, fields.axes[f], fields.hops[f], self.step,
+                    limit, start, stop, fields.weight[f], found,
                 )  # fmt: skip
             weigh_samples(
                 values, self.thickness, self.breaks, np.float32(variance), limit, start, stop, self.down, counts[-1]
@@ -165,25 +177,19 @@ class LayerSystem:
             self.room.rest()
         return n_beyond
 
-    def improve(self, values: Float32Array, iterations: int) -> None:
-        """Take values, in place, to the least squares of the weighted links, by scaled conjugate gradients."""
+    def _improve(self, values: Float32Array, iterations: int) -> None:
         gradient, scale, step, direction, product = (self.room.array(self.shape, np.float32) for _ in range(5))
         sums: Float64Array = np.zeros(self.shape[0])
         for start, stop in self.slabs():
-            rows = slice(start, stop)
-            self.pull(DIAGONAL, values, start, stop, scale)
-            np.divide(np.float32(1.0), scale[rows], out=scale[rows], where=scale[rows] > 0)
-            self.pull(GRADIENT, values, start, stop, gradient)
-            step[rows] = 0.0
-            np.multiply(scale[rows], gradient[rows], out=direction[rows])
-            multiply_rows(gradient, direction, start, stop, sums)
+            self.pull(DIAGONAL, values, start, stop, scale, values, sums)
+            self.pull(GRADIENT, values, start, stop, gradient, values, sums)
+            begin_rows(scale, gradient, start, stop, step, direction, sums)
         energy = first = float(sums.sum())
         for _ in range(iterations):
             if energy <= _TOLERANCE**2 * first or energy <= 0.0:
                 break
             for start, stop in self.slabs():
-                self.pull(NORMAL, direction, start, stop, product)
-                multiply_rows(direction, product, start, stop, sums)
+                self.pull(NORMAL, direction, start, stop, product, direction, sums)
             length = np.float32(energy / max(float(sums.sum()), 1e-30))
             for start, stop in self.slabs():
                 advance(length, direction, product, scale, start, stop, step, gradient, sums)
@@ -193,3 +199,14 @@ class LayerSystem:
                 turn(factor, gradient, scale, start, stop, direction)
         for start, stop in self.slabs():
             values[start:stop] += step[start:stop]
+
+
+@contextmanager
+def _fitting_threads(n_vertices: int) -> Iterator[None]:
+    """Work on no more threads than so many vertices are worth; the result does not depend on them."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(max(1, min(before, n_vertices // _LEAST_SHARE)))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
