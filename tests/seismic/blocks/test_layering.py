@@ -12,7 +12,8 @@ import pytest
 
 from seismo3d.errors import FileAccessError, ParameterError, ShapeError
 from seismo3d.seismic.blocks.layering import layer_in_blocks, open_layer_time
-from seismo3d.seismic.blocks.plan import layer_needs, plan_blocks
+from seismo3d.seismic.blocks.plan import Box, layer_needs, plan_blocks
+from seismo3d.seismic.blocks.store import BrickStore, DamagedBlock
 from seismo3d.seismic.faults import trace_faults
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.layer_graph import LayerTimeSettings
@@ -96,7 +97,6 @@ def test_blocks_give_what_one_piece_gives(wanted, whole):
 
 def test_all_that_the_graph_is_made_from_is_that_of_one_piece(cube, faults, whole, tmp_path, monkeypatch):
     from seismo3d.seismic.blocks import layers
-    from seismo3d.seismic.blocks.plan import Box
     from seismo3d.seismic.layer_time import estimate_slopes, measure_shifts
 
     found = {}
@@ -146,7 +146,7 @@ def test_killed_at_any_moment_it_ends_the_same(cube, faults, wanted, tmp_path):
     (tmp_path / "faults").mkdir()
     faults.save(tmp_path / "faults")
     env = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
-    for after in (31, 199):
+    for after in (61, 101):
         command = [sys.executable, "-c", KILLED, str(after), str(tmp_path)]
         assert subprocess.run(command, env=env, check=False).returncode == -signal.SIGKILL
     np.testing.assert_array_equal(layer(cube, FaultSet.load(tmp_path / "faults"), tmp_path / "run"), wanted)
@@ -212,3 +212,15 @@ def test_memory_decides_and_a_folder_is_needed(cube, faults, wanted, tmp_path, m
     monkeypatch.setattr("seismo3d.seismic.blocks.layering.whole_layers_bytes", lambda _: 2 * 10**9)
     found = layer_time(cube, faults=faults, memory="1GB", folder=tmp_path / "run")
     np.testing.assert_allclose(np.asarray(found), wanted, atol=1e-5)
+
+
+def test_a_brick_of_zeros_is_stored_and_one_of_none_is_missed(tmp_path):
+    store = BrickStore(tmp_path, 8)
+    for kind in (np.float32, np.uint8, bool):
+        name = np.dtype(kind).name
+        store.make(name, (16, 8, 4), kind, packed=kind is np.uint8)
+        store.write(name, Box(0, 8, 0, 8), np.zeros((8, 8, 4), kind))
+        again = BrickStore(tmp_path, 8)
+        assert not again.read(name, Box(0, 8, 0, 8)).any()
+        with pytest.raises(DamagedBlock):
+            again.read(name, Box(0, 16, 0, 8))
