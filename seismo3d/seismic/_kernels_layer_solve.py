@@ -20,7 +20,7 @@ NORMAL, GRADIENT, DIAGONAL = 0, 1, 2
 
 @njit(cache=True, nogil=True, inline="always")
 def _head(shift, gaps, k, step, m):  # type: ignore[no-untyped-def]
-    """Vertex at which a link from vertex k ends on its trace, and the share of the next one; -1 beyond the ends."""
+    """Return the vertex at which a link from vertex k ends on its trace, and the share of the next one; -1 beyond the ends."""
     ahead = k * step + shift
     if ahead < 0.0 or ahead > (m - 1) * step:
         return -1, np.float32(0.0)
@@ -34,7 +34,7 @@ def _head(shift, gaps, k, step, m):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _pull(tail, head, low, part, measured, weight, kind):  # type: ignore[no-untyped-def]
-    """What a link pulls at its head: value there less that at its tail, or what is measured less that."""
+    """Return what a link pulls at its head: value there less that at its tail, or what is measured less that."""
     if kind == DIAGONAL:
         return weight
     difference = (np.float32(1.0) - part) * head[low] + part * head[low + 1] - tail

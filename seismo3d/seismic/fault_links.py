@@ -13,7 +13,6 @@ from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_cuts import cross_edges, match_sides, read_side
 from seismo3d.seismic.faultset import FaultSurface
 
-
 # places of a grid that are fitted at a time: about a kilobyte each
 _PLACES = 100_000
 

@@ -138,9 +138,7 @@ def _doubt(graph: LayerGraph) -> list[ShiftField]:
     """Return the shifts, those near a fault or with a bad fit with a much larger variance."""
     settings = graph.settings
     near = near_faults(graph.cuts, graph.breaks.shape, settings)
-    return [
-        replace(f, variance=np.where(is_doubtful(f, near, settings), DOUBT, 1) * f.variance) for f in graph.fields
-    ]
+    return [replace(f, variance=np.where(is_doubtful(f, near, settings), DOUBT, 1) * f.variance) for f in graph.fields]
 
 
 def near_faults(cuts: AnyArray, shape: tuple[int, ...], settings: LayerTimeSettings) -> BoolArray:

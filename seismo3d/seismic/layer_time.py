@@ -108,7 +108,7 @@ def layer_time(
     ----------
     .. [1] X. Wu, D. Hale, Geophysics 80(2), IM21-IM33, 2015. :doi:`10.1190/geo2014-0220.1`
     """
-    _check(cube, faults)
+    check_layers_of(cube, faults)
     if memory is not None or folder is not None or scheduler is not None:
         from seismo3d.seismic.blocks.layering import layer_larger, open_layer_time, whole_layers_bytes
         from seismo3d.seismic.blocks.tracing import asks_for_blocks
@@ -132,7 +132,7 @@ def model_layers(
     """Do what :func:`layer_time` does, and keep what tracks need; parameters and errors as there."""
     settings = settings or LayerTimeSettings()
     report = progress or _unheard
-    _check(cube, faults)
+    check_layers_of(cube, faults)
     amplitudes, _, (_, unit) = as_volume(cube)
     volume, valid = clean_volume(amplitudes)
     cuts = np.zeros(volume.shape, np.uint8)
@@ -147,7 +147,7 @@ def model_layers(
     return LayerModel(times, cuts, volume, valid, live, unit, rejected, closure)
 
 
-def _check(cube: Any, faults: Any) -> None:
+def check_layers_of(cube: Any, faults: Any) -> None:
     """Refuse what is no cube, and faults of another one."""
     if np.ndim(cube) != 3:
         raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Give a cube.")

@@ -48,6 +48,11 @@ class BrickPoints:
         return np.zeros(0, np.float32) if found is None else found
 
 
+def last_stride(settings: LayerTimeSettings) -> int:
+    """Return the stride of the finest graph."""
+    return settings.strides[-1]
+
+
 def values_name(stride: int, number: int) -> str:
     """Return the array that keeps the values after a round."""
     return f"values_{stride}_{number}"
@@ -248,7 +253,7 @@ def fill(run: BlockRun, number: int) -> None:
 
 def _times(run: BlockRun, box: Box) -> Float32Array:
     settings = run.settings
-    last = settings.strides[-1]
+    last = last_stride(settings)
     values = run.store.read(values_name(last, len(list_rounds(settings, last)) - 1), box)
     times = np.empty((*box.shape, run.plan.shape[2]), np.float32)
     fill_samples(values, run.store.read("breaks", box), settings.shifts.step, times)

@@ -137,9 +137,7 @@ def _cut_block(grid: SurfaceGrid, box: Box, wide: Box, shape: tuple[int, int, in
 
 def field_names(settings: Any) -> tuple[str, ...]:
     """Return the arrays of the shifts, by length, axis and kind."""
-    return tuple(
-        f"{kind}{axis}_{length}" for length in settings.lengths for axis in range(2) for kind in _KINDS
-    )
+    return tuple(f"{kind}{axis}_{length}" for length in settings.lengths for axis in range(2) for kind in _KINDS)
 
 
 def make_shift_arrays(run: BlockRun) -> None:

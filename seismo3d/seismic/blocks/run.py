@@ -69,8 +69,8 @@ class BlockRun:
             If it cannot be written, or holds something else.
         """
         wanted = {
-            "version": _VERSION, "kind": kind, "input": dict(source), "memory": plan.memory, "settings": pack_settings(settings),
-            "plan": plan.to_dict(),
+            "version": _VERSION, "kind": kind, "input": dict(source), "memory": plan.memory,
+            "settings": pack_settings(settings), "plan": plan.to_dict(),
         }  # fmt: skip
         wanted = json.loads(json.dumps(wanted))
         path = folder / "work" / _PLAN

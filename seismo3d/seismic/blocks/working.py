@@ -50,7 +50,9 @@ class Worker:
         self._repairing(lambda: described.find(run), again=lambda: self._work(stage, progress))
         run.write_fact(f"done_{stage}")
         # also what was made again since, to repair a block
-        run.store.remove(*(name for key in self._stages if run.knows(f"done_{key}") for name in self._stages[key].leaves))
+        run.store.remove(
+            *(name for key in self._stages if run.knows(f"done_{key}") for name in self._stages[key].leaves)
+        )
 
     def _piece(self, described: Stage) -> Piece | None:
         return self._pieces[described.tiling] if described.reads_input else None
