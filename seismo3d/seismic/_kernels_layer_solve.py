@@ -20,7 +20,7 @@ NORMAL, GRADIENT, DIAGONAL = 0, 1, 2
 
 @njit(cache=True, nogil=True, inline="always")
 def _head(shift, gaps, k, step, m):  # type: ignore[no-untyped-def]
-    """Return the vertex at which a link from vertex k ends on its trace, and the share of the next one; -1 beyond the ends."""
+    """Return where a link from vertex k ends on its trace: a vertex, -1 beyond the ends, and the share of the next."""
     ahead = k * step + shift
     if ahead < 0.0 or ahead > (m - 1) * step:
         return -1, np.float32(0.0)

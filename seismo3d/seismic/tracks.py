@@ -142,17 +142,18 @@ def trace_tracks(
         If a seed lies outside the cube or on a trace without data, `event` is not known, `layers` is given for a
         section or beside what it takes the place of, or work in blocks is refused as by :func:`layer_time`.
     """
-    bounds = {"memory": memory, "folder": folder, "scheduler": scheduler}
     settings = settings or TrackSettings()
-    if any(value is not None for value in bounds.values()) and np.ndim(cube) == 3:
+    is_bounded = memory is not None or folder is not None or scheduler is not None
+    if is_bounded and np.ndim(cube) == 3:
         if layers is not None:
             raise ParameterError("layers is given with memory, folder or scheduler; it takes their place. Give either.")
         from seismo3d.seismic.blocks.stored_layers import layers_within
 
         _check_event(event)
+        report = progress or _unheard
         layers = layers_within(
-            cube, faults, **bounds, settings=settings.layers, progress=progress or (lambda *_: None)
-        )  # fmt: skip
+            cube, faults, memory=memory, folder=folder, scheduler=scheduler, settings=settings.layers, progress=report
+        )
     if seeds is None:
         from seismo3d.seismic.horizon_search import find_horizons
 
@@ -185,6 +186,10 @@ def trace_tracks(
         depth = axes[2].coordinate(depth).astype(np.float32)
         tracks.append(Track(freeze(depth), freeze(confidence), freeze(group), layers.sample_unit))
     return tracks
+
+
+def _unheard(stage: str, share: float) -> None:
+    """Take reports of progress where nobody asked for them."""
 
 
 def _check_event(event: str | None) -> None:
