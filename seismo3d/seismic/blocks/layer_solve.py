@@ -11,7 +11,6 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array
 from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_layer_solve import keep_free
 from seismo3d.seismic._kernels_layers import fill_samples, make_increasing
-from seismo3d.seismic.blocks.layer_system import FaultLinks, LayerSystem, LinkFields
 from seismo3d.seismic.blocks.layers import by_box, coarse_shape, live_traces, read_field, read_grid
 from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
 from seismo3d.seismic.blocks.plan import BASE_BYTES, Box, Tiling
@@ -20,6 +19,7 @@ from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.fault_links import link_grid
 from seismo3d.seismic.layer_graph import DOUBT, LayerTimeSettings, is_doubtful, near_faults, smooth_thickness
+from seismo3d.seismic.layer_system import LayerSystem, LinkFields
 from seismo3d.seismic.linking import InMemory, Room
 from seismo3d.seismic.loop_closure import loop_errors
 
@@ -163,17 +163,15 @@ def _load(run: BlockRun, stride: int, is_doubted: bool, room: Room, at_a_time: i
     """Read the links between the traces of a stride, and those across faults."""
     shape, settings = _grid_shape(run, stride), run.settings
     numbers = [n for n in range(2 * len(settings.lengths)) if settings.lengths[n // 2] % stride == 0]
-    axes = np.array([n % 2 for n in numbers], np.int64)
-    hops = np.array([settings.lengths[n // 2] // stride for n in numbers], np.int64)
-    fields = LinkFields(axes, hops, *(room.array((len(numbers), *shape), np.float32) for _ in range(3)))
+    kinds = [(n % 2, settings.lengths[n // 2] // stride) for n in numbers]
+    fields = LinkFields.empty(kinds, shape, room)
     breaks = room.array(shape, np.uint8)
     edge = run.plan.edges["links"][0]
     for box in Tiling(run.plan.shape[:2], (edge, edge)):
         _load_box(run, box, stride, is_doubted, numbers, fields, breaks)
         room.rest()
-    faults = FaultLinks.from_edges(_fault_edges(run, stride), shape)
-    thickness, down = (room.array(shape, np.float32) for _ in range(2))
-    return LayerSystem(fields, breaks, faults, thickness, down, room, settings.shifts.step, at_a_time)
+    listed = _fault_edges(run, stride)
+    return LayerSystem.of(fields, breaks, listed, room, step=settings.shifts.step, bytes_at_a_time=at_a_time)
 
 
 def _load_box(
@@ -204,7 +202,7 @@ def _fault_edges(run: BlockRun, stride: int) -> ScalarEdges:
     shape = coarse_shape(run)
     nearest: Any = [BrickPoints(run, f"shift{axis}_1", shape) for axis in range(2)]
     breaks: Any = BrickPoints(run, "breaks", shape)
-    parts = [ScalarEdges.from_arrays([], [], measured=[])]
+    parts = [ScalarEdges.none()]
     for number in range(run.fact("faults")["n_surfaces"]):
         found, _ = run.read_part("match", number)
         parts.append(

@@ -1,4 +1,4 @@
-"""The equations of the layer graph on a grid too large for memory: mapped from disk, worked on some rows at a time."""
+"""The equations of the layer graph on its grid: in memory, or mapped from disk and worked on some rows at a time."""
 
 from __future__ import annotations
 
@@ -48,6 +48,12 @@ class LinkFields:
     shift: Float32Array
     variance: Float32Array
     weight: Float32Array
+
+    @classmethod
+    def empty(cls, kinds: list[tuple[int, int]], shape: tuple[int, int, int], room: Room) -> LinkFields:
+        """Make fields of these axes and hops, to be written to."""
+        axes, hops = np.array(kinds, np.int64).reshape(-1, 2).T.copy()
+        return cls(axes, hops, *(room.array((len(kinds), *shape), np.float32) for _ in range(3)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,6 +109,17 @@ class LayerSystem:
     room: Room
     step: int
     bytes_at_a_time: int
+
+    @classmethod
+    def of(
+        cls, fields: LinkFields, breaks: AnyArray, listed: ScalarEdges, room: Room, *, step: int,
+        bytes_at_a_time: int = 2**62,
+    ) -> LayerSystem:  # fmt: skip
+        """Put together the links of fields and listed ones."""
+        shape: tuple[int, int, int] = (breaks.shape[0], breaks.shape[1], breaks.shape[2])
+        thickness, down = (room.array(shape, np.float32) for _ in range(2))
+        faults = FaultLinks.from_edges(listed, shape)
+        return cls(fields, breaks, faults, thickness, down, room, step, bytes_at_a_time)
 
     @property
     def shape(self) -> tuple[int, int, int]:
