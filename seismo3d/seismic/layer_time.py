@@ -91,8 +91,7 @@ def layer_time(
     -------
     DataArray or ndarray of the cube's shape, float32
         Layer time in samples of the trace nearest to the middle: there the middle sample has its own index. It grows
-        down every trace and is NaN on traces that are not live. Found in blocks it is lazy, and within rounding of the
-        solution that of one piece: 0.01 samples root-mean-square.
+        down every trace and is NaN on traces that are not live. Found in blocks it is lazy, and the same to the bit.
 
     Raises
     ------

@@ -91,12 +91,10 @@ def wanted(cube, faults, tmp_path_factory):
     return layer(cube, faults, tmp_path_factory.mktemp("layers") / "run")
 
 
-def test_blocks_give_what_one_piece_gives(wanted, whole):
-    np.testing.assert_array_equal(np.isnan(wanted[..., 0]), ~whole.live)
-    apart = (wanted - whole.times)[whole.live]
-    # what conjugate gradients of another order of summation differ by: no cut shows
-    assert np.sqrt(np.mean(apart**2)) < 0.01
-    assert (np.diff(wanted[whole.live], axis=1) > 0).all()
+def test_blocks_give_what_one_piece_gives_to_the_bit(cube, faults, wanted):
+    np.testing.assert_array_equal(wanted, layer_time(cube, faults=faults))
+    assert np.isnan(wanted[:6, :9]).all()
+    assert np.isfinite(wanted[6:]).all()
 
 
 def test_all_that_the_graph_is_made_from_is_that_of_one_piece(cube, faults, whole, tmp_path, monkeypatch):
@@ -212,11 +210,10 @@ def test_memory_decides_and_a_folder_is_needed(cube, faults, wanted, tmp_path, m
         layer_time(np.zeros((40, 40, 64), np.float32), memory="460MB", folder=tmp_path / "none")
     monkeypatch.setattr("seismo3d.seismic.blocks.layering.whole_layers_bytes", lambda _: 2 * 10**9)
     found = layer_time(cube, faults=faults, memory="1GB", folder=tmp_path / "run")
-    np.testing.assert_allclose(np.asarray(found), wanted, atol=1e-5)
+    np.testing.assert_array_equal(np.asarray(found), wanted)
 
 
 def test_tracks_read_from_disk_are_those_of_one_piece(cube, faults, whole, tmp_path, monkeypatch):
-    """On the same layer time the same tracks; on that of blocks the same within its tolerance."""
     monkeypatch.setattr("seismo3d.seismic.blocks.layering.whole_layers_bytes", lambda _: 2 * 10**9)
     monkeypatch.setattr("seismo3d.seismic.blocks.stored_layers.whole_layers_bytes", lambda _: 2 * 10**9)
     options = {"faults": faults, "event": "peak"}
@@ -227,21 +224,17 @@ def test_tracks_read_from_disk_are_those_of_one_piece(cube, faults, whole, tmp_p
         cube, faults, **bounds, scheduler=None, settings=LayerTimeSettings(), progress=lambda *_: None
     )
     assert len(stored.times.places) > 1
-    every = (slice(None), slice(None))
-    read = {name: np.ascontiguousarray(getattr(stored, name)[every]) for name in ("times", "cuts", "volume", "valid")}
-    same = trace_tracks(cube, seeds, **options, layers=replace(whole, **read))
+    same = trace_tracks(cube, seeds, **options, layers=whole)
+    assert all(track.share > 0.5 for track in same)
     for one, other in zip(found, same, strict=True):
         np.testing.assert_array_equal(one.depth, other.depth)
         np.testing.assert_array_equal(one.confidence, other.confidence)
-    for one, other in zip(found, trace_tracks(cube, seeds, **options, layers=whole), strict=True):
-        both = np.isfinite(one.depth) & np.isfinite(other.depth)
-        assert both.sum() > 0.98 * max(np.isfinite(one.depth).sum(), np.isfinite(other.depth).sum())
-        assert np.quantile(np.abs(one.depth - other.depth)[both], 0.99) < 0.02
     assert stored.closure.n_loops == whole.closure.n_loops
     np.testing.assert_array_equal(stored.closure.error, whole.closure.error)
     best = trace_tracks(cube, count=2, faults=faults, **bounds)
     in_memory = find_horizons(cube, 2, faults=faults, layers=whole)
-    np.testing.assert_array_equal([t.seeds for t in best], [t.seeds for t in in_memory])
+    for one, other in zip(best, in_memory, strict=True):
+        np.testing.assert_array_equal(one.depth, other.depth)
     with pytest.raises(ParameterError, match="layers is given with memory"):
         trace_tracks(cube, seeds, layers=whole, memory="1GB")
 
@@ -269,8 +262,8 @@ print(before, peak((80, 88, 128), sys.argv[1] + "/large"))
 
 
 def test_memory_stays_within_what_is_given(tmp_path):
-    """What a cube of 140 MB in one piece takes beyond what the code takes, in blocks of 40 MB."""
-    memory = 480_000_000
+    """A cube that takes 90 MB beyond what the code takes in one piece is worked on in blocks of 30 MB."""
+    memory = 470_000_000
     assert whole_layers_bytes((80, 88, 128)) - BASE_BYTES > 3 * (memory - BASE_BYTES)
     command = [sys.executable, "-c", PEAK, str(tmp_path), str(memory)]
     found = subprocess.run(command, capture_output=True, text=True, check=True)
