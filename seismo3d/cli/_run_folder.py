@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,22 @@ def check_run_folder(folder: Path, *, inputs: Iterable[Path], overwrite: bool) -
         raise FileAccessError(f"{folder} holds the input or is the current folder: it is not replaced. Choose another.")
     if any(folder.iterdir()) and not (folder / RECORD).is_file():
         raise FileAccessError(f"{folder} holds no {RECORD}: it is no earlier run and is not replaced. Choose another.")
+
+
+@contextmanager
+def kept_aside(out: Path) -> Iterator[Path]:
+    """Give a folder beside ``out`` that stays until all is done, and then takes its place."""
+    from seismo3d.io._files import refuse_os_errors, replace_path
+    from seismo3d.seismic.blocks.tracing import forget_work
+
+    aside = out.parent / f"{out.name}.unfinished"
+    try:
+        with refuse_os_errors(out, "write"):
+            yield aside
+            replace_path(aside, out, folder=True)
+            forget_work(out)
+    except FileAccessError as error:
+        raise FileAccessError(f"{error} Finished blocks are kept: give the same command again to go on.") from error
 
 
 def find_versions() -> dict[str, str]:

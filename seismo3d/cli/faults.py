@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,7 +59,7 @@ def run(
     throw.zarr.
     """
     from seismo3d._stages import StageClock, say_timings
-    from seismo3d.cli._run_folder import check_run_folder
+    from seismo3d.cli._run_folder import check_run_folder, kept_aside
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside
@@ -79,7 +77,7 @@ def run(
         raise ParameterError("--unfault is given for a 2D line; it takes the slip out of cubes. Leave it out.")
     in_blocks = is_bounded and _asks_for_blocks(opened, memory, scheduler, out)
     _refuse_whole(in_blocks, attributes=attributes, unfault=unfault)
-    folder = _kept_aside(out) if in_blocks else written_aside(out, folder=True)
+    folder = kept_aside(out) if in_blocks else written_aside(out, folder=True)
     with folder as aside, shown_progress() as show:
         aside.mkdir(exist_ok=in_blocks)
         clock = StageClock(show)
@@ -114,23 +112,6 @@ def _refuse_whole(in_blocks: bool, *, attributes: bool, unfault: bool) -> None:
     for asked, name in ((attributes, "--attributes"), (unfault, "--unfault")):
         if in_blocks and asked:
             raise ParameterError(f"{name} takes the cube in one piece, which needs more memory. Leave it out.")
-
-
-@contextmanager
-def _kept_aside(out: Path) -> Iterator[Path]:
-    """Give a folder beside ``out`` that stays until all is done, and then takes its place."""
-    from seismo3d.errors import FileAccessError
-    from seismo3d.io._files import refuse_os_errors, replace_path
-    from seismo3d.seismic.blocks.tracing import forget_work
-
-    aside = out.parent / f"{out.name}.unfinished"
-    try:
-        with refuse_os_errors(out, "write"):
-            yield aside
-            replace_path(aside, out, folder=True)
-            forget_work(out)
-    except FileAccessError as error:
-        raise FileAccessError(f"{error} Finished blocks are kept: give the same command again to go on.") from error
 
 
 def _trace(cube: Any, out: Path, *, clock: Progress, evidence: str | None, larger: dict[str, Any]) -> Any:

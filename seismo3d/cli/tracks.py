@@ -13,6 +13,8 @@ EXAMPLES = (
     "seismo3d tracks f3.sgy -o f3-tracks --seed 420,880,812",
     "seismo3d tracks f3.sgy -o f3-tracks --faults f3-faults --seed 420,880,812 --seed 420,880,1104 --event peak",
     "seismo3d tracks f3.sgy -o f3-tracks --count 8",
+    "seismo3d tracks large.zarr -o large-tracks --faults large-faults --memory 8GB",
+    "seismo3d tracks large.zarr -o large-tracks --memory 8GB --scheduler tcp://node1:8786",
 )
 
 
@@ -33,6 +35,12 @@ def run(
     faults: Path | None = typer.Option(None, help="Folder of a faults run of this cube. [default: no faults]"),
     event: str | None = typer.Option(None, help="peak, trough or zero. [default: the seed's own phase]"),
     count: int = typer.Option(5, min=1, help="Number of horizons to find where no seed is given."),
+    memory: str | None = typer.Option(
+        None, help="Memory to keep to, such as 8GB; a larger cube is worked on in blocks. [default: one piece]"
+    ),
+    scheduler: str | None = typer.Option(
+        None, help="Address of a dask cluster to work on the blocks, such as tcp://node1:8786."
+    ),
     overwrite: Overwrite = False,
     json: Json = False,
     *,
@@ -43,9 +51,12 @@ def run(
     The folder gets each track as XYZ, Charisma and IRAP classic text, tracks.csv, a depth map of each track, sections
     with all of them, report.html and run.json; of a 2D line XYZ, table, section and report. It appears when all is
     done, or not at all.
+
+    Work in blocks (--memory, --scheduler) goes on in a folder beside it, whose name ends in .unfinished: after a
+    crash the same command goes on where it was. Layer time is kept as Zarr then: layer_time.zarr.
     """
     from seismo3d._stages import StageClock, say_timings
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, kept_aside, print_json, write_record
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
@@ -54,7 +65,6 @@ def run(
     from seismo3d.plot.track_pictures import save_track_pictures
     from seismo3d.seismic.faultset import FaultSet
     from seismo3d.seismic.horizon_search import find_horizons
-    from seismo3d.seismic.layer_time import model_layers
     from seismo3d.seismic.loop_closure import tabulate_loops
     from seismo3d.seismic.picks import horizon_seeds
     from seismo3d.seismic.track_exports import tabulate_tracks, write_tracks
@@ -63,14 +73,23 @@ def run(
     points: list[Any] = [_as_seed(text) for text in seed]
     picked = [read_horizon(file) for file in horizon]
     check_run_folder(out, inputs=[cube, *horizon, *([faults] if faults else [])], overwrite=overwrite)
-    opened = open_cube(cube, **reading).load()
+    is_bounded = memory is not None or scheduler is not None
+    opened = open_cube(cube, **reading, lazy=True if is_bounded else None)
+    in_blocks = is_bounded and _asks_for_blocks(opened, memory, scheduler, out)
+    if not in_blocks:
+        opened = opened.load()
     _check_seeds(points, picked, opened)
     points += [horizon_seeds(entry, opened) for entry in picked]
     known = None if faults is None else FaultSet.load(faults)
-    with written_aside(out, folder=True) as aside, shown_progress() as show:
-        aside.mkdir()
+    folder = kept_aside(out) if in_blocks else written_aside(out, folder=True)
+    with folder as aside, shown_progress() as show:
+        aside.mkdir(exist_ok=in_blocks)
         clock = StageClock(show)
-        layers = model_layers(opened, faults=known, progress=clock) if opened.ndim == 3 else None
+        if opened.chunks is not None:
+            clock("live traces", 0.0)
+            opened = opened.assign_coords(live=opened["live"].compute())
+        larger: dict[str, Any] = {"memory": memory, "scheduler": scheduler, "folder": aside} if in_blocks else {}
+        layers = _model(opened, known, clock, larger) if opened.ndim == 3 else None
         how: dict[str, Any] = {"faults": known, "event": event, "layers": layers, "progress": clock}
         tracks = trace_tracks(opened, points, **how) if points else find_horizons(opened, count, **how)
         closure = None if layers is None else layers.closure
@@ -79,6 +98,7 @@ def run(
         clock("pictures", 0.0)
         pictures = save_track_pictures(aside, opened, tracks, faults=known, closure=closure)
         asked = {**reading, "seed": seed, "horizon": horizon, "faults": faults, "event": event, "count": count}
+        asked |= {"memory": memory, "scheduler": scheduler}
         timings = clock.stop()
         record = {**describe_run(cube, options=asked), "loops": tabulate_loops(closure), "timings_s": timings}
         title = f"Horizons in {cube.name}"
@@ -91,6 +111,25 @@ def run(
     else:
         _say(out, tracks, closure)
     say_timings(timings)
+
+
+def _asks_for_blocks(cube: Any, memory: str | None, scheduler: str | None, out: Path) -> bool:
+    from seismo3d.seismic.blocks.layering import whole_layers_bytes
+    from seismo3d.seismic.blocks.tracing import asks_for_blocks
+
+    return asks_for_blocks(cube, memory, folder=out, scheduler=scheduler, whole_bytes=whole_layers_bytes)
+
+
+def _model(cube: Any, faults: Any, clock: Any, larger: dict[str, Any]) -> Any:
+    """Return the layer model; `larger` says how that of a cube beyond memory is found."""
+    from seismo3d.seismic.layer_graph import LayerTimeSettings
+    from seismo3d.seismic.layer_time import model_layers
+
+    if not larger:
+        return model_layers(cube, faults=faults, progress=clock)
+    from seismo3d.seismic.blocks.stored_layers import layers_within
+
+    return layers_within(cube, faults, **larger, settings=LayerTimeSettings(), progress=clock)
 
 
 def _say(out: Path, tracks: list[Any], closure: Any) -> None:

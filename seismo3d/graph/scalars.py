@@ -82,6 +82,11 @@ class ScalarEdges:
             )
         return cls(*(np.ascontiguousarray(array) for array in arrays))
 
+    @classmethod
+    def none(cls) -> ScalarEdges:
+        """Return no edges."""
+        return cls.from_arrays([], [], measured=[])
+
     def __len__(self) -> int:
         return len(self.first)
 

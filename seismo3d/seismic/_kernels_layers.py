@@ -1,11 +1,9 @@
-"""Kernels of the layer graph: edges from shifts, and layer time at every sample from the solution."""
+"""Kernels of layer time: where faults break traces, and its value at every sample from the solution of the graph."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
-
-from seismo3d.seismic._kernels_shifts import follow
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -22,79 +20,6 @@ def find_breaks(cuts, step, breaks):  # type: ignore[no-untyped-def]
                     if k * step + t < n2 and cuts[i, j, k * step + t] & np.uint8(4):
                         breaks[i, j, k] = t + 1
                         break
-
-
-@njit(cache=True, nogil=True)
-def count_links(shift, axis, length, stride, step):  # type: ignore[no-untyped-def]
-    """Count the edges that `link_traces` writes."""
-    n0, n1, m = shift.shape
-    di, dj = (length, 0) if axis == 0 else (0, length)
-    count = 0
-    for i in range(0, n0 - di, stride):
-        for j in range(0, n1 - dj, stride):
-            for k in range(m):
-                ahead = k * step + shift[i, j, k]
-                if 0.0 <= ahead <= (m - 1) * step:
-                    count += 1
-    return count
-
-
-@njit(cache=True, nogil=True)
-def link_traces(  # type: ignore[no-untyped-def]
-    nearest, shift, variance, cuts, breaks, axis, length, stride, step, first, second, measured, spread, share
-):
-    """Write edges from every coarse sample of every stride-th trace to its place on the trace `length` further.
-
-    Vertices are numbered on the grid of every stride-th trace. Values are layer time less sample, so that an edge
-    measures minus the shift. Gives the number of edges; those that cross a fault are left out.
-    """
-    n0, n1, m = shift.shape
-    di, dj = (length, 0) if axis == 0 else (0, length)
-    across = (n1 - 1) // stride + 1
-    count = 0
-    for i in range(0, n0 - di, stride):
-        for j in range(0, n1 - dj, stride):
-            tail = ((i // stride) * across + j // stride) * m
-            head = (((i + di) // stride) * across + (j + dj) // stride) * m
-            for k in range(m):
-                ahead = k * step + shift[i, j, k]
-                if ahead < 0.0 or ahead > (m - 1) * step:
-                    continue
-                _, free = follow(nearest, cuts, i, j, np.float64(k * step), axis, length, step)
-                if not free:
-                    continue
-                low = min(int(ahead / step), m - 2)
-                part = np.float32(ahead / step - low)
-                gap = breaks[i + di, j + dj, low]
-                if gap > 0:
-                    part = np.float32(0.0) if ahead < low * step + gap - 0.5 else np.float32(1.0)
-                first[count] = tail + k
-                second[count] = head + low
-                measured[count] = -shift[i, j, k]
-                spread[count] = variance[i, j, k]
-                share[count] = part
-                count += 1
-    return count
-
-
-@njit(cache=True, nogil=True)
-def link_samples(thickness, breaks, variance, first, second, measured, spread, share):  # type: ignore[no-untyped-def]
-    """Write edges down every trace, with the change of value that is expected; none across a fault."""
-    n0, n1, m = breaks.shape
-    count = 0
-    vertex = 0
-    for i in range(n0):
-        for j in range(n1):
-            for k in range(m - 1):
-                if breaks[i, j, k] == 0:
-                    first[count] = vertex + k
-                    second[count] = vertex + k + 1
-                    measured[count] = thickness[vertex + k]
-                    spread[count] = variance
-                    share[count] = 0.0
-                    count += 1
-            vertex += m
-    return count
 
 
 @njit(cache=True, nogil=True, parallel=True)

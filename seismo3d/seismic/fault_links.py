@@ -13,6 +13,9 @@ from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_cuts import cross_edges, match_sides, read_side
 from seismo3d.seismic.faultset import FaultSurface
 
+# places of a grid that are fitted at a time: about a kilobyte each
+_PLACES = 100_000
+
 
 @dataclass(frozen=True, slots=True)
 class LinkSettings:
@@ -97,14 +100,16 @@ def grid_surface(surface: FaultSurface, *, beyond: int = 6) -> SurfaceGrid:
     rows, samples = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
     at = np.column_stack([rows.ravel() + first[0], samples.ravel() + first[1]]).astype(np.float64)
     tree = cKDTree(np.column_stack([s, z]))
-    found = tree.query(at, k=min(16, len(s)))
-    distance, near = np.asarray(found[0]), np.asarray(found[1])
-    kept = distance[:, 0] <= beyond + 2.0
-    height = np.full(len(at), np.nan)
-    height[kept] = _fit_planes(at[kept], distance[kept], near[kept], s, w, z)
+    height, nearest = np.full(len(at), np.nan), np.empty(len(at))
+    for begin in range(0, len(at), _PLACES):
+        part = slice(begin, begin + _PLACES)
+        found = tree.query(at[part], k=min(16, len(s)))
+        distance, near = np.asarray(found[0]), np.asarray(found[1])
+        kept = distance[:, 0] <= beyond + 2.0
+        height[part][kept] = _fit_planes(at[part][kept], distance[kept], near[kept], s, w, z)
+        nearest[part] = distance[:, 0]
     throw = _nearest_known(surface.throw.astype(np.float64), np.column_stack([s, z]), at)
-    inside = (distance[:, 0] <= 2.3).reshape(shape)
-    return SurfaceGrid(across, first, height.reshape(shape), inside, throw.reshape(shape))
+    return SurfaceGrid(across, first, height.reshape(shape), (nearest <= 2.3).reshape(shape), throw.reshape(shape))
 
 
 def _fit_planes(
@@ -195,6 +200,13 @@ def match_grid(
             sides[number].reshape(-1),
             known[number].reshape(-1),
         )
+    return match_known(grid, sides, known, settings)
+
+
+def match_known(
+    grid: SurfaceGrid, sides: Float32Array, known: Float32Array, settings: LinkSettings
+) -> tuple[Float64Array, Float64Array]:
+    """Refine the throw of a surface whose sides are read; arrays of shape (2, rows, samples)."""
     throw = ndimage.gaussian_filter(np.nan_to_num(grid.throw), (settings.along, settings.down))
     sigma = (settings.along, settings.down)
     first = throw.copy()

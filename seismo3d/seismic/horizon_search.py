@@ -10,6 +10,7 @@ from seismo3d._typing import Float64Array, Progress
 from seismo3d._validate import as_number
 from seismo3d.errors import ParameterError
 from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
+from seismo3d.seismic.layer_pieces import layer_pieces
 from seismo3d.seismic.layer_time import LayerModel, model_layers
 from seismo3d.seismic.section_tracks import cut_middle, thicken
 from seismo3d.seismic.tracks import Track, TrackSettings, axes_of, axis_points, trace_tracks
@@ -93,16 +94,16 @@ def find_seeds(layers: LayerModel, *, count: int = 5) -> Float64Array:
     middle = live[np.abs(live - live.mean(axis=0)).sum(axis=1).argmin()]
     row = layers.times[tuple(middle)]
     n = len(row)
-    thin = (slice(None, None, 4), slice(None, None, 4))
-    times, cuts, volume, valid = (
-        np.ascontiguousarray(a[thin]) for a in (layers.times, layers.cuts, layers.volume, layers.valid)
-    )
-    depth, waves = np.empty(times.shape[:2]), np.empty((*times.shape[:2], 1), np.float32)
-    strength = np.zeros(n)
-    for k in range(2, n - 2):
-        level_depths(times, cuts, np.full(depth.shape, row[k], dtype=np.float64), depth)
-        read_waveforms(volume, valid, depth, 0, waves)
-        strength[k] = abs(float(waves.sum())) / waves.size
+    total, n_traces = np.zeros(n), 0
+    for _, whole in layer_pieces(layers, "times", "cuts", "volume", "valid"):
+        times, cuts, volume, valid = (np.ascontiguousarray(a[::4, ::4]) for a in whole)
+        depth, waves = np.empty(times.shape[:2]), np.empty((*times.shape[:2], 1), np.float32)
+        for k in range(2, n - 2):
+            level_depths(times, cuts, np.full(depth.shape, row[k], dtype=np.float64), depth)
+            read_waveforms(volume, valid, depth, 0, waves)
+            total[k] += float(waves.sum(dtype=np.float64))
+        n_traces += depth.size
+    strength = np.abs(total) / n_traces
     chosen: list[int] = []
     peaks = [k for k in range(2, n - 2) if strength[k] >= strength[k - 1] and strength[k] > strength[k + 1]]
     for k in sorted(peaks, key=lambda k: -strength[k]):

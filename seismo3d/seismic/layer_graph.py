@@ -8,13 +8,16 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
-from seismo3d.graph.scalars import ScalarEdges, SolveSettings, solve_scalars
-from seismo3d.seismic._kernels_layers import count_links, link_samples, link_traces
+from seismo3d.graph.scalars import ScalarEdges
+from seismo3d.seismic._kernels_layer_solve import keep_free
 from seismo3d.seismic.dip import DipSettings
 from seismo3d.seismic.fault_links import LinkSettings, SurfaceGrid, link_grid
+from seismo3d.seismic.layer_system import LayerSystem, LinkFields
+from seismo3d.seismic.linking import InMemory
 from seismo3d.seismic.shifts import ShiftField, ShiftSettings
 
-_DOUBT = np.float32(1e4)
+DOUBT = np.float32(1e4)
+"""By how much the variance of doubtful shifts is larger."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +112,9 @@ def solve_graph(graph: LayerGraph) -> tuple[Float32Array, float]:
     values = np.zeros((*(-(-n // settings.strides[0]) for n in traces), m), np.float32)
     rejected = 0.0
     for number, stride in enumerate(settings.strides):
-        edges = _edges(graph, graph.fields, stride)
+        system = _system(graph, graph.fields, stride)
         if number == 0:
-            doubted = _edges(graph, _doubt(graph), stride)
+            doubted = _system(graph, _doubt(graph), stride)
             n_doubted = len(settings.first_cutoffs) - 3
             for cutoff in settings.first_cutoffs[:n_doubted]:
                 values, _ = _round(graph, doubted, values, stride, cutoff)
@@ -119,36 +122,40 @@ def solve_graph(graph: LayerGraph) -> tuple[Float32Array, float]:
         else:
             values, cutoffs = _refine_grid(values, traces, stride), settings.cutoffs
         for cutoff in cutoffs:
-            values, rejected = _round(graph, edges, values, stride, cutoff)
+            values, rejected = _round(graph, system, values, stride, cutoff)
     return values, rejected
 
 
 def _round(
-    graph: LayerGraph, edges: ScalarEdges, values: Float32Array, stride: int, cutoff: float
+    graph: LayerGraph, system: LayerSystem, values: Float32Array, stride: int, cutoff: float
 ) -> tuple[Float32Array, float]:
     """One robust round; the thickness of layers is that of their surroundings in the round before."""
-    joined = ScalarEdges.join(edges, _thickness_edges(graph, values, stride))
-    settings = SolveSettings((cutoff,), graph.settings.iterations * stride**2, tolerance=1e-3)
-    found = solve_scalars(values.size, joined, start=values.ravel(), settings=settings)
-    return found.values.reshape(values.shape), float(found.rejected.mean())
+    settings, found = graph.settings, values.copy()
+    system.thickness[...] = smooth_thickness(values, system.breaks, settings, stride)
+    system.weigh(found, cutoff, settings.thickness**2)
+    system.improve(found, settings.iterations * stride**2)
+    return found, system.weigh(found, cutoff, settings.thickness**2)
 
 
 def _doubt(graph: LayerGraph) -> list[ShiftField]:
     """Return the shifts, those near a fault or with a bad fit with a much larger variance."""
     settings = graph.settings
-    step = settings.shifts.step
-    near = np.zeros(graph.breaks.shape, bool)
+    near = near_faults(graph.cuts, graph.breaks.shape, settings)
+    return [replace(f, variance=np.where(is_doubtful(f, near, settings), DOUBT, 1) * f.variance) for f in graph.fields]
+
+
+def near_faults(cuts: AnyArray, shape: tuple[int, ...], settings: LayerTimeSettings) -> BoolArray:
+    """Mark the coarse samples, in an array of this shape, beside which a fault passes within `clear` traces."""
+    step, near = settings.shifts.step, np.zeros(shape, bool)
     for t in range(step):
-        part = graph.cuts[:, :, t::step] & 3 > 0
+        part = cuts[:, :, t::step] & 3 > 0
         near[:, :, : part.shape[2]] |= part
     size = 2 * settings.clear + 1
-    near = ndimage.maximum_filter(near, (size, size, 1))
-    return [
-        replace(f, variance=np.where(_is_doubtful(f, near, settings), _DOUBT, 1) * f.variance) for f in graph.fields
-    ]
+    return np.asarray(ndimage.maximum_filter(near, (size, size, 1)))
 
 
-def _is_doubtful(f: ShiftField, near: BoolArray, settings: LayerTimeSettings) -> BoolArray:
+def is_doubtful(f: ShiftField, near: BoolArray, settings: LayerTimeSettings) -> BoolArray:
+    """Tell which shifts touch a fault, fit badly, or are not measured."""
     doubt = near | (f.misfit > 1.0) | (f.variance >= np.float32(settings.shifts.most * f.length))
     if f.axis == 0:
         doubt[: -f.length] |= near[f.length :]
@@ -165,31 +172,25 @@ def _refine_grid(values: Float32Array, traces: tuple[int, ...], stride: int) -> 
     return np.ascontiguousarray(values[rows][:, columns])
 
 
-def _edges(graph: LayerGraph, fields: list[ShiftField], stride: int) -> ScalarEdges:
-    """Return all edges between traces of a stride, along layers and across faults."""
-    step, nearest = graph.settings.shifts.step, graph.nearest
-    parts = []
-    for f in fields:
-        if f.length % stride:
-            continue
-        arrays = _empty_edges(count_links(f.shift, f.axis, f.length, stride, step))
-        along = (nearest[f.axis], f.shift, f.variance, graph.cuts, graph.breaks, f.axis, f.length, stride, step)
-        parts.append(_as_edges(arrays, link_traces(*along, *arrays)))
-    parts.extend(
-        link_grid(grid, throw, variance, nearest, graph.breaks, stride=stride, step=step)
-        for grid, throw, variance in graph.faults
-    )
-    return ScalarEdges.join(*parts)
-
-
-def _thickness_edges(graph: LayerGraph, values: Float32Array, stride: int) -> ScalarEdges:
+def _system(graph: LayerGraph, fields: list[ShiftField], stride: int) -> LayerSystem:
+    """Return all links between traces of a stride, along layers and across faults."""
+    step, used = graph.settings.shifts.step, [f for f in fields if f.length % stride == 0]
     breaks = np.ascontiguousarray(graph.breaks[::stride, ::stride])
-    arrays = _empty_edges(values.size)
-    thickness = _smooth_thickness(values, breaks, graph.settings, stride).ravel()
-    return _as_edges(arrays, link_samples(thickness, breaks, np.float32(graph.settings.thickness**2), *arrays))
+    shape: tuple[int, int, int] = (breaks.shape[0], breaks.shape[1], breaks.shape[2])
+    links = LinkFields.empty([(f.axis, f.length // stride) for f in used], shape, InMemory())
+    for n, f in enumerate(used):
+        links.shift[n] = f.shift[::stride, ::stride]
+        keep_free(
+            graph.nearest[f.axis], graph.cuts, f.variance, f.axis, f.length, stride, step, 0, 0, links.variance[n]
+        )
+    listed = [
+        link_grid(grid, throw, variance, graph.nearest, graph.breaks, stride=stride, step=step)
+        for grid, throw, variance in graph.faults
+    ]
+    return LayerSystem.of(links, breaks, ScalarEdges.join(ScalarEdges.none(), *listed), InMemory(), step=step)
 
 
-def _smooth_thickness(values: Float32Array, breaks: AnyArray, settings: LayerTimeSettings, stride: int) -> Float32Array:
+def smooth_thickness(values: Float32Array, breaks: AnyArray, settings: LayerTimeSettings, stride: int) -> Float32Array:
     """Return the mean growth of the values over a coarse sample in wide surroundings, faults left out."""
     known = (breaks == 0).astype(np.float32)
     known[:, :, -1] = 0.0
@@ -199,12 +200,3 @@ def _smooth_thickness(values: Float32Array, breaks: AnyArray, settings: LayerTim
     sigma = (settings.wide[0] / stride, settings.wide[0] / stride, settings.wide[1] / settings.shifts.step)
     share = np.maximum(ndimage.gaussian_filter(known, sigma), np.float32(1e-3))
     return np.asarray(ndimage.gaussian_filter(change, sigma) / share)
-
-
-def _empty_edges(n: int) -> tuple[AnyArray, ...]:
-    return (np.empty(n, np.int32), np.empty(n, np.int32), *(np.empty(n, np.float32) for _ in range(3)))
-
-
-def _as_edges(arrays: tuple[AnyArray, ...], n: int) -> ScalarEdges:
-    first, second, measured, variance, share = (array[:n] for array in arrays)
-    return ScalarEdges(first, second, measured, variance, np.zeros(n, np.float32), share)

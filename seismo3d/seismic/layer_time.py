@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,14 @@ class LayerModel:
 
 
 def layer_time(
-    cube: Any, *, faults: Any = None, settings: LayerTimeSettings | None = None, progress: Progress | None = None
+    cube: Any,
+    *,
+    faults: Any = None,
+    settings: LayerTimeSettings | None = None,
+    progress: Progress | None = None,
+    memory: int | str | None = None,
+    folder: str | Path | None = None,
+    scheduler: str | None = None,
 ) -> Any:
     r"""Find when each voxel was laid down, relative to all others: every horizon of the cube at once.
 
@@ -70,22 +78,46 @@ def layer_time(
         Windows and weights.
     progress : callable, optional
         Called with the stage's name and the share of it that is done.
+    memory : int or str, optional
+        Bytes that a process may take, such as ``"2GB"``. A cube that needs more in one piece is worked on in blocks;
+        without it, always in one piece.
+    folder : str or Path, optional
+        Needed for work in blocks: gets ``layer_time.zarr``, and what it takes to go on after the run is killed; give
+        the same call again for that.
+    scheduler : str, optional
+        Address of a dask cluster, which then works on the blocks; its workers must see the folder and the input.
 
     Returns
     -------
     DataArray or ndarray of the cube's shape, float32
         Layer time in samples of the trace nearest to the middle: there the middle sample has its own index. It grows
-        down every trace and is NaN on traces that are not live.
+        down every trace and is NaN on traces that are not live. Found in blocks it is lazy, and the same to the bit.
 
     Raises
     ------
     ShapeError
         If the cube has not three axes, is too small, or the faults are of another cube.
+    ParameterError
+        If the memory is too little, there is no folder for work in blocks, or the folder holds a run of another input,
+        of other faults or with other settings.
+    FileAccessError
+        If the folder cannot be written, or the cluster does not answer.
 
     References
     ----------
     .. [1] X. Wu, D. Hale, Geophysics 80(2), IM21-IM33, 2015. :doi:`10.1190/geo2014-0220.1`
     """
+    check_layers_of(cube, faults)
+    if memory is not None or folder is not None or scheduler is not None:
+        from seismo3d.seismic.blocks.layering import layer_larger, open_layer_time, whole_layers_bytes
+        from seismo3d.seismic.blocks.tracing import asks_for_blocks
+
+        if asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler, whole_bytes=whole_layers_bytes):
+            run = layer_larger(
+                cube, faults, memory, folder=folder, scheduler=scheduler, settings=settings or LayerTimeSettings(),
+                progress=progress or _unheard,
+            )  # fmt: skip
+            return open_layer_time(run, cube)
     layers = model_layers(cube, faults=faults, settings=settings, progress=progress)
     times = layers.times.copy()
     times[~layers.live] = np.nan
@@ -99,13 +131,7 @@ def model_layers(
     """Do what :func:`layer_time` does, and keep what tracks need; parameters and errors as there."""
     settings = settings or LayerTimeSettings()
     report = progress or _unheard
-    if np.ndim(cube) != 3:
-        raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Give a cube.")
-    if faults is not None and np.shape(faults.labels) != np.shape(cube):
-        raise ShapeError(
-            f"faults are of a cube of shape {np.shape(faults.labels)}; cube has shape {np.shape(cube)}. "
-            "Give the cube that they were traced in."
-        )
+    check_layers_of(cube, faults)
     amplitudes, _, (_, unit) = as_volume(cube)
     volume, valid = clean_volume(amplitudes)
     cuts = np.zeros(volume.shape, np.uint8)
@@ -118,6 +144,17 @@ def model_layers(
         raise ShapeError("cube has no live trace. Give a cube with data.")
     times += _datum(times, live)
     return LayerModel(times, cuts, volume, valid, live, unit, rejected, closure)
+
+
+def check_layers_of(cube: Any, faults: Any) -> None:
+    """Refuse what is no cube, and faults of another one."""
+    if np.ndim(cube) != 3:
+        raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Give a cube.")
+    if faults is not None and np.shape(faults.labels) != np.shape(cube):
+        raise ShapeError(
+            f"faults are of a cube of shape {np.shape(faults.labels)}; cube has shape {np.shape(cube)}. "
+            "Give the cube that they were traced in."
+        )
 
 
 def _unheard(stage: str, share: float) -> None:

@@ -110,13 +110,9 @@ def close_fields(fields: list[ShiftField], cuts: AnyArray, *, settings: LayerTim
     -------
     LoopClosure
     """
-    length, step = fields[-1].length, settings.shifts.step
-    n0, n1, m = fields[-1].shift.shape
-    errors = np.empty((max(0, n0 - length), max(0, n1 - length), m), np.float32)
-    most = np.float32(settings.shifts.most * length)
-    first, second = (np.where(f.variance < most, f.shift, np.float32(np.nan)) for f in fields[-2:])
-    close_loops(first, second, fields[0].shift, fields[1].shift, cuts, length, step, errors)
-    errors = np.abs(errors)
+    length = fields[-1].length
+    n0, n1, _ = fields[-1].shift.shape
+    errors = loop_errors(fields, cuts, settings)
     known = np.isfinite(errors)
     closed = known.any(axis=2)
     by_trace = np.full((n0, n1), np.nan, np.float32)
@@ -126,6 +122,20 @@ def close_fields(fields: list[ShiftField], cuts: AnyArray, *, settings: LayerTim
         return LoopClosure(float("nan"), float("nan"), 0, length, freeze(by_trace))
     median, over = float(np.median(sizes)), float((sizes > 1.0).mean())
     return LoopClosure(median, over, int(sizes.size), length, freeze(by_trace))
+
+
+def loop_errors(fields: list[ShiftField], cuts: AnyArray, settings: LayerTimeSettings) -> Float32Array:
+    """Return by how many samples the loops that begin at each coarse sample miss; NaN where there is none.
+
+    The shape is that of the shifts, less the side of a loop along inlines and crosslines.
+    """
+    length, step = fields[-1].length, settings.shifts.step
+    n0, n1, m = fields[-1].shift.shape
+    errors = np.empty((max(0, n0 - length), max(0, n1 - length), m), np.float32)
+    most = np.float32(settings.shifts.most * length)
+    first, second = (np.where(f.variance < most, f.shift, np.float32(np.nan)) for f in fields[-2:])
+    close_loops(first, second, fields[0].shift, fields[1].shift, cuts, length, step, errors)
+    return np.asarray(np.abs(errors))
 
 
 def tabulate_loops(closure: LoopClosure | None) -> dict[str, float | int | None] | None:

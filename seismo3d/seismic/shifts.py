@@ -100,7 +100,29 @@ def measure_shifts(
     .. [1] B. D. Lucas, T. Kanade, Proc. 7th IJCAI, 674-679, 1981.
     """
     settings = settings or ShiftSettings()
-    floor = np.float32(settings.floor * max(float(np.mean(np.square(volume[::2, ::2]))), 1e-20))
+    floor = matching_floor(float(np.mean(np.square(volume[::2, ::2]))), settings)
+    found = match_lengths(volume, valid, slopes, cuts=cuts, lengths=lengths, floor=floor, settings=settings)
+    for f in found:
+        usual = float(np.median(f.misfit[f.misfit > 0])) if (f.misfit > 0).any() else 0.0
+        judge_misfits(f, usual, settings)
+    return found
+
+
+def matching_floor(power: float, settings: ShiftSettings) -> np.float32:
+    """Return the squared derivative below which nothing is to be matched, from the cube's mean square."""
+    return np.float32(settings.floor * max(power, 1e-20))
+
+
+def shift_reach(lengths: tuple[int, ...], settings: ShiftSettings) -> int:
+    """Return how many traces off the shifts depend on."""
+    return 2 * settings.passes * (len(gaussian_taps(settings.lateral)) // 2) + max(lengths) + 1
+
+
+def match_lengths(
+    volume: Float32Array, valid: BoolArray, slopes: tuple[Float32Array, Float32Array], *,
+    cuts: AnyArray, lengths: tuple[int, ...], floor: np.float32, settings: ShiftSettings,
+) -> list[ShiftField]:  # fmt: skip
+    """Measure shifts as :func:`measure_shifts` does; misfits are ratios to the energy, and not yet judged."""
     found: list[ShiftField] = []
     nearest = list(slopes)
     for length in lengths:
@@ -114,6 +136,15 @@ def measure_shifts(
                 nearest[axis] = shift
             found.append(ShiftField(axis, length, shift, variance, misfit))
     return found
+
+
+def judge_misfits(found: ShiftField, usual: float, settings: ShiftSettings) -> None:
+    """Divide misfit ratios, in place, by what is doubtful, and raise the variances of shifts that are.
+
+    A misfit far above the cube's `usual` one is no match: a fault that was not found, or noise.
+    """
+    found.misfit[...] /= np.float32(2.0 * usual + settings.misfit)
+    found.variance[...] *= 1.0 + found.misfit**4
 
 
 def _refine(
@@ -132,9 +163,4 @@ def _refine(
     n_free = np.float32(max(1.0, settings.vertical * 3.5 / 6.0 * (1.0 + 3.5 * settings.lateral)))
     most = np.float32(settings.most * length)
     finish_shifts(products, shift, floor, most, n_free, shift, variance)
-    # a misfit far above the cube's usual one is no match: a fault that was not found, or noise
-    ratio = products[0]
-    usual = float(np.median(ratio[ratio > 0])) if (ratio > 0).any() else 0.0
-    ratio /= np.float32(2.0 * usual + settings.misfit)
-    variance *= 1.0 + ratio**4
-    return ratio.copy()
+    return products[0].copy()

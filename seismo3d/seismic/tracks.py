@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,17 @@ from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray, Progress
+from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.axis import Axis
-from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
+from seismo3d.seismic._kernels_tracks import read_waveforms
 from seismo3d.seismic.layer_graph import LayerTimeSettings
+from seismo3d.seismic.layer_pieces import find_levels, layer_pieces, read_along
 from seismo3d.seismic.layer_time import LayerModel, model_layers
 
 EVENTS = ("peak", "trough", "zero")
+_SNAP_REACH = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,6 +95,9 @@ def trace_tracks(
     layers: LayerModel | None = None,
     settings: TrackSettings | None = None,
     progress: Progress | None = None,
+    memory: int | str | None = None,
+    folder: str | Path | None = None,
+    scheduler: str | None = None,
 ) -> list[Track]:
     """Follow horizons from seeds through a cube, across its faults.
 
@@ -119,6 +125,9 @@ def trace_tracks(
         Windows and thresholds.
     progress : callable, optional
         Called with the stage's name and the share of it that is done.
+    memory, folder, scheduler : optional
+        As for :func:`layer_time`: a cube that needs more memory in one piece is worked on in blocks, and tracks read
+        from disk what lies along them.
 
     Returns
     -------
@@ -130,9 +139,21 @@ def trace_tracks(
     ShapeError
         If the cube has neither two nor three axes, or a seed not as many numbers.
     ParameterError
-        If a seed lies outside the cube or on a trace without data, `event` is not known, or `layers` is given for a
-        section.
+        If a seed lies outside the cube or on a trace without data, `event` is not known, `layers` is given for a
+        section or beside what it takes the place of, or work in blocks is refused as by :func:`layer_time`.
     """
+    settings = settings or TrackSettings()
+    is_bounded = memory is not None or folder is not None or scheduler is not None
+    if is_bounded and np.ndim(cube) == 3:
+        if layers is not None:
+            raise ParameterError("layers is given with memory, folder or scheduler; it takes their place. Give either.")
+        from seismo3d.seismic.blocks.stored_layers import layers_within
+
+        _check_event(event)
+        report = progress or _unheard
+        layers = layers_within(
+            cube, faults, memory=memory, folder=folder, scheduler=scheduler, settings=settings.layers, progress=report
+        )
     if seeds is None:
         from seismo3d.seismic.horizon_search import find_horizons
 
@@ -149,11 +170,7 @@ def trace_tracks(
             thick, thicken_seeds(seeds), faults=surfaces, event=event, settings=settings, progress=progress
         )
         return [cut_middle(track) for track in found]
-    settings = settings or TrackSettings()
-    if event is not None and event not in EVENTS:
-        raise ParameterError(
-            f"event is {event!r}; expected one of {', '.join(EVENTS)}, or None for the seed's own phase."
-        )
+    _check_event(event)
     layers = layers or model_layers(cube, faults=faults, settings=settings.layers, progress=progress)
     axes = axes_of(cube)
     groups = [_as_seeds(entry, n) for n, entry in enumerate(seeds)]
@@ -165,10 +182,21 @@ def trace_tracks(
         _check_seeds(index, group, layers, number)
         depth, confidence = _trace_one(layers, index, settings)
         if event is not None:
-            depth = _snap(np.asarray(getattr(cube, "values", cube), dtype=np.float32), layers.valid, depth, event)
+            depth = _snap(_read_amplitudes(cube, layers, depth), depth, event)
         depth = axes[2].coordinate(depth).astype(np.float32)
         tracks.append(Track(freeze(depth), freeze(confidence), freeze(group), layers.sample_unit))
     return tracks
+
+
+def _unheard(stage: str, share: float) -> None:
+    """Take reports of progress where nobody asked for them."""
+
+
+def _check_event(event: str | None) -> None:
+    if event is not None and event not in EVENTS:
+        raise ParameterError(
+            f"event is {event!r}; expected one of {', '.join(EVENTS)}, or None for the seed's own phase."
+        )
 
 
 def axes_of(cube: Any) -> tuple[Axis, Axis, Axis]:
@@ -225,8 +253,7 @@ def _level(layers: LayerModel, index: Float64Array) -> Float64Array:
         times.append(float(np.interp(at[2], np.arange(n2), row)))
         weights.append(1.0 / ((i - at[0]) ** 2 + (j - at[1]) ** 2 + 0.25))
     target = np.tensordot(times, weights, axes=1) / np.sum(weights, axis=0)
-    depth = np.empty((n0, n1))
-    level_depths(layers.times, layers.cuts, target, depth)
+    depth = find_levels(layers, target)
     depth[~layers.live] = np.nan
     return depth
 
@@ -279,8 +306,7 @@ def _place_parts(
 ) -> tuple[Float64Array, IntArray]:  # fmt: skip
     """Move every part to where its mean waveform fits the seeds', or drop it where it fits nowhere."""
     far, half = settings.farthest, settings.window
-    waves = np.empty((*depth.shape, 2 * (half + far) + 1), np.float32)
-    read_waveforms(layers.volume, layers.valid, depth, half + far, waves)
+    waves = read_along(layers, depth, half + far)
     seeded = {int(parts[tuple(np.rint(at[:2]).astype(int))]) for at in index}
     depth = depth.copy()
     labels, sizes = np.unique(parts[parts >= 0], return_counts=True)
@@ -319,8 +345,7 @@ def _align(
 ) -> tuple[Float64Array, Float32Array]:
     """Align every trace with the mean waveform along the track; the part with the seeds stays on the whole."""
     near, reach = settings.near, 3
-    waves = np.empty((*depth.shape, 2 * (near + reach) + 1), np.float32)
-    read_waveforms(layers.volume, layers.valid, depth, near + reach, waves)
+    waves = read_along(layers, depth, near + reach)
     known = np.isfinite(depth)
     if not known.any():
         return depth, np.full(depth.shape, np.nan, np.float32)
@@ -358,11 +383,19 @@ def _smooth_parts(maps: Float32Array, parts: IntArray, sigma: float) -> Float32A
     return out
 
 
-def _snap(volume: Float32Array, valid: BoolArray, depth: Float64Array, event: str) -> Float64Array:
+def _read_amplitudes(cube: Any, layers: LayerModel, depth: Float64Array) -> Float32Array:
+    """Return the cube's own amplitudes about every depth."""
+    values = cube.data if hasattr(cube, "dims") else cube if hasattr(cube, "dtype") else np.asarray(cube)
+    waves = np.empty((*depth.shape, 2 * _SNAP_REACH + 3), np.float32)
+    for at, (valid,) in layer_pieces(layers, "valid"):
+        volume = np.asarray(values[at], dtype=np.float32)
+        read_waveforms(volume, valid, depth[at], _SNAP_REACH + 1, waves[at])
+    return waves
+
+
+def _snap(waves: Float32Array, depth: Float64Array, event: str) -> Float64Array:
     """Move every trace to its nearest event of a kind, at sub-sample precision; traces without one stay."""
-    reach = 4
-    waves = np.empty((*depth.shape, 2 * reach + 3), np.float32)
-    read_waveforms(volume, valid, depth, reach + 1, waves)
+    reach = _SNAP_REACH
     left, here, right = waves[..., :-2], waves[..., 1:-1], waves[..., 2:]
     lag = np.arange(-reach, reach + 1, dtype=np.float64)
     place: AnyArray

@@ -12,8 +12,8 @@ from seismo3d.seismic.dip import dip_reach
 from seismo3d.seismic.misfit import MisfitSettings, misfit_reach
 from seismo3d.seismic.scan import plan_scan
 
-# what Python, the libraries and the compiled code take before there is any data
-_BASE_BYTES = 420 * 2**20
+BASE_BYTES = 420 * 2**20
+"""What Python, the libraries and the compiled code take before there is any data."""
 _BRICKS = (32, 16, 8)
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12, "ki": 2**10, "mi": 2**20, "gi": 2**30, "ti": 2**40}
 RAW_REACH = 8
@@ -95,7 +95,8 @@ class BlockPlan:
     memory : int
         Bytes that a process may take.
     edges : dict of str to (int, int)
-        Inlines and crosslines of a block, by stage: ``raw``, ``dip``, ``misfit``, ``evidence``, ``scan`` and ``draw``.
+        Inlines and crosslines of a block, by stage: ``raw``, ``dip``, ``misfit``, ``evidence``, ``scan`` and ``draw``
+        of faults; ``raw``, ``dip``, ``shifts``, ``links`` and ``fill`` of layer time.
     """
 
     shape: tuple[int, int, int]
@@ -139,11 +140,17 @@ def whole_cube_bytes(shape: tuple[int, ...]) -> int:
     size = 1
     for n in shape:
         size *= n
-    return 44 * size + _BASE_BYTES
+    return 44 * size + BASE_BYTES
 
 
 def plan_blocks(
-    shape: tuple[int, int, int], memory: int, settings: Any, *, edge: int | None = None, least_blocks: int = 1
+    shape: tuple[int, int, int],
+    memory: int,
+    settings: Any,
+    *,
+    edge: int | None = None,
+    least_blocks: int = 1,
+    needs: Callable[[tuple[int, int, int], Any], dict[str, Callable[[int], float]]] | None = None,
 ) -> BlockPlan:
     """Choose the largest blocks with which every stage stays within the memory.
 
@@ -153,32 +160,34 @@ def plan_blocks(
         The cube's.
     memory : int
         Bytes that a process may take.
-    settings : FaultSettings
+    settings : FaultSettings or LayerTimeSettings
         Say how far each stage looks.
     edge : int, optional
         Largest edge of a block.
     least_blocks : int
         How many blocks there should be at least, for as many workers to have some.
+    needs : callable, optional
+        Gives, for a shape and settings, by stage the bytes that a block of an edge takes; those of faults without it.
 
     Raises
     ------
     ParameterError
         If the memory is too little for the smallest blocks.
     """
-    room = memory - _BASE_BYTES
+    room = memory - BASE_BYTES
     widest = max(shape[:2]) if edge is None else edge
     if least_blocks > 1:
         widest = min(widest, max(_BRICKS[-1], int((shape[0] * shape[1] / least_blocks) ** 0.5)))
-    needs = _needs(shape, settings)
+    wanted = (needs or fault_needs)(shape, settings)
     for brick in _BRICKS:
         if edge is not None and brick > edge:
             continue
         largest = max(brick, widest // brick * brick)
-        found = {stage: _largest_edge(brick, largest, room, need) for stage, need in needs.items()}
+        found = {stage: _largest_edge(brick, largest, room, need) for stage, need in wanted.items()}
         raw = _raw_edges(shape, brick, largest if edge or least_blocks > 1 else None, room)
         if all(found.values()) and raw is not None:
             return BlockPlan(shape, brick, memory, {stage: (n, n) for stage, n in found.items()} | {"raw": raw})
-    least = max(need(_BRICKS[-1]) for need in needs.values()) + _BASE_BYTES
+    least = max(need(_BRICKS[-1]) for need in wanted.values()) + BASE_BYTES
     raise ParameterError(
         f"memory is {memory / 1e9:.2f} GB; traces of {shape[2]} samples need at least {least / 1e9:.2f} GB. Give more."
     )
@@ -203,8 +212,8 @@ def _raw_edges(shape: tuple[int, int, int], brick: int, widest: int | None, room
     return (across, columns) if columns > 0 else None
 
 
-def _needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callable[[int], float]]:
-    """Return the bytes that a block of an edge takes, by stage."""
+def fault_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callable[[int], float]]:
+    """Return the bytes that a block of an edge takes, by stage of fault tracing."""
     step = settings.misfit.step
     n2, thinned = shape[2], -(-shape[2] // step)
     scan = plan_scan((max(shape[0], 2), max(shape[1], 2), thinned), 1.0, step, settings=settings.scan)
@@ -230,6 +239,25 @@ def _needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callable[[in
         "evidence": lambda edge: 44 * square(edge, evidence_reach(settings.misfit)) * thinned,
         "scan": scan_bytes,
         "draw": lambda edge: 30 * square(edge, settings.throw.far + settings.throw.clear + 2) * n2,
+    }
+
+
+def layer_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callable[[int], float]]:
+    """Return the bytes that a block of an edge takes, by stage of layer time."""
+    from seismo3d.seismic.shifts import shift_reach
+
+    n2, links = shape[2], -(-(max(settings.lengths) + settings.clear + 1) // 8) * 8
+    wide = int(4.0 * settings.wide[0]) + 2
+
+    def square(edge: int, reach: int) -> int:
+        return min(edge + 2 * reach, shape[0]) * min(edge + 2 * reach, shape[1])
+
+    return {
+        "dip": lambda edge: 66 * square(edge, dip_reach(settings.dip)) * n2,
+        "shifts": lambda edge: 48 * square(edge, shift_reach(settings.lengths, settings.shifts)) * n2,
+        # half of the memory is the solution's
+        "links": lambda edge: 2 * (14 * square(edge, links) + 10 * square(edge, wide)) * n2,
+        "fill": lambda edge: 30 * square(edge, 2 * settings.links.far) * n2,
     }
 
 

@@ -12,7 +12,7 @@ from seismo3d.io.zarr_store import make_group, read_zarr
 from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.run import BlockRun
 
-_KINDS = {"likelihood": np.float32, "labels": np.int32, "throw": np.float32}
+_KINDS = {"likelihood": np.float32, "labels": np.int32, "throw": np.float32, "layer_time": np.float32}
 _DEPTH = 128
 
 

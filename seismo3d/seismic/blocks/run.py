@@ -20,7 +20,7 @@ from seismo3d.seismic.blocks.store import BrickStore, DamagedBlock
 
 _PLAN = "plan.json"
 _VERSION = 1
-_NAMES = {"input": "input", "settings": "setting", "memory": "memory", "version": "format"}
+_NAMES = {"kind": "kind", "input": "input", "settings": "setting", "memory": "memory", "version": "format"}
 
 
 class BlockRun:
@@ -36,12 +36,14 @@ class BlockRun:
         Where the results go.
     plan : BlockPlan
         The blocks.
-    settings : FaultSettings
+    settings : FaultSettings or LayerTimeSettings
         Settings of the stages.
+    kind : str
+        What is made: "faults" or "layers".
     """
 
-    def __init__(self, folder: Path, plan: BlockPlan, settings: Any) -> None:
-        self.folder, self.work = folder, folder / "work"
+    def __init__(self, folder: Path, plan: BlockPlan, settings: Any, kind: str = "faults") -> None:
+        self.folder, self.work, self.kind = folder, folder / "work", kind
         self.plan, self.settings = plan, settings
         self.store = BrickStore(self.work / "bricks", plan.brick)
         self._facts: dict[str, dict[str, Any]] = {}
@@ -50,10 +52,13 @@ class BlockRun:
     def open(cls, folder: Path) -> BlockRun:
         """Open a run that was begun, as a worker does."""
         found = json.loads((folder / "work" / _PLAN).read_text(encoding="utf-8"))
-        return cls(folder, BlockPlan.from_dict(found["plan"]), unpack_settings(found["settings"]))
+        kind = found["kind"]
+        return cls(folder, BlockPlan.from_dict(found["plan"]), unpack_settings(found["settings"], kind), kind)
 
     @classmethod
-    def begin(cls, folder: Path, plan: BlockPlan, settings: Any, *, source: Mapping[str, Any]) -> BlockRun:
+    def begin(
+        cls, folder: Path, plan: BlockPlan, settings: Any, *, source: Mapping[str, Any], kind: str = "faults"
+    ) -> BlockRun:
         """Begin a run, or go on with the one that the folder holds.
 
         Raises
@@ -64,14 +69,14 @@ class BlockRun:
             If it cannot be written, or holds something else.
         """
         wanted = {
-            "version": _VERSION, "input": dict(source), "memory": plan.memory, "settings": pack_settings(settings),
-            "plan": plan.to_dict(),
+            "version": _VERSION, "kind": kind, "input": dict(source), "memory": plan.memory,
+            "settings": pack_settings(settings), "plan": plan.to_dict(),
         }  # fmt: skip
         wanted = json.loads(json.dumps(wanted))
         path = folder / "work" / _PLAN
         with refuse_os_errors(folder, "write"):
             if path.is_file():
-                found = json.loads(path.read_text(encoding="utf-8"))
+                found = {"kind": "faults"} | json.loads(path.read_text(encoding="utf-8"))
                 _refuse_change(folder, found, wanted)
                 wanted = found
             elif folder.exists() and any(entry.name != "work" for entry in folder.iterdir()):
@@ -80,7 +85,7 @@ class BlockRun:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 with written_aside(path) as aside:
                     aside.write_text(json.dumps(wanted, indent=1), encoding="utf-8")
-        run = cls(folder, BlockPlan.from_dict(wanted["plan"]), settings)
+        run = cls(folder, BlockPlan.from_dict(wanted["plan"]), settings, kind)
         run.sweep()
         return run
 
@@ -184,6 +189,11 @@ class BlockRun:
         write_archive(folder / f"{name}.npz", arrays, meta=plain)
         self._facts[name] = values
 
+    def forget_fact(self, name: str) -> None:
+        """Take a fact for not found."""
+        self._facts.pop(name, None)
+        (self.work / "facts" / f"{name}.npz").unlink(missing_ok=True)
+
     def fact(self, name: str) -> dict[str, Any]:
         """Return a fact that was found."""
         if name not in self._facts:
@@ -233,11 +243,12 @@ def pack_settings(settings: Any) -> dict[str, Any]:
     return found
 
 
-def unpack_settings(found: Mapping[str, Any]) -> Any:
-    """Return the settings that :func:`pack_settings` described."""
+def unpack_settings(found: Mapping[str, Any], kind: str) -> Any:
+    """Return the settings that :func:`pack_settings` described, of a kind of run."""
     from dataclasses import fields, is_dataclass
 
     from seismo3d.seismic.faults import FaultSettings
+    from seismo3d.seismic.layer_graph import LayerTimeSettings
 
     def rebuild(default: Any, values: Mapping[str, Any]) -> Any:
         made = {}
@@ -249,7 +260,7 @@ def unpack_settings(found: Mapping[str, Any]) -> Any:
             )
         return type(default)(**made)
 
-    return rebuild(FaultSettings(), found)
+    return rebuild(LayerTimeSettings() if kind == "layers" else FaultSettings(), found)
 
 
 def _refuse_change(folder: Path, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:

@@ -39,11 +39,12 @@ class InThisProcess:
         self, run: BlockRun, stage: str, numbers: Sequence[int], piece: Piece | None
     ) -> Iterator[tuple[int, DamagedBlock | None]]:
         """Work on a stage's blocks, in turn."""
-        from seismo3d.seismic.blocks.stages import STAGES
+        from seismo3d.seismic.blocks.stages import stages_of
 
+        work = stages_of(run)[stage].work
         for number in numbers:
             try:
-                STAGES[stage].work(run, number, *([] if piece is None else [piece(number)]))
+                work(run, number, *([] if piece is None else [piece(number)]))
             except DamagedBlock as damage:
                 yield number, damage
             else:
@@ -149,12 +150,12 @@ class _Job:
         self._folder, self._stage, self._number, self._piece = folder, stage, number, piece
 
     def __call__(self) -> None:
-        from seismo3d.seismic.blocks.stages import STAGES
+        from seismo3d.seismic.blocks.stages import stages_of
 
         with _one_at_a_time:
             _use_own_threads()
             run = BlockRun.open(Path(self._folder))
-            STAGES[self._stage].work(run, self._number, *([] if self._piece is None else [self._piece]))
+            stages_of(run)[self._stage].work(run, self._number, *([] if self._piece is None else [self._piece]))
 
 
 def _use_own_threads() -> None:

@@ -1,4 +1,4 @@
-"""The stages of fault tracing in blocks, in their order: what each works on, makes, finds and leaves behind."""
+"""The stages of work in blocks, in their order: what each works on, makes, finds and leaves behind."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from seismo3d.seismic.blocks import cleaning, evidence, ridges, sheets
+from seismo3d.seismic.blocks import cleaning, evidence, layer_solve, layers, ridges, sheets
 from seismo3d.seismic.blocks.run import BlockRun
+from seismo3d.seismic.layer_graph import LayerTimeSettings
 
 
 def _nothing(run: BlockRun) -> None:
@@ -32,7 +33,7 @@ class Stage:
     shown : str
         What progress calls it.
     tiling : str
-        Which blocks it works on; "sheets" for one of each sheet, "" for none.
+        Which blocks it works on; "sheets" for one of each sheet, "surfaces" of each surface given, "" for none.
     work : callable
         Works on one block: takes the run and the block's number, and of stages that read it a piece of the input.
     make : callable
@@ -45,6 +46,10 @@ class Stage:
         Arrays that are needed no more when it is done.
     wanted : callable
         Tells whether the cube needs it.
+    reads_input : bool
+        Whether it reads the input itself: a piece of the cube, or a surface.
+    forget : callable
+        Forgets, of a stage without blocks, what it came to on its way.
     """
 
     shown: str
@@ -55,11 +60,8 @@ class Stage:
     writes: tuple[str, ...] = ()
     leaves: tuple[str, ...] = ()
     wanted: Callable[[BlockRun], bool] = _always
-
-    @property
-    def reads_input(self) -> bool:
-        """Whether it reads the input itself."""
-        return self.tiling == "raw"
+    reads_input: bool = False
+    forget: Callable[[BlockRun], None] = _nothing
 
     @property
     def finds(self) -> bool:
@@ -90,13 +92,17 @@ def _no_block(run: BlockRun, number: int) -> None:
     """Do nothing: the stage is about the cube as a whole."""
 
 
-STAGES: dict[str, Stage] = {
-    "survey": Stage("clean", "raw", cleaning.survey, find=cleaning.survey_facts),
-    "pairs": Stage("clean", "raw", cleaning.pairs, find=cleaning.pairs_facts),
+_CLEANING = {
+    "survey": Stage("clean", "raw", cleaning.survey, find=cleaning.survey_facts, reads_input=True),
+    "pairs": Stage("clean", "raw", cleaning.pairs, find=cleaning.pairs_facts, reads_input=True),
     "whiten": Stage(
         "clean", "raw", cleaning.whiten, find=cleaning.whiten_facts, make=cleaning.make_clean_arrays,
-        writes=("white", "valid"),
+        writes=("white", "valid"), reads_input=True,
     ),
+}  # fmt: skip
+
+FAULT_STAGES: dict[str, Stage] = {
+    **_CLEANING,
     "dip": Stage(
         "dip", "dip", evidence.dip, find=evidence.dip_facts, make=evidence.make_slope_arrays, writes=("p", "q")
     ),
@@ -123,20 +129,61 @@ STAGES: dict[str, Stage] = {
 }  # fmt: skip
 
 
+def _layer_stages(settings: LayerTimeSettings) -> dict[str, Stage]:
+    fields = layers.field_names(settings)
+    before, solving = "", {}
+    for stride in settings.strides:
+        rounds = range(len(layer_solve.list_rounds(settings, stride)))
+        solving[f"solve_{stride}"] = Stage(
+            "solve", "", _no_block, find=partial(layer_solve.solve, stride=stride),
+            writes=tuple(layer_solve.values_name(stride, n) for n in rounds),
+            leaves=(before,) if before else (), forget=partial(layer_solve.forget_rounds, stride=stride),
+        )  # fmt: skip
+        before = layer_solve.values_name(stride, rounds[-1])
+    return {
+        **_CLEANING,
+        "slopes": Stage(
+            "dip", "dip", layers.slopes, find=layers.slopes_facts, make=layers.make_slope_arrays, writes=("p", "q")
+        ),
+        "grids": Stage("faults", "surfaces", layers.grids, find=layers.grids_facts, reads_input=True),
+        "cut": Stage("faults", "fill", layers.cut, make=layers.make_cut_arrays, writes=("cuts", "breaks")),
+        "shifts": Stage(
+            "shifts", "shifts", layers.shifts, find=layers.shifts_facts, make=layers.make_shift_arrays, writes=fields,
+            leaves=("p", "q"),
+        ),
+        "usual": Stage("shifts", "shifts", layers.usual, find=layers.usual_facts),
+        "match": Stage("throw", "surfaces", layers.match),
+        "loops": Stage("loops", "shifts", layer_solve.loops, find=layer_solve.loops_facts),
+        "loop_medians": Stage("loops", "shifts", layer_solve.loop_medians, find=layer_solve.loop_medians_facts),
+        **solving,
+        "datum": Stage("layers", "", _no_block, find=layer_solve.datum_facts, leaves=fields),
+        "fill": Stage("layers", "fill", layer_solve.fill, leaves=(before, "breaks")),
+    }  # fmt: skip
+
+
+def stages_of(run: BlockRun) -> dict[str, Stage]:
+    """Return the stages of a run, by name, in their order."""
+    return _layer_stages(run.settings) if run.kind == "layers" else FAULT_STAGES
+
+
 def count_blocks(run: BlockRun, stage: str) -> int:
     """Return how many blocks a stage works on."""
-    tiling = STAGES[stage].tiling
+    tiling = stages_of(run)[stage].tiling
     if tiling == "sheets":
         return int(run.fact("link")["n_sheets"])
+    if tiling == "surfaces":
+        return int(run.fact("faults")["n_surfaces"])
     return len(run.plan.tiling(tiling)) if tiling else 0
 
 
 def producer(run: BlockRun, name: str, place: tuple[int, ...]) -> tuple[str, int]:
-    """Return which stage makes an array or a record, and in which block a place of it."""
-    if name in STAGES:
+    """Return which stage makes an array or a record, and in which block a place of it; 0 of a stage without blocks."""
+    stages = stages_of(run)
+    if name in stages:
         return name, place[0]
-    stage = next(key for key, value in STAGES.items() if name in value.writes)
-    return stage, run.plan.tiling(STAGES[stage].tiling).holding(place[0], place[1])
+    stage = next(key for key, value in stages.items() if name in value.writes)
+    tiling = stages[stage].tiling
+    return stage, run.plan.tiling(tiling).holding(place[0], place[1]) if tiling else 0
 
 
 def find_piece(run: BlockRun, cube: Any) -> Callable[[int], Any]:

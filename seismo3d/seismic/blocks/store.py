@@ -60,7 +60,7 @@ class BrickStore:
             zarr.create_array(
                 str(self.folder / name), shape=shape, dtype=np.dtype(dtype),
                 chunks=(min(self.brick, shape[0]), min(self.brick, shape[1]), shape[2]), compressors=codecs,
-                fill_value=0, config={"write_empty_chunks": True},
+                fill_value=0,
             )  # fmt: skip
 
     def remove(self, *names: str) -> None:
@@ -95,7 +95,8 @@ class BrickStore:
             if not (self.folder / name / "zarr.json").is_file():
                 raise DamagedBlock(name, (0, 0))
             # each brick is written as it is, be it all zeros: an absent one is a lost one
-            self._open[name] = zarr.open_array(str(self.folder / name), mode="r+", config={"write_empty_chunks": True})
+            with zarr.config.set({"array.write_empty_chunks": True}):
+                self._open[name] = zarr.open_array(str(self.folder / name), mode="r+")
         return self._open[name]
 
     def _bricks(self, box: Box) -> list[tuple[int, int]]:

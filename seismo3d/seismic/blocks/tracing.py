@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,30 +10,30 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Progress
-from seismo3d.errors import FileAccessError, ParameterError
+from seismo3d.errors import ParameterError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.blocks.plan import BlockPlan, parse_memory, plan_blocks, whole_cube_bytes
 from seismo3d.seismic.blocks.results import make_result, open_result
 from seismo3d.seismic.blocks.run import BlockRun, describe_source
-from seismo3d.seismic.blocks.scheduling import InThisProcess, OnCluster, Piece, Scheduler
+from seismo3d.seismic.blocks.scheduling import InThisProcess, OnCluster, Scheduler
 from seismo3d.seismic.blocks.sheets import chosen_faults
-from seismo3d.seismic.blocks.stages import STAGES, count_blocks, find_piece, producer
-from seismo3d.seismic.blocks.store import DamagedBlock
+from seismo3d.seismic.blocks.stages import find_piece
+from seismo3d.seismic.blocks.working import Worker
 from seismo3d.seismic.faults import FaultSettings, build_surfaces
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.preparing import describe_volume
 
-# how often one block may be found damaged before the disk is blamed
-_MOST_REPAIRS = 3
-
-
 _MEMORY = "4GB"
-# blocks that each worker should have at least, so that none waits long for the others
-_BLOCKS_A_WORKER = 4
+BLOCKS_A_WORKER = 4
+"""Blocks that each worker should have at least, so that none waits long for the others."""
 
 
-def asks_for_blocks(cube: Any, memory: int | str | None, *, folder: str | Path | None, scheduler: str | None) -> bool:
+def asks_for_blocks(
+    cube: Any, memory: int | str | None, *, folder: str | Path | None, scheduler: str | None, whole_bytes: Any = None
+) -> bool:
     """Tell whether a cube is to be worked on in blocks: it does not fit, or a cluster is asked for.
+
+    `whole_bytes` gives, for a shape, what it takes in one piece; that of faults without it.
 
     Raises
     ------
@@ -45,8 +44,8 @@ def asks_for_blocks(cube: Any, memory: int | str | None, *, folder: str | Path |
     describe_volume(values)
     if memory is None and scheduler is None:
         raise ParameterError("folder is given without memory or scheduler; it is for work in blocks. Add memory.")
-    room = parse_memory(_MEMORY if memory is None else memory)
-    if values.ndim == 2 or (scheduler is None and whole_cube_bytes(values.shape) <= room):
+    room = read_memory(memory)
+    if values.ndim == 2 or (scheduler is None and (whole_bytes or whole_cube_bytes)(values.shape) <= room):
         return False
     if folder is None:
         raise ParameterError(
@@ -54,6 +53,11 @@ def asks_for_blocks(cube: Any, memory: int | str | None, *, folder: str | Path |
             "for its results. Give folder, or more memory."
         )
     return True
+
+
+def read_memory(memory: int | str | None) -> int:
+    """Return the bytes that a process may take; 4 GB where nothing is said."""
+    return parse_memory(_MEMORY if memory is None else memory)
 
 
 def trace_larger(
@@ -70,13 +74,13 @@ def trace_larger(
     A finished run of the same input with the same settings is not done again.
     """
     cube = cube if hasattr(cube, "dtype") else np.asarray(cube)
-    room = parse_memory(_MEMORY if memory is None else memory)
+    room = read_memory(memory)
     shape = (cube.shape[0], cube.shape[1], cube.shape[2])
     if scheduler is None:
         plan = plan_blocks(shape, room, settings)
         return trace_in_blocks(cube, plan, settings, folder=Path(str(folder)), progress=progress)
     with OnCluster(scheduler) as cluster:
-        plan = plan_blocks(shape, room, settings, least_blocks=_BLOCKS_A_WORKER * max(2, cluster.n_workers))
+        plan = plan_blocks(shape, room, settings, least_blocks=BLOCKS_A_WORKER * max(2, cluster.n_workers))
         return trace_in_blocks(cube, plan, settings, folder=Path(str(folder)), scheduler=cluster, progress=progress)
 
 
@@ -116,9 +120,7 @@ def trace_in_blocks(
     with run.lock():
         for name in ("likelihood", "labels", "throw"):
             make_result(run, name, cube)
-        worker = _Worker(run, scheduler or InThisProcess(), find_piece(run, cube))
-        for stage in STAGES:
-            worker.run_stage(stage, progress)
+        Worker(run, scheduler or InThisProcess(), {"raw": find_piece(run, cube)}).run_all(progress)
         sheets, throws = chosen_faults(run)
     geometry = SurveyGeometry.from_cube(cube)
     progress("surfaces", 1.0)
@@ -134,67 +136,3 @@ def trace_in_blocks(
 def forget_work(folder: Path) -> None:
     """Remove from a run's folder what was needed to go on; the results stay."""
     shutil.rmtree(folder / "work", ignore_errors=True)
-
-
-class _Worker:
-    """Takes a run through its stages, and has blocks that are found damaged computed again."""
-
-    def __init__(self, run: BlockRun, scheduler: Scheduler, piece: Piece) -> None:
-        self._run, self._scheduler, self._piece = run, scheduler, piece
-        self._repairs: dict[tuple[str, int], int] = {}
-
-    def run_stage(self, stage: str, progress: Progress) -> None:
-        """Bring a stage to its end, unless it is there."""
-        run, described = self._run, STAGES[stage]
-        found = run.knows(stage) or not described.finds
-        if (run.knows(f"done_{stage}") and found) or not described.wanted(run):
-            return
-        progress(described.shown, 0.0)
-        described.make(run)
-        self._work(stage, progress)
-        self._repairing(lambda: described.find(run), again=lambda: self._work(stage, progress))
-        run.write_fact(f"done_{stage}")
-        # also what was made again since, to repair a block
-        run.store.remove(*(name for key in STAGES if run.knows(f"done_{key}") for name in STAGES[key].leaves))
-
-    def _work(self, stage: str, progress: Progress) -> None:
-        """Work on the blocks that are not done."""
-        run, described = self._run, STAGES[stage]
-        n_blocks = count_blocks(run, stage)
-        while todo := sorted(set(range(n_blocks)) - run.done(stage)):
-            n_done = n_blocks - len(todo)
-            for _, damage in self._scheduler.work(run, stage, todo, self._piece if described.reads_input else None):
-                if damage is not None:
-                    self._repair(damage)
-                    continue
-                n_done += 1
-                progress(described.shown, n_done / n_blocks)
-
-    def _repairing(self, find: Callable[[], None], *, again: Callable[[], None]) -> None:
-        """Do something about the whole cube; where it meets a damaged block, have that computed again first."""
-        while True:
-            try:
-                find()
-            except DamagedBlock as damage:
-                self._repair(damage)
-                again()
-            else:
-                return
-
-    def _repair(self, damage: DamagedBlock) -> None:
-        """Compute a damaged block again, and first what that needs."""
-        run = self._run
-        stage, number = producer(run, damage.name, damage.place)
-        self._repairs[stage, number] = self._repairs.get((stage, number), 0) + 1
-        if self._repairs[stage, number] > _MOST_REPAIRS:
-            raise FileAccessError(
-                f"{run.work}: {damage}, again after it was computed anew. Check the disk, or take another folder."
-            )
-        described = STAGES[stage]
-        run.forget_part(stage, number)
-        described.make(run)
-        piece = self._piece if described.reads_input else None
-        while number not in run.done(stage):
-            for _, deeper in InThisProcess().work(run, stage, [number], piece):
-                if deeper is not None:
-                    self._repair(deeper)

@@ -1,0 +1,299 @@
+"""Kernels of the layer graph kept as arrays of the grid: rows of the normal equations, each by itself.
+
+Vertices are samples of a grid (row, trace, coarse sample). A field of links goes from every vertex to its place on the
+trace `hop` further along an axis; links down a trace go to the next vertex; links across faults are listed. What a row
+is given depends neither on the rows that are worked on beside it nor on the number of threads.
+
+Kernels write one of three things (`kind`): the normal matrix times values, the gradient of the squared residuals at
+values, or the diagonal of the matrix.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from seismo3d.seismic._kernels_shifts import follow
+
+NORMAL, GRADIENT, DIAGONAL = 0, 1, 2
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _head(shift, gaps, k, step, m):  # type: ignore[no-untyped-def]
+    """Return where a link from vertex k ends on its trace: a vertex, -1 beyond the ends, and the share of the next."""
+    ahead = k * step + shift
+    if ahead < 0.0 or ahead > (m - 1) * step:
+        return -1, np.float32(0.0)
+    low = min(int(ahead / step), m - 2)
+    part = np.float32(ahead / step - low)
+    gap = gaps[low]
+    if gap > 0:
+        part = np.float32(0.0) if ahead < low * step + gap - 0.5 else np.float32(1.0)
+    return low, part
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _pull(tail, head, low, part, measured, weight, kind):  # type: ignore[no-untyped-def]
+    """Return what a link pulls at its head: value there less that at its tail, or what is measured less that."""
+    if kind == DIAGONAL:
+        return weight
+    difference = (np.float32(1.0) - part) * head[low] + part * head[low + 1] - tail
+    if kind == GRADIENT:
+        return weight * (measured - difference)
+    return weight * difference
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _give(out, low, part, pull, kind):  # type: ignore[no-untyped-def]
+    """Add a pull to the two vertices about a head."""
+    one = np.float32(1.0)
+    if kind == DIAGONAL:
+        out[low] += (one - part) * (one - part) * pull
+        out[low + 1] += part * part * pull
+    else:
+        out[low] += (one - part) * pull
+        out[low + 1] += part * pull
+
+
+@njit(cache=True, nogil=True)
+def _pull_along(values, shift, weight, breaks, hop, step, i, kind, out):  # type: ignore[no-untyped-def]
+    """Add to row i what links within it pull."""
+    _, n1, m = values.shape
+    sign = np.float32(1.0) if kind == DIAGONAL else np.float32(-1.0)
+    for j in range(n1 - hop):
+        for k in range(m):
+            w = weight[i, j, k]
+            if w == 0.0:
+                continue
+            low, part = _head(shift[i, j, k], breaks[i, j + hop], k, step, m)
+            pull = _pull(values[i, j, k], values[i, j + hop], low, part, -shift[i, j, k], w, kind)
+            out[i, j, k] += sign * pull
+            _give(out[i, j + hop], low, part, pull, kind)
+
+
+@njit(cache=True, nogil=True)
+def _pull_across(values, shift, weight, breaks, hop, step, i, kind, out):  # type: ignore[no-untyped-def]
+    """Add to row i what links to the row `hop` further, and from the one before, pull."""
+    n0, n1, m = values.shape
+    sign = np.float32(1.0) if kind == DIAGONAL else np.float32(-1.0)
+    for j in range(n1):
+        for k in range(m):
+            if i + hop < n0 and weight[i, j, k] != 0.0:
+                low, part = _head(shift[i, j, k], breaks[i + hop, j], k, step, m)
+                pull = _pull(values[i, j, k], values[i + hop, j], low, part, -shift[i, j, k], weight[i, j, k], kind)
+                out[i, j, k] += sign * pull
+        if i < hop:
+            continue
+        for k in range(m):
+            w = weight[i - hop, j, k]
+            if w == 0.0:
+                continue
+            low, part = _head(shift[i - hop, j, k], breaks[i, j], k, step, m)
+            pull = _pull(values[i - hop, j, k], values[i, j], low, part, -shift[i - hop, j, k], w, kind)
+            _give(out[i, j], low, part, pull, kind)
+
+
+@njit(cache=True, nogil=True)
+def _pull_down(values, thickness, weight, i, kind, out):  # type: ignore[no-untyped-def]
+    """Add to row i what links down its traces pull; thickness is what they measure."""
+    _, n1, m = values.shape
+    sign = np.float32(1.0) if kind == DIAGONAL else np.float32(-1.0)
+    for j in range(n1):
+        for k in range(m - 1):
+            w = weight[i, j, k]
+            if w == 0.0:
+                continue
+            pull = w
+            if kind != DIAGONAL:
+                pull *= values[i, j, k + 1] - values[i, j, k]
+            if kind == GRADIENT:
+                pull = w * thickness[i, j, k] - pull
+            out[i, j, k] += sign * pull
+            out[i, j, k + 1] += pull
+
+
+@njit(cache=True, nogil=True)
+def _pull_listed(values, faults, i, kind, out):  # type: ignore[no-untyped-def]
+    """Add to row i what listed links pull."""
+    vertices, shares, measured, weight, ends, first_of_row = faults
+    _, n1, m = values.shape
+    one = np.float32(1.0)
+    for n in range(first_of_row[i], first_of_row[i + 1]):
+        e, side = ends[n] // 2, ends[n] % 2
+        at, part = vertices[side, e] - i * n1 * m, shares[side, e]
+        row = out[i, at // m]
+        k, w = at % m, weight[e]
+        if kind == DIAGONAL:
+            row[k] += (one - part) * (one - part) * w
+            if part > 0:
+                row[k + 1] += part * part * w
+            continue
+        difference = _end_value(values, vertices[1, e], shares[1, e]) - _end_value(values, vertices[0, e], shares[0, e])
+        pull = w * (measured[e] - difference) if kind == GRADIENT else w * difference
+        if side == 0:
+            pull = -pull
+        row[k] += (one - part) * pull
+        if part > 0:
+            row[k + 1] += part * pull
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def pull_rows(values, links, breaks, step, down, faults, start, stop, kind, out, other, sums):  # type: ignore[no-untyped-def]
+    """Write rows from start to stop of what all links pull, and each one's inner product with the same of `other`.
+
+    Parameters
+    ----------
+    links : tuple
+        Shifts and weights of shape (field, row, trace, coarse sample), and the axis and hop of each field.
+    down : tuple
+        What links down the traces measure, and their weights.
+    faults : tuple
+        Of listed links: the two ends' vertices and shares, each of shape (2, n); what they measure; their weights; the
+        numbers of their ends, 2 e for the foot of link e and 2 e + 1 for its head, in the order of the rows that they
+        lie in; and where each row begins in there.
+    """
+    shift, weight, axes, hops = links
+    _, n1, m = values.shape
+    for line in prange(start, stop):
+        i = np.int64(line)
+        out[i] = np.float32(0.0)
+        for f in range(len(axes)):
+            if axes[f] == 0:
+                _pull_across(values, shift[f], weight[f], breaks, hops[f], step, i, kind, out)
+            else:
+                _pull_along(values, shift[f], weight[f], breaks, hops[f], step, i, kind, out)
+        _pull_down(values, down[0], down[1], i, kind, out)
+        _pull_listed(values, faults, i, kind, out)
+        total = 0.0
+        for j in range(n1):
+            for k in range(m):
+                total += np.float64(out[i, j, k]) * np.float64(other[i, j, k])
+        sums[i] = total
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def begin_rows(scale, gradient, start, stop, step, direction, energies):  # type: ignore[no-untyped-def]
+    """Turn the diagonal into its inverse, and begin a solution at nothing, down the scaled gradient."""
+    _, n1, m = step.shape
+    for line in prange(start, stop):
+        i = np.int64(line)
+        total = 0.0
+        for j in range(n1):
+            for k in range(m):
+                if scale[i, j, k] > 0.0:
+                    scale[i, j, k] = np.float32(1.0) / scale[i, j, k]
+                step[i, j, k] = 0.0
+                direction[i, j, k] = scale[i, j, k] * gradient[i, j, k]
+                total += np.float64(gradient[i, j, k]) * np.float64(direction[i, j, k])
+        energies[i] = total
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _end_value(values, at, part):  # type: ignore[no-untyped-def]
+    """Return the value at an end of a listed link."""
+    _, n1, m = values.shape
+    row, k = values[at // (n1 * m), at // m % n1], at % m
+    if part > 0:
+        return (np.float32(1.0) - part) * row[k] + part * row[k + 1]
+    return row[k]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _robust(residual, variance, cutoff):  # type: ignore[no-untyped-def]
+    square = residual * residual / variance
+    shrink = np.float32(1.0) / (np.float32(1.0) + square / (cutoff * cutoff))
+    return shrink * shrink / variance
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def weigh_links(values, shift, variance, breaks, axis, hop, step, cutoff, start, stop, weight, counts):  # type: ignore[no-untyped-def]
+    """Write the robust weights of the links that begin in rows from start to stop: 0 where the variance is infinite.
+
+    Row i of `counts` gets how many there are, and how many lie beyond the cutoff.
+    """
+    n0, n1, m = values.shape
+    di, dj = (hop, 0) if axis == 0 else (0, hop)
+    for line in prange(start, stop):
+        i = np.int64(line)
+        counts[i, 0] = counts[i, 1] = 0
+        for j in range(n1):
+            for k in range(m):
+                weight[i, j, k] = 0.0
+                if i + di >= n0 or j + dj >= n1 or np.isinf(variance[i, j, k]):
+                    continue
+                low, part = _head(shift[i, j, k], breaks[i + di, j + dj], k, step, m)
+                if low < 0:
+                    continue
+                head = values[i + di, j + dj]
+                value = (np.float32(1.0) - part) * head[low] + part * head[low + 1]
+                residual = -shift[i, j, k] - (value - values[i, j, k])
+                weight[i, j, k] = _robust(residual, variance[i, j, k], cutoff)
+                counts[i, 0] += 1
+                if abs(residual) > cutoff * np.sqrt(variance[i, j, k]):
+                    counts[i, 1] += 1
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def weigh_samples(values, thickness, breaks, variance, cutoff, start, stop, weight, counts):  # type: ignore[no-untyped-def]
+    """Write the robust weights of links down the traces of rows from start to stop: 0 across a fault."""
+    _, n1, m = values.shape
+    for line in prange(start, stop):
+        i = np.int64(line)
+        counts[i, 0] = counts[i, 1] = 0
+        for j in range(n1):
+            weight[i, j, m - 1] = 0.0
+            for k in range(m - 1):
+                weight[i, j, k] = 0.0
+                if breaks[i, j, k] == 0:
+                    residual = thickness[i, j, k] - (values[i, j, k + 1] - values[i, j, k])
+                    weight[i, j, k] = _robust(residual, variance, cutoff)
+                    counts[i, 0] += 1
+                    if abs(residual) > cutoff * np.sqrt(variance):
+                        counts[i, 1] += 1
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def advance(length, direction, product, scale, start, stop, step, gradient, energies):  # type: ignore[no-untyped-def]
+    """Take a step along the direction; row i of `energies` gets what is left in row i."""
+    _, n1, m = step.shape
+    for line in prange(start, stop):
+        i = np.int64(line)
+        total = 0.0
+        for j in range(n1):
+            for k in range(m):
+                step[i, j, k] += length * direction[i, j, k]
+                gradient[i, j, k] -= length * product[i, j, k]
+                total += np.float64(gradient[i, j, k]) * np.float64(scale[i, j, k] * gradient[i, j, k])
+        energies[i] = total
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def turn(factor, gradient, scale, start, stop, direction):  # type: ignore[no-untyped-def]
+    """Write the next direction."""
+    _, n1, m = direction.shape
+    for line in prange(start, stop):
+        i = np.int64(line)
+        for j in range(n1):
+            for k in range(m):
+                direction[i, j, k] = factor * direction[i, j, k] + scale[i, j, k] * gradient[i, j, k]
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def keep_free(nearest, cuts, variance, axis, length, stride, step, i0, j0, out):  # type: ignore[no-untyped-def]
+    """Write the variances of the links that begin at every stride-th trace from (i0, j0); infinite across a fault.
+
+    `out` is a part of the grid of every stride-th trace.
+    """
+    n0, n1, m = out.shape
+    most0, most1 = nearest.shape[:2]
+    di, dj = (length, 0) if axis == 0 else (0, length)
+    for line in prange(n0):
+        i = i0 + np.int64(line) * stride
+        for column in range(n1):
+            j = j0 + column * stride
+            for k in range(m):
+                out[line, column, k] = np.inf
+                if i + di < most0 and j + dj < most1:
+                    _, free = follow(nearest, cuts, i, j, np.float64(k * step), axis, length, step)
+                    if free:
+                        out[line, column, k] = variance[i, j, k]

@@ -1,0 +1,319 @@
+"""The layer graph of a large cube solved coarse to fine, and layer time at every sample of its blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, BoolArray, Float32Array
+from seismo3d.graph.scalars import ScalarEdges
+from seismo3d.seismic._kernels_layer_solve import keep_free
+from seismo3d.seismic._kernels_layers import fill_samples, make_increasing
+from seismo3d.seismic.blocks.layers import by_box, coarse_shape, live_traces, read_field, read_grid
+from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
+from seismo3d.seismic.blocks.plan import BASE_BYTES, Box, Tiling
+from seismo3d.seismic.blocks.results import write_result
+from seismo3d.seismic.blocks.room import OnDisk
+from seismo3d.seismic.blocks.run import BlockRun
+from seismo3d.seismic.fault_links import link_grid
+from seismo3d.seismic.layer_graph import DOUBT, LayerTimeSettings, is_doubtful, near_faults, smooth_thickness
+from seismo3d.seismic.layer_system import LayerSystem, LinkFields
+from seismo3d.seismic.linking import InMemory, Room
+from seismo3d.seismic.loop_closure import loop_errors
+
+_DOUBTED_ROUNDS = 3  # of the coarsest graph, in so many at its end all shifts count
+
+
+def link_reach(settings: LayerTimeSettings) -> int:
+    """Return how many traces off the links of a trace depend on, rounded up to a stored brick's edge."""
+    return -(-(max(settings.lengths) + settings.clear + 1) // 8) * 8
+
+
+class BrickPoints:
+    """A stored array of which single samples are asked for, by arrays of their indices."""
+
+    def __init__(self, run: BlockRun, name: str, shape: tuple[int, int, int]) -> None:
+        self._run, self._name, self.shape = run, name, shape
+
+    def __getitem__(self, at: tuple[AnyArray, AnyArray, AnyArray]) -> AnyArray:
+        i, j, k = (np.asarray(index) for index in np.broadcast_arrays(*at))
+        found: AnyArray | None = None
+        for box, chosen in by_box(self._run.plan.tiling("fill"), np.stack([i, j], axis=1), np.ones(len(i), bool)):
+            part = self._run.store.read(self._name, box)
+            if found is None:
+                found = np.zeros(len(i), part.dtype)
+            found[chosen] = part[i[chosen] - box.i0, j[chosen] - box.j0, k[chosen]]
+        return np.zeros(0, np.float32) if found is None else found
+
+
+def last_stride(settings: LayerTimeSettings) -> int:
+    """Return the stride of the finest graph."""
+    return settings.strides[-1]
+
+
+def values_name(stride: int, number: int) -> str:
+    """Return the array that keeps the values after a round."""
+    return f"values_{stride}_{number}"
+
+
+def list_rounds(settings: LayerTimeSettings, stride: int) -> list[tuple[bool, float]]:
+    """Return the robust rounds at a stride: whether doubtful shifts hardly count, and the cutoff."""
+    if stride != settings.strides[0]:
+        return [(False, cutoff) for cutoff in settings.cutoffs]
+    n_doubted = len(settings.first_cutoffs) - _DOUBTED_ROUNDS
+    return [(n < n_doubted, cutoff) for n, cutoff in enumerate(settings.first_cutoffs)]
+
+
+def solve(run: BlockRun, stride: int) -> None:
+    """Solve the graph of every stride-th trace, going on after the last round that was finished."""
+    settings = run.settings
+    rounds = list_rounds(settings, stride)
+    n_done = next((n for n in range(len(rounds), 0, -1) if run.knows(_round_name(stride, n - 1))), 0)
+    room, at_a_time = _choose_room(run, stride)
+    values = room.array(_grid_shape(run, stride), np.float32)
+    _begin(run, stride, n_done, values, room)
+    system: LayerSystem | None = None
+    rejected, loaded = 0.0, None
+    for number in range(n_done, len(rounds)):
+        is_doubted, cutoff = rounds[number]
+        if system is None or loaded != is_doubted:
+            system, loaded = _load(run, stride, is_doubted, room, at_a_time), is_doubted
+        _expect(run, system, values, stride)
+        system.weigh(values, cutoff, settings.thickness**2)
+        system.improve(values, settings.iterations * stride**2)
+        if number == len(rounds) - 1:
+            rejected = system.weigh(values, cutoff, settings.thickness**2)
+        _keep(run, stride, number, values, room)
+        run.write_fact(_round_name(stride, number), rejected=rejected)
+        if number > 0:
+            run.store.remove(values_name(stride, number - 1))
+    if isinstance(room, OnDisk):
+        room.remove()
+    run.write_fact(f"solve_{stride}", rejected=run.fact(_round_name(stride, len(rounds) - 1))["rejected"])
+
+
+def forget_rounds(run: BlockRun, stride: int) -> None:
+    """Take a stride for not solved."""
+    for number in range(len(list_rounds(run.settings, stride))):
+        run.forget_fact(_round_name(stride, number))
+    run.forget_fact(f"solve_{stride}")
+
+
+def _round_name(stride: int, number: int) -> str:
+    return f"round_{stride}_{number}"
+
+
+def _grid_shape(run: BlockRun, stride: int) -> tuple[int, int, int]:
+    n0, n1, m = coarse_shape(run)
+    return -(-n0 // stride), -(-n1 // stride), m
+
+
+def _choose_room(run: BlockRun, stride: int) -> tuple[Room, int]:
+    """Return where the solution's arrays are kept: in memory where they fit into a half, else on disk."""
+    n_fields = 2 * sum(length % stride == 0 for length in run.settings.lengths)
+    size = int(np.prod(_grid_shape(run, stride), dtype=np.int64)) * (12 * n_fields + 40)
+    free = run.plan.memory - BASE_BYTES
+    return (InMemory(), 2 * size) if 2 * size <= free else (OnDisk(run.work / "solve"), free // 4)
+
+
+def _tiles(run: BlockRun, stride: int) -> Tiling:
+    """Return the parts in which a grid is loaded, kept and looked at: of whole bricks."""
+    n0, n1, _ = _grid_shape(run, stride)
+    edge = run.plan.edges["links"][0]
+    brick = run.plan.brick
+    return Tiling((n0, n1), (max(edge // stride // brick * brick, brick),) * 2)
+
+
+def _begin(run: BlockRun, stride: int, n_done: int, values: Float32Array, room: Room) -> None:
+    """Fill in the values of the last round, of the coarser graph, or zero where there is neither."""
+    strides, settings = run.settings.strides, run.settings
+    place = strides.index(stride)
+    for box in _tiles(run, stride):
+        part = values[box.i0 : box.i1, box.j0 : box.j1]
+        if n_done:
+            part[...] = run.store.read(values_name(stride, n_done - 1), box)
+        elif place == 0:
+            part[...] = 0.0
+        else:
+            coarse = strides[place - 1]
+            name = values_name(coarse, len(list_rounds(settings, coarse)) - 1)
+            n0, n1, _ = _grid_shape(run, coarse)
+            i, j = (
+                np.minimum(np.arange(low, high) // 2, n - 1)
+                for low, high, n in ((box.i0, box.i1, n0), (box.j0, box.j1, n1))
+            )
+            found = run.store.read(name, Box(int(i[0]), int(i[-1]) + 1, int(j[0]), int(j[-1]) + 1))
+            part[...] = found[i - i[0]][:, j - j[0]]
+        room.rest()
+
+
+def _keep(run: BlockRun, stride: int, number: int, values: Float32Array, room: Room) -> None:
+    """Store the values after a round."""
+    name = values_name(stride, number)
+    run.store.remove(name)
+    run.store.make(name, _grid_shape(run, stride), np.float32)
+    for box in _tiles(run, stride):
+        run.store.write(name, box, values[box.i0 : box.i1, box.j0 : box.j1])
+        room.rest()
+
+
+def _load(run: BlockRun, stride: int, is_doubted: bool, room: Room, at_a_time: int) -> LayerSystem:
+    """Read the links between the traces of a stride, and those across faults."""
+    shape, settings = _grid_shape(run, stride), run.settings
+    numbers = [n for n in range(2 * len(settings.lengths)) if settings.lengths[n // 2] % stride == 0]
+    kinds = [(n % 2, settings.lengths[n // 2] // stride) for n in numbers]
+    fields = LinkFields.empty(kinds, shape, room)
+    breaks = room.array(shape, np.uint8)
+    edge = run.plan.edges["links"][0]
+    for box in Tiling(run.plan.shape[:2], (edge, edge)):
+        _load_box(run, box, stride, is_doubted, numbers, fields, breaks)
+        room.rest()
+    listed = _fault_edges(run, stride)
+    return LayerSystem.of(fields, breaks, listed, room, step=settings.shifts.step, bytes_at_a_time=at_a_time)
+
+
+def _load_box(
+    run: BlockRun, box: Box, stride: int, is_doubted: bool, numbers: list[int], fields: LinkFields, breaks: AnyArray
+) -> None:
+    """Read the links that begin in a box."""
+    settings, step = run.settings, run.settings.shifts.step
+    wide = box.grown((link_reach(settings),) * 2, run.plan.shape)
+    cuts = run.store.read("cuts", wide)
+    at = tuple(slice(low // stride, -(-high // stride)) for low, high in ((box.i0, box.i1), (box.j0, box.j1)))
+    here = (slice(box.i0 - wide.i0, box.i1 - wide.i0, stride), slice(box.j0 - wide.j0, box.j1 - wide.j0, stride))
+    breaks[at] = run.store.read("breaks", wide)[here]
+    near = near_faults(cuts, (*wide.shape, breaks.shape[2]), settings) if is_doubted else None
+    for f, number in enumerate(numbers):
+        found, nearest = read_field(run, wide, number), run.store.read(f"shift{number % 2}_1", wide)
+        variance = found.variance
+        if near is not None:
+            variance = np.where(is_doubtful(found, near, settings), DOUBT, np.float32(1)) * variance
+        fields.shift[f][at] = found.shift[here]
+        keep_free(
+            nearest, cuts, variance, found.axis, found.length, stride, step, here[0].start, here[1].start,
+            fields.variance[f][at],
+        )  # fmt: skip
+
+
+def _fault_edges(run: BlockRun, stride: int) -> ScalarEdges:
+    """Return the edges across all faults, between the vertices of a stride."""
+    shape = coarse_shape(run)
+    nearest: Any = [BrickPoints(run, f"shift{axis}_1", shape) for axis in range(2)]
+    breaks: Any = BrickPoints(run, "breaks", shape)
+    parts = [ScalarEdges.none()]
+    for number in range(run.fact("faults")["n_surfaces"]):
+        found, _ = run.read_part("match", number)
+        parts.append(
+            link_grid(
+                read_grid(run, number), found["throw"], found["variance"], nearest, breaks,
+                stride=stride, step=run.settings.shifts.step,
+            )
+        )  # fmt: skip
+    return ScalarEdges.join(*parts)
+
+
+def _expect(run: BlockRun, system: LayerSystem, values: Float32Array, stride: int) -> None:
+    """Write what links down the traces measure: the thickness of their surroundings in the round before."""
+    n0, n1, _ = values.shape
+    halo = int(4.0 * run.settings.wide[0] / stride + 0.5) + 1
+    for box in _tiles(run, stride):
+        wide = box.grown((halo, halo), (n0, n1))
+        cut = (slice(wide.i0, wide.i1), slice(wide.j0, wide.j1))
+        found = smooth_thickness(np.array(values[cut]), np.array(system.breaks[cut]), run.settings, stride)
+        system.thickness[box.i0 : box.i1, box.j0 : box.j1] = found[box.within(wide)]
+        system.room.rest()
+
+
+# ----- layer time from the solution
+
+
+def datum_facts(run: BlockRun) -> None:
+    """Find what makes the layer time of the middle sample of the live trace nearest to the middle its own index."""
+    live = live_traces(run)
+    places = np.argwhere(live)
+    i, j = places[np.abs(places - (np.array(live.shape) - 1) / 2).sum(axis=1).argmin()]
+    times = _times(run, Box(int(i), int(i) + 1, int(j), int(j) + 1))
+    k = times.shape[2] // 2
+    run.write_fact("datum", shift=float(np.float32(k - times[0, 0, k])))
+
+
+def fill(run: BlockRun, number: int) -> None:
+    """Write a block's layer time; NaN on traces that are not live."""
+    box = run.plan.tiling("fill").box(number)
+    times = _times(run, box)
+    times += np.float32(run.fact("datum")["shift"])
+    times[~_live_box(run, box)] = np.nan
+    write_result(run, "layer_time", box, times)
+    run.write_part("fill", number, {})
+
+
+def _times(run: BlockRun, box: Box) -> Float32Array:
+    settings = run.settings
+    last = last_stride(settings)
+    values = run.store.read(values_name(last, len(list_rounds(settings, last)) - 1), box)
+    times = np.empty((*box.shape, run.plan.shape[2]), np.float32)
+    fill_samples(values, run.store.read("breaks", box), settings.shifts.step, times)
+    make_increasing(times, settings.least)
+    return times
+
+
+def _live_box(run: BlockRun, box: Box) -> BoolArray:
+    return np.asarray(run.store.read("valid", box).any(axis=2))
+
+
+# ----- how well shifts agree round closed loops
+
+
+def loops(run: BlockRun, number: int) -> None:
+    """Close the loops that begin in a block."""
+    box = run.plan.tiling("shifts").box(number)
+    errors = _errors(run, box)
+    known = np.isfinite(errors)
+    by_trace = np.full(box.shape, np.nan, np.float32)
+    closed = known.any(axis=2)
+    part = by_trace[: errors.shape[0], : errors.shape[1]]
+    if closed.any():
+        part[closed] = np.nanmedian(errors[closed], axis=1)
+    run.write_part(
+        "loops", number,
+        {"counts": count_high(_finite(errors)), "by_trace": by_trace, "over": np.array((errors > 1.0).sum())},
+    )  # fmt: skip
+
+
+def loops_facts(run: BlockRun) -> None:
+    """Find where the median error lies, roughly."""
+    blocks = [run.read_part("loops", number)[0] for number in range(len(run.plan.tiling("shifts")))]
+    counts = sum((block["counts"] for block in blocks[1:]), blocks[0]["counts"])
+    over = sum(int(block["over"]) for block in blocks)
+    run.write_fact("loops", counts=counts, high=middle_high(counts), over=over)
+
+
+def loop_medians(run: BlockRun, number: int) -> None:
+    """Count a block's errors near the median."""
+    errors = _errors(run, run.plan.tiling("shifts").box(number))
+    run.write_part("loop_medians", number, {"low": count_low(_finite(errors), run.fact("loops")["high"])})
+
+
+def loop_medians_facts(run: BlockRun) -> None:
+    """Find the median error."""
+    low = [run.read_part("loop_medians", number)[0]["low"] for number in range(len(run.plan.tiling("shifts")))]
+    counts = run.fact("loops")["counts"]
+    run.write_fact("loop_medians", median=median(counts, sum(low[1:], low[0])))
+
+
+def _finite(errors: Float32Array) -> Iterator[Float32Array]:
+    return (line[np.isfinite(line)] for line in errors)
+
+
+def _errors(run: BlockRun, box: Box) -> Float32Array:
+    """Return the absolute errors of the loops that begin in a box, as far as the cube has them."""
+    settings = run.settings
+    wide = box.grown((max(settings.lengths),) * 2, run.plan.shape)
+    n = 2 * len(settings.lengths)
+    fields = [read_field(run, wide, number) for number in dict.fromkeys((0, 1, n - 2, n - 1))]
+    if n == 2:
+        fields = fields * 2
+    errors = loop_errors(fields, run.store.read("cuts", wide), settings)
+    return np.ascontiguousarray(errors[box.within(wide)])
