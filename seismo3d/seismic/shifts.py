@@ -101,6 +101,7 @@ def measure_shifts(
     """
     settings = settings or ShiftSettings()
     floor = np.float32(settings.floor * max(float(np.mean(np.square(volume[::2, ::2]))), 1e-20))
+    any_cut = bool(np.any(cuts))
     found: list[ShiftField] = []
     nearest = list(slopes)
     for length in lengths:
@@ -109,7 +110,9 @@ def measure_shifts(
             compose_shifts(nearest[axis], axis, length, settings.step, shift)
             variance = np.empty_like(shift)
             for _ in range(settings.passes):
-                misfit = _refine(volume, valid, cuts, nearest[axis], axis, length, floor, settings, shift, variance)
+                misfit = _refine(
+                    volume, valid, cuts, any_cut, nearest[axis], axis, length, floor, settings, shift, variance
+                )
             if length == 1:
                 nearest[axis] = shift
             found.append(ShiftField(axis, length, shift, variance, misfit))
@@ -117,13 +120,13 @@ def measure_shifts(
 
 
 def _refine(
-    volume: Float32Array, valid: BoolArray, cuts: AnyArray, nearest: Float32Array, axis: int, length: int,
-    floor: np.float32, settings: ShiftSettings, shift: Float32Array, variance: Float32Array,
+    volume: Float32Array, valid: BoolArray, cuts: AnyArray, any_cut: bool, nearest: Float32Array, axis: int,
+    length: int, floor: np.float32, settings: ShiftSettings, shift: Float32Array, variance: Float32Array,
 ) -> Float32Array:  # fmt: skip
     """One step of the least-squares fit, in place."""
     products = np.empty((5, *shift.shape), np.float32)
     taps = gaussian_taps(settings.vertical)
-    match_products(volume, valid, cuts, nearest, axis, length, shift, settings.step, taps, products)
+    match_products(volume, valid, cuts, any_cut, nearest, axis, length, shift, settings.step, taps, products)
     lateral, buffer = gaussian_taps(settings.lateral), variance
     for product in products:
         filter_crosslines(product, lateral, buffer)
