@@ -110,9 +110,10 @@ def measure_shifts(
             compose_shifts(nearest[axis], axis, length, settings.step, shift)
             variance = np.empty_like(shift)
             for _ in range(settings.passes):
-                misfit = _refine(
+                ratio = _refine(
                     volume, valid, cuts, any_cut, nearest[axis], axis, length, floor, settings, shift, variance
                 )
+            misfit = _doubt(ratio, variance, settings)
             if length == 1:
                 nearest[axis] = shift
             found.append(ShiftField(axis, length, shift, variance, misfit))
@@ -123,7 +124,7 @@ def _refine(
     volume: Float32Array, valid: BoolArray, cuts: AnyArray, any_cut: bool, nearest: Float32Array, axis: int,
     length: int, floor: np.float32, settings: ShiftSettings, shift: Float32Array, variance: Float32Array,
 ) -> Float32Array:  # fmt: skip
-    """One step of the least-squares fit, in place."""
+    """One step of the least-squares fit, in place; return what it leaves over the energy, 0 where unknown."""
     products = np.empty((5, *shift.shape), np.float32)
     taps = gaussian_taps(settings.vertical)
     match_products(volume, valid, cuts, any_cut, nearest, axis, length, shift, settings.step, taps, products)
@@ -135,9 +136,15 @@ def _refine(
     n_free = np.float32(max(1.0, settings.vertical * 3.5 / 6.0 * (1.0 + 3.5 * settings.lateral)))
     most = np.float32(settings.most * length)
     finish_shifts(products, shift, floor, most, n_free, shift, variance)
-    # a misfit far above the cube's usual one is no match: a fault that was not found, or noise
-    ratio = products[0]
+    return products[0]
+
+
+def _doubt(ratio: Float32Array, variance: Float32Array, settings: ShiftSettings) -> Float32Array:
+    """Return misfit ratios over what counts as doubtful, and let variances grow from there, in place.
+
+    A misfit far above the cube's usual one is no match: a fault that was not found, or noise.
+    """
     usual = float(np.median(ratio[ratio > 0])) if (ratio > 0).any() else 0.0
-    ratio /= np.float32(2.0 * usual + settings.misfit)
-    variance *= 1.0 + ratio**4
-    return ratio.copy()
+    misfit = ratio / np.float32(2.0 * usual + settings.misfit)
+    variance *= 1.0 + np.square(np.square(misfit))
+    return misfit
