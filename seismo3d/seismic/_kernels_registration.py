@@ -5,7 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from seismo3d.seismic._kernels_misfit import _sample
+from seismo3d.seismic._kernels_misfit import add_carried, compare_sides
+from seismo3d.seismic._kernels_shifts import add_windows, refine
+
+
+@njit(cache=True, nogil=True)
+def compare_samples(a, b, in_a, in_b, difference, energy):  # type: ignore[no-untyped-def]
+    """Write (a - b)^2 and a^2 + b^2, 0 where either is not there."""
+    zero = np.float32(0.0)
+    for k in range(len(a)):
+        there = in_a[k] & in_b[k]
+        apart = a[k] - b[k]
+        difference[k] = apart * apart if there else zero
+        energy[k] = a[k] * a[k] + b[k] * b[k] if there else zero
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -19,10 +31,12 @@ def search_costs(volume, valid, axis, farthest, step, taps, floor, costs):  # ty
     n0, n1, n2 = volume.shape
     di, dj = (1, 0) if axis == 0 else (0, 1)
     half = len(taps) // 2
+    m = costs.shape[3]
     for line in prange(n0):
         i = np.int64(line)
-        difference = np.zeros(n2 + 2 * half, np.float32)
-        energy = np.zeros(n2 + 2 * half, np.float32)
+        phases = np.empty((step, m + 2 * half // step + 2), np.float32)
+        difference, energy = np.zeros(phases.size, np.float32), np.zeros(phases.size, np.float32)
+        left, whole = np.empty(m, np.float32), np.empty(m, np.float32)
         for j in range(n1):
             if i + di >= n0 or j + dj >= n1:
                 costs[:, i, j] = 0.0
@@ -32,17 +46,17 @@ def search_costs(volume, valid, axis, farthest, step, taps, floor, costs):  # ty
             for s in range(-farthest, farthest + 1):
                 difference[:] = 0.0
                 energy[:] = 0.0
-                for k in range(max(0, -s), min(n2, n2 - s)):
-                    if in_a[k] and in_b[k + s]:
-                        d = a[k] - b[k + s]
-                        difference[k + half] = d * d
-                        energy[k + half] = a[k] * a[k] + b[k + s] * b[k + s]
-                for n in range(costs.shape[3]):
-                    left, whole = floor, floor
-                    for t in range(2 * half + 1):
-                        left += taps[t] * difference[n * step + t]
-                        whole += taps[t] * energy[n * step + t]
-                    costs[s + farthest, i, j, n] = left / whole
+                low, high = max(0, -s), min(n2, n2 - s)
+                compare_samples(
+                    a[low:high], b[low + s : high + s], in_a[low:high], in_b[low + s : high + s],
+                    difference[half + low : half + high], energy[half + low : half + high],
+                )  # fmt: skip
+                left[:] = floor
+                whole[:] = floor
+                add_windows(difference, taps, step, phases, left)
+                add_windows(energy, taps, step, phases, whole)
+                for n in range(m):
+                    costs[s + farthest, i, j, n] = left[n] / whole[n]
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -97,19 +111,6 @@ def one_sided_means(product, weight, keep, behind, ahead):  # type: ignore[no-un
                     ahead[i, j, k] = behind[i, j, k]
 
 
-@njit(cache=True, nogil=True)
-def _refine(coarse, step, fine):  # type: ignore[no-untyped-def]
-    """Interpolate values kept at every step-th sample; the last one goes on."""
-    last = coarse.shape[0] - 1
-    for k in range(fine.shape[0]):
-        n = k // step
-        if n >= last:
-            fine[k] = coarse[last]
-        else:
-            share = np.float32(k - n * step) / np.float32(step)
-            fine[k] = coarse[n] + share * (coarse[n + 1] - coarse[n])
-
-
 @njit(cache=True, nogil=True, parallel=True)
 def registered_misfit(volume, valid, behind, ahead, axis, reach, step, difference, energy):  # type: ignore[no-untyped-def]
     """Write (L - R)^2 and L^2 + R^2, each side carried by the shifts that were found on that side alone.
@@ -123,6 +124,7 @@ def registered_misfit(volume, valid, behind, ahead, axis, reach, step, differenc
     for line in prange(n0):
         i = np.int64(line)
         slope = np.empty(n2, np.float32)
+        padded = np.empty(n2 + 3, np.float32)
         side = np.empty((2, n2), np.float32)
         count = np.empty((2, n2), np.float32)
         for j in range(n1):
@@ -132,18 +134,7 @@ def registered_misfit(volume, valid, behind, ahead, axis, reach, step, differenc
                 for which in range(2):
                     signed = t if which == 1 else -t
                     x, y = i + signed * di, j + signed * dj
-                    if x < 0 or y < 0 or x >= n0 or y >= n1:
-                        continue
-                    _refine(ahead[x, y] if which == 1 else behind[x, y], step, slope)
-                    for k in range(n2):
-                        value, weight = _sample(volume[x, y], valid[x, y], k + signed * slope[k], n2)
-                        side[which, k] += value
-                        count[which, k] += weight
-            for k in range(n2):
-                if count[0, k] > 0 and count[1, k] > 0:
-                    left, right = side[0, k] / count[0, k], side[1, k] / count[1, k]
-                    difference[i, j, k] = (left - right) * (left - right)
-                    energy[i, j, k] = left * left + right * right
-                else:
-                    difference[i, j, k] = 0.0
-                    energy[i, j, k] = -1.0
+                    if 0 <= x < n0 and 0 <= y < n1:
+                        refine(ahead[x, y] if which == 1 else behind[x, y], step, slope)
+                        add_carried(volume[x, y], valid[x, y], slope, signed, padded, side[which], count[which])
+            compare_sides(side, count, difference[i, j], energy[i, j])

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from seismo3d._multiply_add import multiply_add
+
 
 @njit(cache=True, nogil=True, inline="always")
 def read_coarse(row, z, step):  # type: ignore[no-untyped-def]
@@ -37,13 +39,44 @@ def follow(shift, cuts, i, j, z, axis, length, step):  # type: ignore[no-untyped
     return z, free
 
 
+@njit(cache=True, nogil=True)
+def refine(coarse, step, fine):  # type: ignore[no-untyped-def]
+    """Interpolate values kept at every step-th sample; the last one goes on."""
+    last, size = coarse.shape[0] - 1, fine.shape[0]
+    for n in range(last):
+        change = coarse[n + 1] - coarse[n]
+        for k in range(n * step, min((n + 1) * step, size)):
+            fine[k] = coarse[n] + np.float32(k - n * step) / np.float32(step) * change
+    for k in range(last * step, size):
+        fine[k] = coarse[last]
+
+
+@njit(cache=True, nogil=True)
+def add_windows(values, taps, step, phases, sums):  # type: ignore[no-untyped-def]
+    """Add to coarse sample n the taps times the values from n * step on.
+
+    `phases`, of shape (step, any), is room for the values laid out anew, value e at [e % step, e // step]: neighbouring
+    windows then lie side by side, and the loop over them runs on vector units. The values fill it.
+    """
+    m = sums.shape[0]
+    for p in range(step):
+        row = phases[p]
+        for q in range(phases.shape[1]):
+            row[q] = values[q * step + p]
+    for t in range(len(taps)):
+        weight, first = taps[t], t // step
+        window = phases[t - first * step, first : first + m]
+        for n in range(m):
+            sums[n] = multiply_add(weight, window[n], sums[n])
+
+
 @njit(cache=True, nogil=True, parallel=True)
-def match_products(volume, valid, cuts, shift, axis, length, start, step, taps, products):  # type: ignore[no-untyped-def]
+def match_products(volume, valid, cuts, any_cut, shift, axis, length, start, step, taps, products):  # type: ignore[no-untyped-def]
     """Write, at every step-th sample, what the least-squares shift between traces `length` apart needs.
 
-    `shift` is from a trace to the next, `start` the shift over the whole length to begin with. The five products are
-    the weight, g g, g (a - b), (a - b)^2 and a a + b b, each smoothed along the samples by the taps, with a one trace,
-    b the other one carried over and g the mean of their derivatives.
+    `shift` is from a trace to the next, `start` the shift over the whole length to begin with; `any_cut` tells whether
+    `cuts` has any. The five products are the weight, g g, g (a - b), (a - b)^2 and a a + b b, each smoothed along the
+    samples by the taps, with a one trace, b the other one carried over and g the mean of their derivatives.
     """
     n0, n1, n2 = volume.shape
     di, dj = (length, 0) if axis == 0 else (0, length)
@@ -51,24 +84,27 @@ def match_products(volume, valid, cuts, shift, axis, length, start, step, taps, 
     m = start.shape[2]
     for line in prange(n0):
         i = np.int64(line)
-        rows = np.zeros((5, n2), np.float32)
+        phases = np.empty((step, m + 2 * half // step + 2), np.float32)
+        rows = np.zeros((5, phases.size), np.float32)
+        fine = np.empty(n2, np.float32)
         for j in range(n1):
             products[:, i, j] = 0.0
             if i + di >= n0 or j + dj >= n1:
                 continue
             rows[:] = 0.0
+            refine(start[i, j], step, fine)
+            own, usable = volume[i, j], valid[i, j]
             other, known = volume[i + di, j + dj], valid[i + di, j + dj]
             for k in range(1, n2 - 1):
-                z = k + read_coarse(start[i, j], np.float64(k), step)
+                z = k + fine[k]
                 if z < 1.0 or z >= n2 - 2:
                     continue
                 b = int(z)
-                if not (valid[i, j, k] and valid[i, j, k - 1] and valid[i, j, k + 1]):
+                if not (usable[k] and usable[k - 1] and usable[k + 1]):
                     continue
                 if not (known[b] and known[b + 1] and known[b - 1] and known[b + 2]):
                     continue
-                _, free = follow(shift, cuts, i, j, np.float64(k), axis, length, step)
-                if not free:
+                if any_cut and not follow(shift, cuts, i, j, np.float64(k), axis, length, step)[1]:
                     continue
                 f = np.float32(z - b)
                 y0, y1, y2, y3 = other[b - 1], other[b], other[b + 1], other[b + 2]
@@ -77,16 +113,13 @@ def match_products(volume, valid, cuts, shift, axis, length, start, step, taps, 
                 c3 = np.float32(0.5) * (y3 - y0) + np.float32(1.5) * (y1 - y2)
                 value = y1 + f * (c1 + f * (c2 + f * c3))
                 rise = c1 + f * (np.float32(2.0) * c2 + f * np.float32(3.0) * c3)
-                g = np.float32(0.5) * (rise + np.float32(0.5) * (volume[i, j, k + 1] - volume[i, j, k - 1]))
-                d = volume[i, j, k] - value
-                rows[0, k], rows[1, k], rows[2, k], rows[3, k] = 1.0, g * g, g * d, d * d
-                rows[4, k] = volume[i, j, k] * volume[i, j, k] + value * value
-            for n in range(m):
-                k = n * step
-                for t in range(max(-half, -k), min(half, n2 - 1 - k) + 1):
-                    w = taps[t + half]
-                    for c in range(5):
-                        products[c, i, j, n] += w * rows[c, k + t]
+                g = np.float32(0.5) * (rise + np.float32(0.5) * (own[k + 1] - own[k - 1]))
+                d = own[k] - value
+                at = k + half
+                rows[0, at], rows[1, at], rows[2, at], rows[3, at] = 1.0, g * g, g * d, d * d
+                rows[4, at] = own[k] * own[k] + value * value
+            for c in range(5):
+                add_windows(rows[c], taps, step, phases, products[c, i, j])
 
 
 @njit(cache=True, nogil=True, parallel=True)

@@ -19,16 +19,13 @@ from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence, refuse_in_blocks
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
-from seismo3d.seismic.misfit import MisfitSettings
+from seismo3d.seismic.misfit import NOISES, MisfitSettings
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface
 from seismo3d.seismic.throw import SheetThrow, ThrowSettings, measure_throw
-
-# median misfit ratios of a cube without noise, of a good survey, and of one with nearly as much noise as signal
-_NOISES = (0.0, 0.08, 0.2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +68,7 @@ class FaultSettings:
             end_score=(0.5, 0.5, 0.65),
             dip=DipSettings(lateral=8.0),
             misfit=MisfitSettings(reach=(1, 6), lateral=0.5, background=(10.0, 16.0), levelling=1.0),
-            registration=RegistrationSettings(share=(0.0, 0.0)),
+            registration=RegistrationSettings(share=(0.0, 0.0, 0.0)),
             scan=ScanSettings(n_dips=(33, 41)),
             link=LinkSettings(fragment=6, contacts=5),
             choice=ChoiceSettings.for_section(),
@@ -102,9 +99,9 @@ def trace_faults(
         A cube (inline, crossline, sample) or a section (trace, sample), as ``open_cube`` gives it or a bare array.
         NaN, dead traces and constant zones count as no data.
     evidence : {"semblance", "registration", "both"}, optional
-        How sides are carried: along their slopes, by registration, or by both ways, registration counting more the more
-        noise there is: not at all in a cube of little noise, or a section. By default both; semblance in blocks, since
-        slices are registered whole.
+        How sides are carried: along their slopes, by registration, or by both ways. Of both, each counts half in a cube
+        without noise, slopes alone in a section and in the mild noise of a good survey, and registration the more the
+        more noise there is beyond. By default both; semblance in blocks, since slices are registered whole.
     settings : FaultSettings, optional
         Thresholds and windows; by default ``FaultSettings()`` for a cube and ``FaultSettings.for_section()`` for a
         section.
@@ -201,7 +198,7 @@ def _unheard(stage: str, share: float) -> None:
 
 def score_at_noise(scores: tuple[float, float, float], noise: float) -> float:
     """Return the threshold between those without noise, in mild noise and in noise that a cube's own asks for."""
-    return float(np.interp(noise, _NOISES, scores))
+    return float(np.interp(noise, NOISES, scores))
 
 
 def to_likelihood(score: Float32Array) -> Float32Array:

@@ -15,8 +15,11 @@ from seismo3d.seismic._kernels_misfit import clear_unknown, divide_thinned, log_
 
 Compare = Callable[[slice, int, int, Float32Array, Float32Array], None]
 
-# noisiness up to which a survey is a good one, and that from which on the share of a second way grows no more
-_NOISY = (0.2, 0.5)
+NOISES = (0.0, 0.08, 0.2)
+"""Median misfit ratios of a cube without noise, of a good survey, and of one with nearly as much noise as signal."""
+
+# share of a second way that is not worth measuring it
+_LEAST_SHARE = 0.05
 _LEAST_MEAN = 0.6
 _LEAST_SPREAD = 0.8
 _LEAST_LINE = 32
@@ -152,7 +155,7 @@ def fuse_misfits(
     valid: BoolArray,
     comparisons: list[Compare],
     *,
-    share: tuple[float, float] = (0.5, 0.5),
+    share: tuple[float, float, float] = (0.5, 0.5, 0.5),
     settings: MisfitSettings | None = None,
 ) -> Evidence:
     """Measure the misfit of both sides under one or two ways of carrying them, and take the mean of their logarithms.
@@ -166,9 +169,9 @@ def fuse_misfits(
         Amplitudes, float32, finite everywhere, and where there are any.
     comparisons : list of callable
         One or two, as :func:`compare_along` returns them.
-    share : tuple of (float, float)
-        Share of the second in a cube of little noise, as good field surveys have, and in one whose noisiness is a half
-        or more; where it is 0 the second is not called.
+    share : tuple of (float, float, float)
+        Share of the second at each of :data:`NOISES`, between which it is interpolated; a way with hardly any share is
+        not called.
     settings : MisfitSettings, optional
         Windows.
 
@@ -180,9 +183,9 @@ def fuse_misfits(
     floor = energy_floor(trace_energies(volume, valid), int(valid.sum()))
     least = settings.reach[0]
     near = _ratios(volume, comparisons[0], least, floor, settings)
-    noisiness, reach = judge_noise(_median_ratio(*near), settings)
-    second = share[0] + float(np.interp(noisiness, _NOISY, (0.0, 1.0))) * (share[1] - share[0])
-    counted = [1.0] if len(comparisons) == 1 else [1.0 - second, second]
+    usual = _median_ratio(*near)
+    noisiness, reach = judge_noise(usual, settings)
+    counted = [1.0] if len(comparisons) == 1 else share_out(usual, share)
     parts = []
     for number, (compare, weight) in enumerate(zip(comparisons, counted, strict=True)):
         if weight > 0.0:
@@ -203,6 +206,13 @@ def fuse_misfits(
         spread_laterally(values, settings.lateral)
         values += level_mean(level(values, settings), values.shape, settings)
     return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
+
+
+def share_out(noise: float, share: tuple[float, float, float]) -> list[float]:
+    """Return the shares of two ways of carrying the sides, given the second's at each of :data:`NOISES`."""
+    second = float(np.interp(noise, NOISES, share))
+    second = 0.0 if second < _LEAST_SHARE else 1.0 if second > 1.0 - _LEAST_SHARE else second
+    return [1.0 - second, second]
 
 
 def _log_ratios(

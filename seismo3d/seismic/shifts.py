@@ -123,6 +123,7 @@ def match_lengths(
     cuts: AnyArray, lengths: tuple[int, ...], floor: np.float32, settings: ShiftSettings,
 ) -> list[ShiftField]:  # fmt: skip
     """Measure shifts as :func:`measure_shifts` does; misfits are ratios to the energy, and not yet judged."""
+    any_cut = bool(np.any(cuts))
     found: list[ShiftField] = []
     nearest = list(slopes)
     for length in lengths:
@@ -131,10 +132,12 @@ def match_lengths(
             compose_shifts(nearest[axis], axis, length, settings.step, shift)
             variance = np.empty_like(shift)
             for _ in range(settings.passes):
-                misfit = _refine(volume, valid, cuts, nearest[axis], axis, length, floor, settings, shift, variance)
+                ratio = _refine(
+                    volume, valid, cuts, any_cut, nearest[axis], axis, length, floor, settings, shift, variance
+                )
             if length == 1:
                 nearest[axis] = shift
-            found.append(ShiftField(axis, length, shift, variance, misfit))
+            found.append(ShiftField(axis, length, shift, variance, ratio))
     return found
 
 
@@ -148,13 +151,13 @@ def judge_misfits(found: ShiftField, usual: float, settings: ShiftSettings) -> N
 
 
 def _refine(
-    volume: Float32Array, valid: BoolArray, cuts: AnyArray, nearest: Float32Array, axis: int, length: int,
-    floor: np.float32, settings: ShiftSettings, shift: Float32Array, variance: Float32Array,
+    volume: Float32Array, valid: BoolArray, cuts: AnyArray, any_cut: bool, nearest: Float32Array, axis: int,
+    length: int, floor: np.float32, settings: ShiftSettings, shift: Float32Array, variance: Float32Array,
 ) -> Float32Array:  # fmt: skip
-    """One step of the least-squares fit, in place."""
+    """One step of the least-squares fit, in place; return what it leaves over the energy, 0 where unknown."""
     products = np.empty((5, *shift.shape), np.float32)
     taps = gaussian_taps(settings.vertical)
-    match_products(volume, valid, cuts, nearest, axis, length, shift, settings.step, taps, products)
+    match_products(volume, valid, cuts, any_cut, nearest, axis, length, shift, settings.step, taps, products)
     lateral, buffer = gaussian_taps(settings.lateral), variance
     for product in products:
         filter_crosslines(product, lateral, buffer)

@@ -35,9 +35,9 @@ class RegistrationSettings:
         The same along the samples.
     memory : float
         Traces over which the mean of one side forgets.
-    share : tuple of (float, float)
-        Share of registration where it is used beside semblance: in a cube of little noise, where slopes are as good,
-        and in one whose noisiness is a half or more.
+    share : tuple of (float, float, float)
+        Share of registration where it is used beside semblance: without noise, in the mild noise of a good survey,
+        whose slopes are averages over more traces than a shift is, and in noise.
     """
 
     farthest: int = 4
@@ -48,7 +48,7 @@ class RegistrationSettings:
     across: float = 3.0
     down: float = 4.0
     memory: float = 5.0
-    share: tuple[float, float] = (0.0, 1.0)
+    share: tuple[float, float, float] = (0.5, 0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

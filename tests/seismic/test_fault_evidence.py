@@ -7,8 +7,9 @@ from seismo3d.errors import ParameterError
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_evidence import EVIDENCE, check_evidence, measure_evidence
 from seismo3d.seismic.faults import trace_faults
-from seismo3d.seismic.misfit import MisfitSettings, compare_along, fuse_misfits, measure_misfit
+from seismo3d.seismic.misfit import MisfitSettings, compare_along, fuse_misfits, measure_misfit, share_out
 from seismo3d.seismic.scores import fault_score
+from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.synthetic import SyntheticFault, fault_cube
 
 SHAPE = (48, 48, 64)
@@ -107,10 +108,29 @@ def noisy(cube, level=0.8):
     return (cube + noise).astype(np.float32)
 
 
-def test_share_of_registration_grows_with_noise(broken):
-    for volume, counts in ((broken.seismic, False), (noisy(broken.seismic), True)):
-        both, alone = measure(volume, "both"), measure(volume, "semblance")
-        assert np.array_equal(both.along_inlines, alone.along_inlines) is not counts
+@pytest.mark.parametrize(
+    ("noise", "expected"),
+    [(0.0, 0.5), (0.04, 0.25), (0.077, 0.0), (0.08, 0.0), (0.14, 0.5), (0.195, 1.0), (0.2, 1.0), (0.6, 1.0)],
+)
+def test_share_of_registration_follows_the_noise(noise, expected):
+    first, second = share_out(noise, RegistrationSettings().share)
+    assert second == pytest.approx(expected)
+    assert first == 1.0 - second
+
+
+def test_both_ways_count_in_a_cube_without_noise_and_registration_alone_in_noise(broken):
+    calm = {kind: measure(broken.seismic, kind).along_inlines for kind in EVIDENCE}
+    assert not np.array_equal(calm["both"], calm["semblance"])
+    assert not np.array_equal(calm["both"], calm["registration"])
+    loud = {kind: measure(noisy(broken.seismic, 1.2), kind).along_inlines for kind in EVIDENCE}
+    np.testing.assert_array_equal(loud["both"], loud["registration"])
+
+
+def test_registration_is_left_out_in_the_mild_noise_of_a_good_survey(broken):
+    """Its share there is nothing, and what has none is not measured."""
+    mild = noisy(broken.seismic, 0.38)
+    assert measure(mild, "semblance").noise == pytest.approx(0.08, abs=0.008)
+    np.testing.assert_array_equal(measure(mild, "both").along_inlines, measure(mild, "semblance").along_inlines)
 
 
 def test_shares_are_means_of_the_logarithms(broken):
@@ -120,7 +140,7 @@ def test_shares_are_means_of_the_logarithms(broken):
     ways = [compare_along(volume, valid, estimate_slopes(volume, valid)), compare_along(volume, valid, flat)]
     settings = MisfitSettings(footprint=0.0, levelling=0.0)
     first, second = (fuse_misfits(volume, valid, [way], settings=settings) for way in ways)
-    mixed = fuse_misfits(volume, valid, ways, share=(0.25, 0.25), settings=settings)
+    mixed = fuse_misfits(volume, valid, ways, share=(0.25, 0.25, 0.25), settings=settings)
     # at the edges one way may know what the other does not
     inner = np.s_[10:-10, 10:-10, 10:-10]
     expected = 0.75 * first.along_inlines[inner] + 0.25 * second.along_inlines[inner]

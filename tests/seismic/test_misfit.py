@@ -79,6 +79,37 @@ def test_kernel_equals_its_definition(rng, axis):
     np.testing.assert_allclose(energy, expected[1], atol=1e-5)
 
 
+@pytest.mark.parametrize("signed", [-2, 1])
+def test_a_trace_without_holes_is_carried_as_one_with_holes_beyond_reach(rng, signed):
+    """The branch-free loop and the one that looks for holes give the same bits, at the ends of the trace too."""
+    n = 37
+    row = rng.normal(size=n).astype(np.float32)
+    slope = rng.uniform(-3.0, 3.0, n).astype(np.float32)
+    longer, steeper = np.append(row, np.float32(9.0)), np.append(slope, np.float32(0.0))
+    found = []
+    for values, slopes in ((row, slope), (longer, steeper)):
+        side, count = np.full(len(values), 0.5, np.float32), np.zeros(len(values), np.float32)
+        usable = np.arange(len(values)) < n
+        kernels.add_carried(values, usable, slopes, signed, np.empty(len(values) + 3, np.float32), side, count)
+        found.append((side[:n], count[:n]))
+    # at the very end the longer trace has a sample to go on to
+    z = np.arange(n, dtype=np.float32) + np.float32(signed) * slope
+    same = (z < n - 1) | (z > n)
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one[same], other[same])
+    assert same.sum() > 30
+    np.testing.assert_array_equal(found[0][1], (z >= 0) & (z <= n - 1))
+
+
+def test_sides_are_compared_where_neither_is_empty():
+    side = np.array([[2.0, 6.0, 1.0], [3.0, 1.0, 8.0]], np.float32)
+    count = np.array([[2.0, 3.0, 0.0], [1.0, 1.0, 2.0]], np.float32)
+    difference, energy = np.empty(3, np.float32), np.empty(3, np.float32)
+    kernels.compare_sides(side, count, difference, energy)
+    np.testing.assert_array_equal(difference, [4.0, 1.0, 0.0])
+    np.testing.assert_array_equal(energy, [10.0, 5.0, -1.0])
+
+
 def test_interpolation_of_a_smooth_trace_is_exact_to_a_thousandth():
     depth = np.arange(40.0)
     row = np.sin(2 * np.pi * depth / 16).astype(np.float32)

@@ -6,6 +6,7 @@ import pytest
 
 from seismo3d.seismic import _kernels_registration as kernels
 from seismo3d.seismic._kernels_filters import gaussian_taps
+from seismo3d.seismic._kernels_shifts import add_windows, refine
 from seismo3d.seismic.shifts import ShiftField
 from seismo3d.seismic.side_shifts import RegistrationSettings, carry_sides, register_slices
 
@@ -52,6 +53,24 @@ def test_costs_equal_their_definition(rng, axis):
                 left += float(taps[t + half]) * (a - b) ** 2
                 whole += float(taps[t + half]) * (a * a + b * b)
         assert costs[s, i, j, n] == pytest.approx(left / whole, rel=1e-4)
+
+
+@pytest.mark.parametrize("step", [1, 3, 4])
+def test_windows_equal_a_correlation_at_every_step(rng, step):
+    taps = gaussian_taps(1.5)
+    m, half = 6, len(taps) // 2
+    phases = np.empty((step, m + 2 * half // step + 2), np.float32)
+    values = rng.normal(size=phases.size).astype(np.float32)
+    sums = np.full(m, 2.0, np.float32)
+    add_windows(values, taps, step, phases, sums)
+    expected = 2.0 + np.correlate(values.astype(np.float64), taps.astype(np.float64), "valid")[: m * step : step]
+    np.testing.assert_allclose(sums, expected, atol=1e-5)
+
+
+def test_coarse_shifts_are_refined_on_straight_lines():
+    fine = np.empty(11, np.float32)
+    refine(np.array([0.0, 3.0, -3.0], np.float32), 4, fine)
+    np.testing.assert_allclose(fine, [0.0, 0.75, 1.5, 2.25, 3.0, 1.5, 0.0, -1.5, -3.0, -3.0, -3.0])
 
 
 def test_cheapest_shift_is_refined_and_the_smallest_wins_a_tie():
