@@ -1,0 +1,266 @@
+"""From layer time to one horizon: where the layer passes, which of its parts are the horizon, and its exact place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import ndimage
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d.seismic._kernels_tracks import cross_levels, match_waveforms, read_runs
+from seismo3d.seismic.layer_graph import LayerTimeSettings
+from seismo3d.seismic.layer_time import LayerModel
+
+# how often a trace may cross one layer, and a step between traces that is none of one part
+_CROSSINGS, _STEP = 3, 6.0
+# share of a window that must be known for it to be compared
+_LEAST_KNOWN = 0.3
+# how far a part is moved for whatever it gains
+_NEARBY = 3
+
+
+@dataclass(frozen=True, slots=True)
+class TrackSettings:
+    """How a layer becomes a track; lengths in samples and traces.
+
+    Attributes
+    ----------
+    window : int
+        Half-length of the waveform by which parts are recognised across faults.
+    farthest : int
+        Farthest that a part is moved to where its waveform fits.
+    near : int
+        Half-length of the waveform that is followed from trace to trace.
+    most : float
+        Farthest that a trace is moved to fit its neighbours.
+    gain : float
+        How much better the correlation of a part must become for it to be moved.
+    least_block, least_trace : float
+        Correlation below which a part, or a trace, is left out.
+    layers : LayerTimeSettings
+        Settings of the layer time.
+    """
+
+    window: int = 32
+    farthest: int = 12
+    near: int = 16
+    most: float = 1.0
+    gain: float = 0.15
+    least_block: float = 0.4
+    least_trace: float = 0.3
+    layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
+
+
+def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) -> tuple[Float64Array, Float32Array]:
+    """Find the horizon through seeds.
+
+    Parameters
+    ----------
+    layers : LayerModel
+        Of the cube.
+    index : ndarray of shape (n, 3), float64
+        Seeds, as fractional indices.
+    settings : TrackSettings
+
+    Returns
+    -------
+    depth : ndarray of shape (inline, crossline), float64
+        Fractional sample; NaN where the horizon was not traced.
+    confidence : ndarray of the same shape, float32
+    """
+    crossings = find_crossings(layers, index)
+    parts = label_parts(crossings, layers.cuts)
+    seeded = np.unique([_nearest_part(crossings, parts, at) for at in index])
+    crossings, scores = _place_parts(layers, crossings, parts, seeded[seeded >= 0], settings)
+    depth, parts = _uppermost(crossings, parts, seeded)
+    return _align(layers, depth, parts, seeded, scores, settings)
+
+
+def find_crossings(layers: LayerModel, index: Float64Array) -> Float64Array:
+    """Find where the layer of the seeds passes through every trace, from above; NaN where it does not (again).
+
+    Between seeds of differing layer times these are weighed by distance.
+    """
+    times, weights = [], []
+    n0, n1, n2 = layers.times.shape
+    i, j = np.meshgrid(np.arange(n0), np.arange(n1), indexing="ij")
+    for at in index:
+        row, cut = (a[tuple(np.rint(at[:2]).astype(int))] for a in (layers.times, layers.cuts))
+        times.append(_time_at(row, cut, float(at[2])))
+        weights.append(1.0 / ((i - at[0]) ** 2 + (j - at[1]) ** 2 + 0.25))
+    target = np.tensordot(times, weights, axes=1) / np.sum(weights, axis=0)
+    crossings = np.empty((_CROSSINGS, n0, n1))
+    cross_levels(layers.times, layers.cuts, target, crossings)
+    crossings[:, ~layers.live] = np.nan
+    return crossings
+
+
+def _time_at(row: AnyArray, cut: AnyArray, z: float) -> float:
+    """Layer time at a fractional sample of a trace; between the two sides of a fault that of the nearer."""
+    low = min(int(z), len(row) - 2)
+    if not cut[low] & 4:
+        return float(row[low] + (z - low) * (row[low + 1] - row[low]))
+    near = low if z - low < 0.5 else low + 1
+    return float(row[near] + z - near)
+
+
+def label_parts(crossings: Float64Array, cuts: AnyArray) -> IntArray:
+    """Give numbers to the parts of a layer that faults bound, from 0; -1 where there is no crossing.
+
+    Parameters
+    ----------
+    crossings : ndarray of shape (n, inline, crossline), float64
+        Fractional samples, NaN where there is none.
+    cuts : ndarray of shape (inline, crossline, sample), uint8
+        Bits 0 and 1: a fault passes before the next inline or crossline.
+    """
+    known = np.isfinite(crossings)
+    numbers = np.arange(crossings.size).reshape(crossings.shape)
+    k: AnyArray = np.asarray(np.rint(np.nan_to_num(crossings)), dtype=np.int64)
+    i, j = np.meshgrid(*(np.arange(n) for n in crossings.shape[1:]), indexing="ij")
+    first, second = [], []
+    for axis in range(2):
+        a, b = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
+        if axis == 1:
+            a, b = a[::-1], b[::-1]
+        for one, other in np.ndindex(len(crossings), len(crossings)):
+            ka, kb = k[one][a], k[other][b]
+            cut = np.zeros(ka.shape, bool)
+            for sample in (ka, (ka + kb) // 2, kb):
+                cut |= (cuts[i[a], j[a], sample] & (1 << axis)) > 0
+            step = np.abs(np.nan_to_num(crossings[one][a] - crossings[other][b], nan=np.inf))
+            free = (step < _STEP) & ~cut
+            first.append(numbers[one][a][free])
+            second.append(numbers[other][b][free])
+    ends = (np.concatenate(first), np.concatenate(second))
+    graph = coo_matrix((np.ones(len(ends[0]), bool), ends), shape=(crossings.size,) * 2)
+    parts = connected_components(graph, directed=False)[1].reshape(crossings.shape)
+    return np.where(known, parts, -1)
+
+
+def _nearest_part(crossings: Float64Array, parts: IntArray, at: Float64Array) -> int:
+    """Part that passes a seed's trace nearest to it; -1 where none does."""
+    i, j = np.rint(at[:2]).astype(int)
+    distance = np.abs(crossings[:, i, j] - at[2])
+    return int(parts[np.nanargmin(distance), i, j]) if np.isfinite(distance).any() else -1
+
+
+def _place_parts(
+    layers: LayerModel, crossings: Float64Array, parts: IntArray, seeded: IntArray, settings: TrackSettings
+) -> tuple[Float64Array, Float32Array]:
+    """Move every part to where its mean waveform fits that of the seeds' parts, or drop it where it fits nowhere.
+
+    Samples beyond a fault count for nothing. Returns the crossings, and every crossing's correlation by its part.
+    """
+    far, half = settings.farthest, settings.window
+    n = int(parts.max(initial=-1)) + 1
+    sums, counts = np.zeros((n, 2 * (half + far) + 1)), np.zeros((n, 2 * (half + far) + 1))
+    waves, known = (np.empty((*crossings.shape[1:], 2 * (half + far) + 1), np.float32) for _ in range(2))
+    for depth, part in zip(crossings, parts, strict=True):
+        read_runs(layers.volume, layers.valid, layers.times, layers.cuts, depth, half + far, waves, known)
+        inside = part >= 0
+        order = np.argsort(part[inside], kind="stable")
+        begin = np.flatnonzero(np.diff(part[inside][order], prepend=-1))
+        labels = part[inside][order][begin]
+        if len(labels):
+            sums[labels] += np.add.reduceat((waves * known)[inside][order], begin)
+            counts[labels] += np.add.reduceat(known[inside][order], begin)
+    means = (sums / np.maximum(counts, 1e-6)).astype(np.float32)
+    share = (counts / np.maximum(counts.max(axis=1, keepdims=True, initial=0.0), 1.0)).astype(np.float32)
+    reference = (sums[seeded].sum(axis=0) / np.maximum(counts[seeded].sum(axis=0), 1e-6)).astype(np.float32)
+    in_reference = counts[seeded].sum(axis=0)
+    in_reference = (in_reference / max(float(in_reference.max(initial=0.0)), 1.0)).astype(np.float32)
+    middle = slice(far, len(reference) - far)
+    lags = np.empty((n, 2 * far + 1), np.float32)
+    taper = np.hanning(2 * half + 3)[1:-1].astype(np.float32)
+    match_waveforms(means, share, reference[middle], in_reference[middle], taper, np.float32(_LEAST_KNOWN), lags)
+    size = np.bincount(parts[parts >= 0], minlength=n)
+    near = slice(far - _NEARBY, far + _NEARBY + 1)
+    best, close = lags.argmax(axis=1), lags[:, near].argmax(axis=1) + near.start
+    every = np.arange(n)
+    best = np.where(lags[every, best] > lags[every, close] + settings.gain, best, close)
+    score = lags[every, best]
+    move = np.array([_vertex(row, b) - far for row, b in zip(lags, best, strict=True)])
+    dropped = (size < 4) | (score < settings.least_block)
+    move[seeded], dropped[seeded] = 0.0, False
+    crossings = crossings + np.where(dropped, np.nan, move)[parts]
+    crossings[parts < 0] = np.nan
+    return crossings, np.clip(score, 0.0, 1.0).astype(np.float32)
+
+
+def _vertex(scores: AnyArray, best: int) -> float:
+    """Place of the maximum next to the best entry, by a parabola."""
+    if not 0 < best < len(scores) - 1:
+        return float(best)
+    before, here, after = (float(s) for s in scores[best - 1 : best + 2])
+    bend = before - 2.0 * here + after
+    return best + (0.5 * (before - after) / bend if bend < 0 else 0.0)
+
+
+def _uppermost(crossings: Float64Array, parts: IntArray, seeded: IntArray) -> tuple[Float64Array, IntArray]:
+    """Keep one crossing a trace: the seeds' part where it is, else the uppermost."""
+    rank = np.where(np.isfinite(crossings), np.arange(1, len(crossings) + 1)[:, None, None], len(crossings) + 1)
+    rank[np.isin(parts, seeded) & np.isfinite(crossings)] = 0
+    best = rank.argmin(axis=0)[None]
+    depth = np.take_along_axis(crossings, best, axis=0)[0]
+    return depth, np.where(np.isfinite(depth), np.take_along_axis(parts, best, axis=0)[0], -1)
+
+
+def _align(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, seeded: IntArray, scores: Float32Array,
+    settings: TrackSettings,
+) -> tuple[Float64Array, Float32Array]:  # fmt: skip
+    """Align every trace with the mean waveform along the track; the part with the seeds stays on the whole.
+
+    Where a fault leaves too little of the waveform, a trace goes with its neighbours.
+    """
+    near, reach = settings.near, 3
+    waves, known = (np.empty((*depth.shape, 2 * (near + reach) + 1), np.float32) for _ in range(2))
+    read_runs(layers.volume, layers.valid, layers.times, layers.cuts, depth, near + reach, waves, known)
+    there = parts >= 0
+    if not there.any():
+        return depth, np.full(depth.shape, np.nan, np.float32)
+    waves *= known
+    of_seeds = np.isin(parts, seeded) & there
+    if not of_seeds.any():
+        of_seeds = there
+    total = known[of_seeds].sum(axis=0)
+    mean = (waves[of_seeds].sum(axis=0) / np.maximum(total, 1.0))[reach:-reach].astype(np.float32)
+    smooth = _smooth_parts(np.concatenate([waves, known], axis=2), parts, 1.0)
+    waves, known = (np.ascontiguousarray(a).reshape(depth.size, -1) for a in np.split(smooth, 2, axis=2))
+    waves /= np.maximum(known, 1e-6)
+    lags = np.empty((depth.size, 2 * reach + 1), np.float32)
+    taper = np.hanning(2 * near + 3)[1:-1].astype(np.float32)
+    match_waveforms(waves, known, mean, np.ones_like(mean), taper, np.float32(0.7), lags)
+    score = lags.reshape(*depth.shape, -1)
+    best = np.clip(score.argmax(axis=2), 1, 2 * reach - 1)
+    before, here, after = (np.take_along_axis(score, (best + d)[..., None], axis=2)[..., 0] for d in (-1, 0, 1))
+    bend = before - 2.0 * here + after
+    part = np.where(bend < -1e-9, 0.5 * (before - after) / np.minimum(bend, -1e-9), 0.0)
+    move = best - reach + np.clip(part, -0.5, 0.5)
+    compared = there & (score.min(axis=2) > -1.0)
+    weight = np.where(compared & (here > settings.least_trace), here, 0.0)[..., None].astype(np.float32)
+    both = _smooth_parts(np.concatenate([weight * move[..., None], weight], axis=2).astype(np.float32), parts, 2.0)
+    move = both[..., 0] / np.maximum(both[..., 1], 1e-3)
+    of_seeds &= weight[..., 0] > 0
+    move -= move[of_seeds].mean() if of_seeds.any() else 0.0
+    sure = np.where(compared, here, scores[parts])
+    trusted = there & (sure > settings.least_trace)
+    confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
+    return np.where(trusted, depth + np.clip(move, -settings.most, settings.most), np.nan), confidence
+
+
+def _smooth_parts(maps: Float32Array, parts: IntArray, sigma: float) -> Float32Array:
+    """Smooth maps of shape (inline, crossline, n) within each part alone."""
+    out = np.zeros_like(maps)
+    for label, box in enumerate(ndimage.find_objects(parts + 1)):
+        if box is None:
+            continue
+        mask = parts[box] == label
+        share = ndimage.gaussian_filter(mask.astype(np.float32), sigma)
+        smoothed = ndimage.gaussian_filter(maps[box] * mask[..., None], (sigma, sigma, 0))
+        out[box][mask] = smoothed[mask] / share[mask][:, None]
+    return out
