@@ -88,11 +88,15 @@ def match_layers(one, in_one, other, in_other, taper, least, scores):  # type: i
 
 
 @njit(cache=True, nogil=True)
-def locate_levels(values, blocks, breaks, traces, wanted, targets, stride, step, low, share):  # type: ignore[no-untyped-def]
-    """Write the coarse sample of a trace below which a block has a layer time, and how far below; -1 where nowhere."""
+def locate_levels(values, blocks, breaks, traces, wanted, targets, stride, step, low, share, beyond):  # type: ignore[no-untyped-def]
+    """Write the coarse sample of a trace below which a block has a layer time, and how far below; -1 where nowhere.
+
+    Where the block ends before it on this trace, its end is written, and how much older than that the layer time is.
+    """
     m = values.shape[2]
     for p in range(len(traces)):
         low[p] = -1
+        beyond[p] = np.inf
         i, j = traces[p, 0], traces[p, 1]
         if i < 0 or wanted[p] < 0:
             continue
@@ -101,7 +105,10 @@ def locate_levels(values, blocks, breaks, traces, wanted, targets, stride, step,
             if breaks[i, j, k] > 0 or blocks[i, j, k] != wanted[p] or blocks[i, j, k + 1] != wanted[p]:
                 continue
             above, below = row[k] + k * step, row[k + 1] + (k + 1) * step
-            if below - above > 0.2 * step and above <= targets[p] <= below:
+            if below - above <= 0.2 * step:
+                continue
+            off = min(targets[p] - above, 0.0) + max(targets[p] - below, 0.0)
+            if abs(off) < abs(beyond[p]):
                 low[p] = k
-                share[p] = (targets[p] - above) / (below - above)
-                break
+                share[p] = min(max((targets[p] - above) / (below - above), 0.0), 1.0)
+                beyond[p] = off

@@ -27,6 +27,8 @@ class BlockSettings:
         Traces within this distance are averaged on either side.
     clear : float
         Samples closer to the fault than this do not count.
+    off : float
+        Distance from the fault of the traces that are joined.
     window : float
         Width of the Gaussian window of layer time.
     farthest : int
@@ -39,18 +41,30 @@ class BlockSettings:
         Correlation that a sample of correction must be worth.
     least : float
         Correlation below which blocks are not joined.
+    apart, lead : float
+        Nor where a lag so many samples off correlates nearly as well: worse by less than this.
+    deviation, spread : float
+        Standard deviation, in samples, of a perfect match, and what it grows by as the correlation falls to 0.
+    stretch : float
+        What it grows by a sample that a layer lies beyond the end of its block on the trace that it is joined to.
     """
 
     rows: int = 6
     samples: int = 8
     reach: float = 12.0
-    clear: float = 1.5
+    clear: float = 2.5
+    off: float = 6.0
     window: float = 16.0
     farthest: int = 30
     least_known: float = 0.4
     smooth: float = 1.0
     slope: float = 0.003
     least: float = 0.6
+    apart: float = 6.0
+    lead: float = 0.1
+    deviation: float = 0.2
+    spread: float = 2.0
+    stretch: float = 0.05
 
 
 def label_blocks(cuts: AnyArray, breaks: AnyArray, step: int) -> IntArray:
@@ -106,7 +120,7 @@ def _choose_places(
     level = np.rint(at[:, 2] / step).astype(np.int64)
     sides = []
     for sign in (-1.0, 1.0):
-        trace = np.rint((at[:, :2] + sign * 3.0 * grid.across) / stride).astype(np.int64) * stride
+        trace = np.rint((at[:, :2] + sign * settings.off * grid.across) / stride).astype(np.int64) * stride
         inside = (trace >= 0).all(axis=1) & (trace < (n0, n1)).all(axis=1)
         trace = np.where(inside[:, None], trace, -1)
         i, j = np.where(inside, trace[:, 0], 0), np.where(inside, trace[:, 1], 0)
@@ -154,50 +168,115 @@ def _smooth_scores(scores: Float32Array, places: _Places, sigma: float) -> Float
     return out
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockLinks:
+    """Pairs of places on the two sides of a fault that are of one age.
+
+    Attributes
+    ----------
+    first, second : ndarray of shape (n, 3), int64
+        Inline, crossline and coarse sample of the two places; the second lies below that sample.
+    share : ndarray of shape (n,), float64
+        How far, as a share of the distance to the next coarse sample.
+    measured, variance : ndarray of shape (n,), float64
+        Depth of the first less that of the second, in samples, and its variance.
+    """
+
+    first: IntArray
+    second: IntArray
+    share: Float64Array
+    measured: Float64Array
+    variance: Float64Array
+
+    @classmethod
+    def join(cls, parts: list[BlockLinks]) -> BlockLinks:
+        """Return the links of all parts, one after the other."""
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__slots__))
+
+    @classmethod
+    def none(cls) -> BlockLinks:
+        """Return no links."""
+        return cls(np.empty((0, 3), np.int64), np.empty((0, 3), np.int64), np.empty(0), np.empty(0), np.empty(0))
+
+    def edges(self, shape: tuple[int, ...], stride: int) -> ScalarEdges:
+        """Return the links as edges of the graph of every stride-th trace, of a cube of a shape in coarse samples."""
+        across, m = (shape[1] - 1) // stride + 1, shape[2]
+        first, second = (
+            ((at[:, 0] // stride) * across + at[:, 1] // stride) * m + at[:, 2] for at in (self.first, self.second)
+        )
+        return ScalarEdges.from_arrays(
+            first, second, measured=self.measured, variance=self.variance, second_share=self.share
+        )
+
+
 def match_blocks(
     grid: SurfaceGrid, values: Float32Array, blocks: IntArray, breaks: AnyArray, volume: Float32Array, valid: BoolArray,
     *, stride: int, step: int, settings: BlockSettings | None = None,
-) -> tuple[ScalarEdges, Float64Array]:  # fmt: skip
-    """Edges across a fault, from either of its sides to the other, and the corrections of the layer time they ask for."""
+) -> BlockLinks:  # fmt: skip
+    """Match the layers on the two sides of a fault, at places all over it.
+
+    On either side the traces near a place are averaged as a function of the layer time found so far, over the whole
+    height of the block that it belongs to. The lag at which the two averages correlate best is what the layer time is
+    wrong by across the fault.
+
+    Parameters
+    ----------
+    grid : SurfaceGrid
+        The fault.
+    values : ndarray of shape (inline, crossline, coarse sample), float32
+        Layer time less sample on every stride-th trace.
+    blocks : ndarray of shape (inline, crossline, coarse sample), int32
+        Parts that faults bound, from :func:`label_blocks`, on every trace.
+    breaks : ndarray of the same shape, uint8
+        Where a fault passes below a coarse sample.
+    volume, valid : ndarray of shape (inline, crossline, sample)
+        Amplitudes, float32, and where there are any.
+    stride, step : int
+        Traces and samples from one value to the next.
+    settings : BlockSettings, optional
+
+    Returns
+    -------
+    BlockLinks
+    """
     settings = settings or BlockSettings()
     places = _choose_places(grid, values, blocks, stride, step, settings)
-    parts, asked = [ScalarEdges.from_arrays([], [], measured=[])], [np.zeros(0)]
     if not len(places.at):
-        return parts[0], asked[0]
-    lags = np.arange(-settings.farthest, settings.farthest + 1)
+        return BlockLinks.none()
+    parts = []
     for side in range(2):
         scores = _score_lags(places, side, values, blocks, breaks, volume, valid, stride, step, settings)
-        scores = _smooth_scores(scores, places, settings.smooth) - settings.slope * np.abs(lags)
-        best = np.clip(scores.argmax(axis=1), 1, len(lags) - 2)
-        rows = np.arange(len(best))
-        before, here, after = (scores[rows, best + d] for d in (-1, 0, 1))
-        bend = before - 2.0 * here + after
-        lag = lags[best] + np.where(bend < -1e-6, np.clip(0.5 * (before - after) / np.minimum(bend, -1e-6), -0.5, 0.5), 0.0)
-        far = np.abs(lags[None] - lags[best][:, None]) > 6
-        rival = np.where(far, scores, -1.0).max(axis=1)
-        sure = (here > settings.least) & (here - rival > 0.1)
-        parts_, asked_ = _edges(places, side, lag, here, sure, values, blocks, breaks, stride, step)
-        parts.append(parts_)
-        asked.append(asked_)
-    return ScalarEdges.join(*parts), np.concatenate(asked)
+        lag, score, sure = _best_lags(_smooth_scores(scores, places, settings.smooth), settings)
+        parts.append(_link_places(places, side, lag, score, sure, values, blocks, breaks, stride, step, settings))
+    return BlockLinks.join(parts)
 
 
-def _edges(
+def _best_lags(scores: Float32Array, settings: BlockSettings) -> tuple[Float64Array, Float64Array, BoolArray]:
+    """Best lag of every place, its correlation, and whether it is high and no other lag comes near it."""
+    lags = np.arange(-settings.farthest, settings.farthest + 1)
+    scores = scores - settings.slope * np.abs(lags)
+    best = np.clip(scores.argmax(axis=1), 1, len(lags) - 2)
+    before, here, after = (scores[np.arange(len(best)), best + d] for d in (-1, 0, 1))
+    bend = before - 2.0 * here + after
+    part = np.where(bend < -1e-6, 0.5 * (before - after) / np.minimum(bend, -1e-6), 0.0)
+    far = np.abs(lags - lags[best][:, None]) > settings.apart
+    rival = np.where(far, scores, -1.0).max(axis=1)
+    return lags[best] + np.clip(part, -0.5, 0.5), here, (here > settings.least) & (here - rival > settings.lead)
+
+
+def _link_places(
     places: _Places, side: int, lag: Float64Array, score: Float64Array, sure: BoolArray, values: Float32Array,
-    blocks: IntArray, breaks: AnyArray, stride: int, step: int,
-) -> tuple[ScalarEdges, Float64Array]:  # fmt: skip
+    blocks: IntArray, breaks: AnyArray, stride: int, step: int, settings: BlockSettings,
+) -> BlockLinks:  # fmt: skip
+    """Join the trace beside every place to where the trace on the other side has the layer time that was matched."""
     here, there = places.traces[side], places.traces[1 - side]
-    low, share = np.empty(len(lag), np.int64), np.zeros(len(lag))
+    low, share, beyond = np.empty(len(lag), np.int64), np.zeros(len(lag)), np.zeros(len(lag))
     targets = places.times[side] + lag
-    locate_levels(values, blocks, breaks, there, places.blocks[1 - side], targets, stride, step, low, share)
-    ok = sure & (here[:, 0] >= 0) & (low >= 0)
-    n1, m = values.shape[1:]
+    locate_levels(values, blocks, breaks, there, places.blocks[1 - side], targets, stride, step, low, share, beyond)
+    ok = sure & (here[:, 0] >= 0) & (low >= 0) & (np.abs(beyond) < settings.farthest)
     level = np.rint(places.at[:, 2] / step).astype(np.int64)
-    first = ((here[:, 0] // stride) * n1 + here[:, 1] // stride) * m + level
-    second = ((there[:, 0] // stride) * n1 + there[:, 1] // stride) * m + low
-    measured = places.at[:, 2] - (low + share) * step
-    spread = 0.3 + 4.0 * (1.0 - np.clip(score, 0.0, 1.0))
-    edges = ScalarEdges.from_arrays(
-        first[ok], second[ok], measured=measured[ok], variance=spread[ok] ** 2, second_share=share[ok]
-    )
-    return edges, lag[ok]
+    deviation = settings.deviation + settings.spread * (1.0 - np.clip(score[ok], 0.0, 1.0))
+    return BlockLinks(
+        np.column_stack([here, level])[ok], np.column_stack([there, low])[ok], share[ok],
+        (level * step - (low + share) * step - beyond)[ok], deviation**2 + (settings.stretch * beyond[ok]) ** 2,
+    )  # fmt: skip

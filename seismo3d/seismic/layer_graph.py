@@ -10,6 +10,7 @@ from scipy import ndimage
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
 from seismo3d.graph.scalars import ScalarEdges, SolveSettings, solve_scalars
 from seismo3d.seismic._kernels_layers import count_links, link_samples, link_traces
+from seismo3d.seismic.block_links import BlockLinks, BlockSettings, label_blocks, match_blocks
 from seismo3d.seismic.dip import DipSettings
 from seismo3d.seismic.fault_links import LinkSettings, SurfaceGrid, link_grid
 from seismo3d.seismic.shifts import ShiftField, ShiftSettings
@@ -36,13 +37,15 @@ class LayerTimeSettings:
         Shifts this close to a fault, in traces, are hardly trusted until the rest agrees.
     least : float
         Least growth of layer time a sample.
-    first_cutoffs : tuple of float
-        Robust rounds on the coarsest graph, in standard deviations; in the last three all shifts count.
+    first_cutoffs, clear_cutoffs : tuple of float
+        Robust rounds on the coarsest graph, in standard deviations: first with shifts that are clear, then with all.
+    block_cutoffs : tuple of tuple of float
+        For each time that blocks are matched across faults, the rounds after it.
     cutoffs : tuple of float
         The same on each finer graph.
     iterations : int
         Most steps a round on the finest graph; a graph of every n-th trace has n squared times as many.
-    dip, shifts, links
+    dip, shifts, links, blocks
         Settings of the stages.
     """
 
@@ -52,12 +55,15 @@ class LayerTimeSettings:
     wide: tuple[float, float] = (8.0, 8.0)
     clear: int = 2
     least: float = 1e-3
-    first_cutoffs: tuple[float, ...] = (np.inf, 30.0, 15.0, 8.0, 5.0, 3.0, 3.0, 3.0)
+    first_cutoffs: tuple[float, ...] = (np.inf, 30.0, 15.0, 8.0, 5.0)
+    clear_cutoffs: tuple[float, ...] = (3.0,)
+    block_cutoffs: tuple[tuple[float, ...], ...] = ((8.0, 3.0), (5.0, 3.0))
     cutoffs: tuple[float, ...] = (3.0,)
     iterations: int = 50
     dip: DipSettings = field(default_factory=DipSettings)
     shifts: ShiftSettings = field(default_factory=ShiftSettings)
     links: LinkSettings = field(default_factory=LinkSettings)
+    blocks: BlockSettings = field(default_factory=BlockSettings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,6 +80,8 @@ class LayerGraph:
         How many samples below a coarse sample the first fault is met, from 1; 0 where there is none.
     faults : list of (SurfaceGrid, throw, variance)
         Faults, and the throws that match their sides.
+    volume, valid : ndarray of the cube's shape
+        Amplitudes, float32, and where there are any.
     settings : LayerTimeSettings
     """
 
@@ -81,6 +89,8 @@ class LayerGraph:
     cuts: AnyArray
     breaks: AnyArray
     faults: list[tuple[SurfaceGrid, Float64Array, Float64Array]]
+    volume: Float32Array
+    valid: BoolArray
     settings: LayerTimeSettings
 
     @property
@@ -105,22 +115,41 @@ def solve_graph(graph: LayerGraph) -> tuple[Float32Array, float]:
     rejected : float
         Share of the edges of the finest graph that the solution rejects.
     """
-    settings, traces, m = graph.settings, graph.breaks.shape[:2], graph.breaks.shape[2]
-    values = np.zeros((*(-(-n // settings.strides[0]) for n in traces), m), np.float32)
+    settings = graph.settings
+    values, links = _solve_coarsest(graph)
     rejected = 0.0
-    for number, stride in enumerate(settings.strides):
-        edges = _edges(graph, graph.fields, stride)
-        if number == 0:
-            doubted = _edges(graph, _doubt(graph), stride)
-            n_doubted = len(settings.first_cutoffs) - 3
-            for cutoff in settings.first_cutoffs[:n_doubted]:
-                values, _ = _round(graph, doubted, values, stride, cutoff)
-            cutoffs = settings.first_cutoffs[n_doubted:]
-        else:
-            values, cutoffs = _refine_grid(values, traces, stride), settings.cutoffs
-        for cutoff in cutoffs:
+    for stride in settings.strides[1:]:
+        edges = ScalarEdges.join(_edges(graph, graph.fields, stride), links.edges(graph.breaks.shape, stride))
+        values = _refine_grid(values, graph.breaks.shape[:2], stride)
+        for cutoff in settings.cutoffs:
             values, rejected = _round(graph, edges, values, stride, cutoff)
     return values, rejected
+
+
+def _solve_coarsest(graph: LayerGraph) -> tuple[Float32Array, BlockLinks]:
+    """Solve the coarsest graph, match the blocks across faults by its layer time, and solve it again with that."""
+    settings, traces, m = graph.settings, graph.breaks.shape[:2], graph.breaks.shape[2]
+    stride, step = settings.strides[0], settings.shifts.step
+    values = np.zeros((*(-(-n // stride) for n in traces), m), np.float32)
+    doubted = _edges(graph, _doubt(graph), stride)
+    for cutoff in settings.first_cutoffs:
+        values, _ = _round(graph, doubted, values, stride, cutoff)
+    edges = _edges(graph, graph.fields, stride)
+    for cutoff in settings.clear_cutoffs:
+        values, _ = _round(graph, edges, values, stride, cutoff)
+    links = BlockLinks.none()
+    if not graph.faults:
+        return values, links
+    blocks = label_blocks(graph.cuts, graph.breaks, step)
+    for cutoffs in settings.block_cutoffs:
+        at = (values, blocks, graph.breaks, graph.volume, graph.valid)
+        links = BlockLinks.join(
+            [match_blocks(g, *at, stride=stride, step=step, settings=settings.blocks) for g, *_ in graph.faults]
+        )
+        both = ScalarEdges.join(edges, links.edges(graph.breaks.shape, stride))
+        for cutoff in cutoffs:
+            values, _ = _round(graph, both, values, stride, cutoff)
+    return values, links
 
 
 def _round(

@@ -153,7 +153,7 @@ def _solve_times(
     nearest = [f.shift for f in fields if f.length == 1]
     matched = [(grid, *match_grid(grid, volume, valid, nearest, step=step, settings=settings.links)) for grid in grids]
     report("solve", 0.0)
-    graph = LayerGraph(fields, cuts, breaks, matched, settings)
+    graph = LayerGraph(fields, cuts, breaks, matched, volume, valid, settings)
     values, rejected = solve_graph(graph)
     times = np.empty(volume.shape, np.float32)
     fill_samples(values, breaks, step, times)

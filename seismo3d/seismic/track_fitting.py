@@ -38,6 +38,10 @@ class TrackSettings:
         Farthest that a trace is moved to fit its neighbours.
     gain : float
         How much better the correlation of a part must become for it to be moved.
+    rounds : int
+        How often parts are compared: first with those of the seeds, then also with those that fit them.
+    trusted : float
+        Correlation of such parts.
     least_block, least_trace : float
         Correlation below which a part, or a trace, is left out.
     layers : LayerTimeSettings
@@ -49,6 +53,8 @@ class TrackSettings:
     near: int = 16
     most: float = 1.0
     gain: float = 0.15
+    rounds: int = 2
+    trusted: float = 0.6
     least_block: float = 0.4
     least_trace: float = 0.3
     layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
@@ -74,7 +80,10 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
     crossings = find_crossings(layers, index)
     parts = label_parts(crossings, layers.cuts)
     seeded = np.unique([_nearest_part(crossings, parts, at) for at in index])
-    crossings, scores = _place_parts(layers, crossings, parts, seeded[seeded >= 0], settings)
+    seeded = seeded[seeded >= 0]
+    scores = np.isin(np.arange(int(parts.max(initial=-1)) + 1), seeded).astype(np.float32)
+    for _ in range(settings.rounds):
+        crossings, scores = _place_parts(layers, crossings, parts, seeded, scores, settings)
     depth, parts = _uppermost(crossings, parts, seeded)
     return _align(layers, depth, parts, seeded, scores, settings)
 
@@ -149,11 +158,13 @@ def _nearest_part(crossings: Float64Array, parts: IntArray, at: Float64Array) ->
 
 
 def _place_parts(
-    layers: LayerModel, crossings: Float64Array, parts: IntArray, seeded: IntArray, settings: TrackSettings
-) -> tuple[Float64Array, Float32Array]:
-    """Move every part to where its mean waveform fits that of the seeds' parts, or drop it where it fits nowhere.
+    layers: LayerModel, crossings: Float64Array, parts: IntArray, seeded: IntArray, scores: Float32Array,
+    settings: TrackSettings,
+) -> tuple[Float64Array, Float32Array]:  # fmt: skip
+    """Move every part to where its mean waveform fits that of the trusted parts, or drop it where it fits nowhere.
 
-    Samples beyond a fault count for nothing. Returns the crossings, and every crossing's correlation by its part.
+    Samples beyond a fault count for nothing. The parts of the seeds stay. Returns the crossings, and the correlation of
+    every part.
     """
     far, half = settings.farthest, settings.window
     n = int(parts.max(initial=-1)) + 1
@@ -170,9 +181,10 @@ def _place_parts(
             counts[labels] += np.add.reduceat(known[inside][order], begin)
     means = (sums / np.maximum(counts, 1e-6)).astype(np.float32)
     share = (counts / np.maximum(counts.max(axis=1, keepdims=True, initial=0.0), 1.0)).astype(np.float32)
-    reference = (sums[seeded].sum(axis=0) / np.maximum(counts[seeded].sum(axis=0), 1e-6)).astype(np.float32)
-    in_reference = counts[seeded].sum(axis=0)
-    in_reference = (in_reference / max(float(in_reference.max(initial=0.0)), 1.0)).astype(np.float32)
+    trust = np.where(scores >= settings.trusted, scores, 0.0)[:, None]
+    total = (trust * counts).sum(axis=0)
+    reference = ((trust * sums).sum(axis=0) / np.maximum(total, 1e-6)).astype(np.float32)
+    in_reference = (total / max(float(total.max(initial=0.0)), 1e-6)).astype(np.float32)
     middle = slice(far, len(reference) - far)
     lags = np.empty((n, 2 * far + 1), np.float32)
     taper = np.hanning(2 * half + 3)[1:-1].astype(np.float32)
@@ -184,6 +196,7 @@ def _place_parts(
     best = np.where(lags[every, best] > lags[every, close] + settings.gain, best, close)
     score = lags[every, best]
     move = np.array([_vertex(row, b) - far for row, b in zip(lags, best, strict=True)])
+    move -= np.average(move[seeded], weights=size[seeded]) if len(seeded) else 0.0
     dropped = (size < 4) | (score < settings.least_block)
     move[seeded], dropped[seeded] = 0.0, False
     crossings = crossings + np.where(dropped, np.nan, move)[parts]
