@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
-from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_tracks import cross_levels, match_waveforms, read_runs
-from seismo3d.seismic.layer_graph import LayerTimeSettings
 from seismo3d.seismic.layer_time import LayerModel
+from seismo3d.seismic.track_refining import TrackSettings, refine_depth
 
 # how often a trace may cross one layer, and a step between traces that is none of one part
 _CROSSINGS, _STEP = 3, 6.0
@@ -20,44 +17,6 @@ _CROSSINGS, _STEP = 3, 6.0
 _LEAST_KNOWN = 0.3
 # how far a part is moved for whatever it gains
 _NEARBY = 3
-
-
-@dataclass(frozen=True, slots=True)
-class TrackSettings:
-    """How a layer becomes a track; lengths in samples and traces.
-
-    Attributes
-    ----------
-    window : int
-        Half-length of the waveform by which parts are recognised across faults.
-    farthest : int
-        Farthest that a part is moved to where its waveform fits.
-    near : int
-        Half-length of the waveform that is followed from trace to trace.
-    most : float
-        Farthest that a trace is moved to fit its neighbours.
-    gain : float
-        How much better the correlation of a part must become for it to be moved.
-    rounds : int
-        How often parts are compared: first with those of the seeds, then also with those that fit them.
-    trusted : float
-        Correlation of such parts.
-    least_block, least_trace : float
-        Correlation below which a part, or a trace, is left out.
-    layers : LayerTimeSettings
-        Settings of the layer time.
-    """
-
-    window: int = 32
-    farthest: int = 12
-    near: int = 16
-    most: float = 1.0
-    gain: float = 0.15
-    rounds: int = 2
-    trusted: float = 0.6
-    least_block: float = 0.4
-    least_trace: float = 0.3
-    layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
 
 
 def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) -> tuple[Float64Array, Float32Array]:
@@ -85,7 +44,7 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
     for _ in range(settings.rounds):
         crossings, scores = _place_parts(layers, crossings, parts, seeded, scores, settings)
     depth, parts = _uppermost(crossings, parts, seeded)
-    return _align(layers, depth, parts, seeded, scores, settings)
+    return refine_depth(layers, depth, parts, index, seeded, scores, settings)
 
 
 def find_crossings(layers: LayerModel, index: Float64Array) -> Float64Array:
@@ -220,60 +179,3 @@ def _uppermost(crossings: Float64Array, parts: IntArray, seeded: IntArray) -> tu
     best = rank.argmin(axis=0)[None]
     depth = np.take_along_axis(crossings, best, axis=0)[0]
     return depth, np.where(np.isfinite(depth), np.take_along_axis(parts, best, axis=0)[0], -1)
-
-
-def _align(
-    layers: LayerModel, depth: Float64Array, parts: IntArray, seeded: IntArray, scores: Float32Array,
-    settings: TrackSettings,
-) -> tuple[Float64Array, Float32Array]:  # fmt: skip
-    """Align every trace with the mean waveform along the track; the part with the seeds stays on the whole.
-
-    Where a fault leaves too little of the waveform, a trace goes with its neighbours.
-    """
-    near, reach = settings.near, 3
-    waves, known = (np.empty((*depth.shape, 2 * (near + reach) + 1), np.float32) for _ in range(2))
-    read_runs(layers.volume, layers.valid, layers.times, layers.cuts, depth, near + reach, waves, known)
-    there = parts >= 0
-    if not there.any():
-        return depth, np.full(depth.shape, np.nan, np.float32)
-    waves *= known
-    of_seeds = np.isin(parts, seeded) & there
-    if not of_seeds.any():
-        of_seeds = there
-    total = known[of_seeds].sum(axis=0)
-    mean = (waves[of_seeds].sum(axis=0) / np.maximum(total, 1.0))[reach:-reach].astype(np.float32)
-    smooth = _smooth_parts(np.concatenate([waves, known], axis=2), parts, 1.0)
-    waves, known = (np.ascontiguousarray(a).reshape(depth.size, -1) for a in np.split(smooth, 2, axis=2))
-    waves /= np.maximum(known, 1e-6)
-    lags = np.empty((depth.size, 2 * reach + 1), np.float32)
-    taper = np.hanning(2 * near + 3)[1:-1].astype(np.float32)
-    match_waveforms(waves, known, mean, np.ones_like(mean), taper, np.float32(0.7), lags)
-    score = lags.reshape(*depth.shape, -1)
-    best = np.clip(score.argmax(axis=2), 1, 2 * reach - 1)
-    before, here, after = (np.take_along_axis(score, (best + d)[..., None], axis=2)[..., 0] for d in (-1, 0, 1))
-    bend = before - 2.0 * here + after
-    part = np.where(bend < -1e-9, 0.5 * (before - after) / np.minimum(bend, -1e-9), 0.0)
-    move = best - reach + np.clip(part, -0.5, 0.5)
-    compared = there & (score.min(axis=2) > -1.0)
-    weight = np.where(compared & (here > settings.least_trace), here, 0.0)[..., None].astype(np.float32)
-    both = _smooth_parts(np.concatenate([weight * move[..., None], weight], axis=2).astype(np.float32), parts, 2.0)
-    move = both[..., 0] / np.maximum(both[..., 1], 1e-3)
-    of_seeds &= weight[..., 0] > 0
-    move -= move[of_seeds].mean() if of_seeds.any() else 0.0
-    sure = np.where(compared, here, scores[parts])
-    trusted = there & (sure > settings.least_trace)
-    confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
-    return np.where(trusted, depth + np.clip(move, -settings.most, settings.most), np.nan), confidence
-
-
-def _smooth_parts(maps: Float32Array, parts: IntArray, sigma: float) -> Float32Array:
-    """Smooth maps of shape (inline, crossline, n) within each part alone."""
-    out = np.zeros_like(maps)
-    for label, box in enumerate(ndimage.find_objects(parts + 1)):
-        if box is None:
-            continue
-        mask = parts[box] == label
-        share = ndimage.gaussian_filter(mask.astype(np.float32), sigma)
-        smoothed = ndimage.gaussian_filter(maps[box] * mask[..., None], (sigma, sigma, 0))
-        out[box][mask] = smoothed[mask] / share[mask][:, None]
-    return out

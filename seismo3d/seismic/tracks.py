@@ -14,7 +14,8 @@ from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.seismic._kernels_tracks import read_waveforms
 from seismo3d.seismic.layer_time import LayerModel, model_layers
-from seismo3d.seismic.track_fitting import TrackSettings, fit_track
+from seismo3d.seismic.track_fitting import fit_track
+from seismo3d.seismic.track_refining import TrackSettings
 
 EVENTS = ("peak", "trough", "zero")
 
