@@ -96,8 +96,45 @@ def _read_cubic(row, z, first, last):  # type: ignore[no-untyped-def]
     return y1 + f * (c1 + f * (c2 + f * c3))
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _find_run(cut, middle, half, n2):  # type: ignore[no-untyped-def]
+    """First and last sample, at most so far from the middle, that no fault separates from it."""
+    first, last = middle, middle
+    while first > max(0, middle - half) and not cut[first - 1] & np.uint8(4):
+        first -= 1
+    while last < min(n2 - 1, middle + half) and not cut[last] & np.uint8(4):
+        last += 1
+    return first, last
+
+
 @njit(cache=True, nogil=True, parallel=True)
-def read_runs(volume, valid, times, cuts, depth, half, out, known):  # type: ignore[no-untyped-def]
+def read_runs(volume, valid, cuts, depth, half, out, known):  # type: ignore[no-untyped-def]
+    """Write amplitudes from `half` samples above every depth to `half` below, and 1 where there are any, else 0.
+
+    There are none beyond a fault that the trace crosses.
+    """
+    n0, n1, n2 = volume.shape
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1):
+            out[i, j, :] = 0.0
+            known[i, j, :] = 0.0
+            if not np.isfinite(depth[i, j]):
+                continue
+            middle = min(max(int(np.rint(depth[i, j])), 0), n2 - 1)
+            first, last = _find_run(cuts[i, j], middle, half + 1, n2)
+            if last <= first:
+                continue
+            for t in range(2 * half + 1):
+                z = depth[i, j] + t - half
+                b = int(np.floor(z))
+                if b >= first and b + 1 <= last and valid[i, j, b] and valid[i, j, b + 1]:
+                    out[i, j, t] = _read_cubic(volume[i, j], z, first, last)
+                    known[i, j, t] = 1.0
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def read_layers(volume, valid, times, cuts, depth, half, out, known):  # type: ignore[no-untyped-def]
     """Write amplitudes at every unit of layer time up to `half` before and after every depth's; 1 where there are any.
 
     There are none (0) beyond a fault that the trace crosses, nor where the layer time hardly grows.
@@ -112,11 +149,7 @@ def read_runs(volume, valid, times, cuts, depth, half, out, known):  # type: ign
             if not np.isfinite(depth[i, j]):
                 continue
             middle = min(max(int(np.rint(depth[i, j])), 0), n2 - 1)
-            first, last = middle, middle
-            while first > max(0, middle - 2 * half) and not cuts[i, j, first - 1] & np.uint8(4):
-                first -= 1
-            while last < min(n2 - 1, middle + 2 * half) and not cuts[i, j, last] & np.uint8(4):
-                last += 1
+            first, last = _find_run(cuts[i, j], middle, 2 * half, n2)
             if last <= first:
                 continue
             row, z = times[i, j], depth[i, j]

@@ -7,7 +7,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray
-from seismo3d.seismic._kernels_tracks import cross_levels, match_waveforms, read_runs
+from seismo3d.seismic._kernels_tracks import cross_levels, match_waveforms, read_layers
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.track_refining import TrackSettings, refine_depth
 
@@ -130,7 +130,7 @@ def _place_parts(
     sums, counts = np.zeros((n, 2 * (half + far) + 1)), np.zeros((n, 2 * (half + far) + 1))
     waves, known = (np.empty((*crossings.shape[1:], 2 * (half + far) + 1), np.float32) for _ in range(2))
     for depth, part in zip(crossings, parts, strict=True):
-        read_runs(layers.volume, layers.valid, layers.times, layers.cuts, depth, half + far, waves, known)
+        read_layers(layers.volume, layers.valid, layers.times, layers.cuts, depth, half + far, waves, known)
         inside = part >= 0
         order = np.argsort(part[inside], kind="stable")
         begin = np.flatnonzero(np.diff(part[inside][order], prepend=-1))

@@ -112,21 +112,34 @@ def refine_depth(
     confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
     common = np.median(move[of_seeds & trusted]) if (of_seeds & trusted).any() else 0.0
     depth = np.where(trusted, depth + common + np.clip(move - common, -settings.most, settings.most), np.nan)
-    return depth - _miss(depth, index), confidence
+    return depth - _miss(layers, depth, of_seeds & trusted, index, settings), confidence
 
 
-def _miss(depth: Float64Array, index: Float64Array) -> float:
-    """How far a track passes below its seeds, on the whole; 0 where that is too far to be put right."""
-    at = np.rint(index[:, :2]).astype(int)
-    off = depth[at[:, 0], at[:, 1]] - index[:, 2]
-    off = off[np.abs(off) <= _ANCHOR]
-    return float(off.mean()) if off.size else 0.0
+def _miss(
+    layers: LayerModel, depth: Float64Array, chosen: BoolArray, index: Float64Array, settings: TrackSettings
+) -> float:
+    """How far a track passes below its seeds, on the whole: by the waveforms at the seeds and along the track."""
+    if not chosen.any():
+        return 0.0
+    reference = _mean_waveform(layers, depth, chosen, settings.near)
+    reach = int(_ANCHOR) + 1
+    seeds = np.full(depth.shape, np.nan)
+    waves, known = (np.empty((*depth.shape, 2 * (settings.near + reach) + 1), np.float32) for _ in range(2))
+    at = tuple(np.rint(index[:, :2]).astype(int).T)
+    seeds[at] = index[:, 2]
+    read_runs(layers.volume, layers.valid, layers.cuts, seeds, settings.near + reach, waves, known)
+    lags = np.empty((len(index), 2 * reach + 1), np.float32)
+    taper = np.hanning(len(reference) + 2)[1:-1].astype(np.float32)
+    match_waveforms(waves[at], known[at], reference, np.ones_like(reference), taper, np.float32(0.3), lags)
+    move, here = _best_moves(lags[None], reach)
+    sure = (here > settings.least_trace) & (np.abs(move) <= _ANCHOR)
+    return float(move[sure].mean()) if sure.any() else 0.0
 
 
 def _mean_waveform(layers: LayerModel, depth: Float64Array, chosen: BoolArray, half: int) -> Float32Array:
     waves, known = (np.empty((*depth.shape, 2 * half + 1), np.float32) for _ in range(2))
     at = np.where(chosen, depth, np.nan)
-    read_runs(layers.volume, layers.valid, layers.times, layers.cuts, at, half, waves, known)
+    read_runs(layers.volume, layers.valid, layers.cuts, at, half, waves, known)
     total = known.sum(axis=(0, 1))
     return ((waves * known).sum(axis=(0, 1)) / np.maximum(total, 1.0)).astype(np.float32)
 
@@ -137,7 +150,7 @@ def _score_traces(
     """Correlation of every trace, averaged with its neighbours of the same part, with a waveform at every lag."""
     half = len(reference) // 2
     waves, known = (np.empty((*depth.shape, 2 * (half + reach) + 1), np.float32) for _ in range(2))
-    read_runs(layers.volume, layers.valid, layers.times, layers.cuts, depth, half + reach, waves, known)
+    read_runs(layers.volume, layers.valid, layers.cuts, depth, half + reach, waves, known)
     smooth = _smooth_parts(np.concatenate([waves * known, known], axis=2), parts, 1.0)
     waves, known = (np.ascontiguousarray(a).reshape(depth.size, -1) for a in np.split(smooth, 2, axis=2))
     waves /= np.maximum(known, 1e-6)
