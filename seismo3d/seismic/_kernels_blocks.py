@@ -8,7 +8,22 @@ from numba import njit, prange
 
 @njit(cache=True, nogil=True, parallel=True)
 def stack_layers(  # type: ignore[no-untyped-def]
-    values, blocks, breaks, volume, valid, places, planes, sides, wanted, centres, stride, step, reach, clear, out, weight
+    values,
+    blocks,
+    breaks,
+    volume,
+    valid,
+    places,
+    planes,
+    sides,
+    wanted,
+    centres,
+    stride,
+    step,
+    reach,
+    clear,
+    out,
+    weight,
 ):
     """Write the mean trace of a block beside every place, as a function of layer time about a centre.
 

@@ -140,7 +140,7 @@ def read_layers(volume, valid, times, cuts, depth, half, out, known):  # type: i
     There are none (0) beyond a fault that the trace crosses, nor where the layer time hardly grows.
     """
     n0, n1, n2 = volume.shape
-    steepest, flattest = np.float32(3.0), np.float32(0.3)
+    steepest, flattest, slack = np.float32(3.0), np.float32(0.3), np.float32(1e-3)
     for line in prange(n0):
         i = np.int64(line)
         for j in range(n1):
@@ -164,8 +164,8 @@ def read_layers(volume, valid, times, cuts, depth, half, out, known):  # type: i
                     while sign < 0 and k > first and row[k] > wanted:
                         k -= 1
                     rise = row[k + 1] - row[k]
-                    if wanted < row[k] - 0.5 * rise or wanted > row[k + 1] + 0.5 * rise:
-                        break
+                    if wanted < row[k] - slack or wanted > row[k + 1] + slack:
+                        continue
                     if not (flattest < rise < steepest and valid[i, j, k] and valid[i, j, k + 1]):
                         continue
                     at = min(max(k + (wanted - row[k]) / rise, np.float64(first)), np.float64(last))

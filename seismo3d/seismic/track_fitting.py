@@ -53,7 +53,7 @@ def find_crossings(layers: LayerModel, index: Float64Array) -> Float64Array:
     Between seeds of differing layer times these are weighed by distance.
     """
     times, weights = [], []
-    n0, n1, n2 = layers.times.shape
+    n0, n1 = layers.times.shape[:2]
     i, j = np.meshgrid(np.arange(n0), np.arange(n1), indexing="ij")
     for at in index:
         row, cut = (a[tuple(np.rint(at[:2]).astype(int))] for a in (layers.times, layers.cuts))

@@ -101,7 +101,7 @@ def refine_depth(
     reference = _mean_waveform(layers, depth, of_seeds if of_seeds.any() else there, settings.near)
     depth = _straighten_rims(layers, depth, parts, reference, settings)
     reach = int(np.ceil(settings.most)) + _SPARE
-    score = _score_traces(layers, depth, parts, reference, reach, 0.7)
+    score = _score_traces(layers, depth, parts, reference, reach, 0.5)
     move, here = _best_moves(score, reach)
     compared = there & (score.min(axis=2) > -1.0)
     weight = np.where(compared & (here > settings.least_trace), here, 0.0)[..., None].astype(np.float32)
@@ -180,7 +180,7 @@ def _straighten_rims(
 
 
 def _lead_on(depth: Float64Array, parts: IntArray, rim: int, sigma: float) -> Float64Array:
-    """Depth of traces near a part's edge, from planes through its inner traces; NaN elsewhere, or where none are near."""
+    """Depth of traces near a part's edge, from planes through the inner traces around; NaN elsewhere."""
     out = np.full(depth.shape, np.nan)
     for label, box in enumerate(ndimage.find_objects(parts + 1)):
         if box is None:
@@ -188,7 +188,9 @@ def _lead_on(depth: Float64Array, parts: IntArray, rim: int, sigma: float) -> Fl
         # the edge of the cube is none of the part
         near = tuple(slice(max(s.start - 1, 0), s.stop + 1) for s in box)
         mask = parts[near] == label
-        inner = mask & (ndimage.distance_transform_edt(np.pad(mask, rim + 1, mode="edge"))[(slice(rim + 1, -rim - 1),) * 2] > rim)
+        inner = mask & (
+            ndimage.distance_transform_edt(np.pad(mask, rim + 1, mode="edge"))[(slice(rim + 1, -rim - 1),) * 2] > rim
+        )
         if not inner.any():
             continue
         rows, columns = np.indices(mask.shape, dtype=np.float64)
