@@ -97,21 +97,15 @@ def _choose_places(
     grid: SurfaceGrid, values: Float32Array, blocks: IntArray, stride: int, step: int, settings: BlockSettings
 ) -> _Places:
     first = -grid.first[1] % step
-    rows, samples = np.meshgrid(
+    grids = np.meshgrid(
         np.arange(0, grid.w.shape[0], settings.rows),
         np.arange(first, grid.w.shape[1], -(-settings.samples // step) * step),
         indexing="ij",
     )
-    index = np.stack(np.meshgrid(*(np.arange(n) for n in rows.shape), indexing="ij"), axis=-1).reshape(-1, 2)
-    rows, samples = rows.ravel(), samples.ravel()
+    index = np.stack(np.meshgrid(*(np.arange(n) for n in grids[0].shape), indexing="ij"), axis=-1).reshape(-1, 2)
+    rows, samples = (g.ravel() for g in grids)
     at = grid.place(rows, samples)
-    slopes = []
-    for axis in range(2):
-        reach = 6 if axis else 4
-        ends = [np.clip((rows, samples)[axis] + d, 0, grid.w.shape[axis] - 1) for d in (-reach, reach)]
-        w = [grid.w[end, samples] if axis == 0 else grid.w[rows, end] for end in ends]
-        slope = (w[1] - w[0]) / np.maximum(ends[1] - ends[0], 1)
-        slopes.append(np.where(np.isfinite(slope), slope, 0.0))
+    slopes = [_slope(grid, rows, samples, axis, reach) for axis, reach in ((0, 4), (1, 6))]
     along = np.array([-grid.across[1], grid.across[0]])
     planes = np.column_stack([grid.across - slopes[0][:, None] * along, -slopes[1]])
     n0, n1, m = blocks.shape
@@ -130,6 +124,14 @@ def _choose_places(
     return _Places(at, planes, index, (foot[0], hang[0]), (foot[1], hang[1]), (foot[2], hang[2]))
 
 
+def _slope(grid: SurfaceGrid, rows: IntArray, samples: IntArray, axis: int, reach: int) -> Float64Array:
+    """Slope of a fault along its rows or samples, over some nodes to either side; 0 where it is not known."""
+    ends = [np.clip((rows, samples)[axis] + d, 0, grid.w.shape[axis] - 1) for d in (-reach, reach)]
+    before, after = (grid.w[end, samples] if axis == 0 else grid.w[rows, end] for end in ends)
+    slope = (after - before) / np.maximum(ends[1] - ends[0], 1)
+    return np.where(np.isfinite(slope), slope, 0.0)
+
+
 def _score_lags(
     places: _Places, side: int, values: Float32Array, blocks: IntArray, breaks: AnyArray, volume: Float32Array,
     valid: BoolArray, stride: int, step: int, settings: BlockSettings,
@@ -138,7 +140,7 @@ def _score_lags(
     half = int(2.0 * settings.window)
     t = np.arange(-half, half + 1)
     taper = np.exp(-0.5 * (t / settings.window) ** 2)
-    stacks = []
+    stacks: list[Float32Array] = []
     for which, length in ((side, half), (1 - side, half + settings.farthest)):
         out, weight = (np.empty((len(places.at), 2 * length + 1), np.float32) for _ in range(2))
         sides = np.full(len(places.at), 2.0 * which - 1.0)
@@ -148,7 +150,8 @@ def _score_lags(
         )  # fmt: skip
         stacks += [out, weight]
     scores = np.empty((len(places.at), 2 * settings.farthest + 1), np.float32)
-    match_layers(*stacks, taper, settings.least_known, scores)
+    one, in_one, other, in_other = stacks
+    match_layers(one, in_one, other, in_other, taper, settings.least_known, scores)
     return scores
 
 
@@ -254,7 +257,7 @@ def match_blocks(
 def _best_lags(scores: Float32Array, settings: BlockSettings) -> tuple[Float64Array, Float64Array, BoolArray]:
     """Best lag of every place, its correlation, and whether it is high and no other lag comes near it."""
     lags = np.arange(-settings.farthest, settings.farthest + 1)
-    scores = scores - settings.slope * np.abs(lags)
+    scores = (scores - settings.slope * np.abs(lags)).astype(np.float32)
     best = np.clip(scores.argmax(axis=1), 1, len(lags) - 2)
     before, here, after = (scores[np.arange(len(best)), best + d] for d in (-1, 0, 1))
     bend = before - 2.0 * here + after
