@@ -62,8 +62,9 @@ def trace_tracks(
     """Follow horizons from seeds through a cube, across its faults.
 
     A track is a level set of the layer time (see :func:`layer_time`). Every part of it that faults bound is compared
-    with the waveform at the seeds over a long window and moved to where it fits, or left out where it fits nowhere;
-    then each trace is aligned with that waveform at sub-sample precision.
+    with the parts that the seeds lie on over a long window of layers, which ends at faults, and moved to where it fits,
+    or left out where it fits nowhere; then each trace is aligned with that waveform at sub-sample precision. Where a
+    reverse fault lays a horizon over itself the track is the upper one, on the part of the seeds their own.
 
     Parameters
     ----------
