@@ -66,8 +66,8 @@ def layer_time(
     throw that it has. All of them are edges of one graph; its vertices are samples of traces, and an edge says that two
     of them are of one age. The graph is solved robustly by least squares, coarse to fine. On the coarsest graph the
     solution lines up the layers on the two sides of every fault: there whole windows of them are matched, over the
-    height of the blocks that faults bound, and the matches are edges of all later rounds. Level sets of the solution are
-    horizons [1]_.
+    height of the blocks that faults bound, and the matches are edges of all later rounds. Level sets of the solution
+    are horizons [1]_.
 
     Parameters
     ----------
