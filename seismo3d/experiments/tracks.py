@@ -126,7 +126,7 @@ def run_cube(kind: str, seed: int, *, shape: tuple[int, int, int] = (128, 128, 1
     layers = model_layers(cube.seismic, faults=faults)
     tracks = seismo3d.trace_tracks(cube.seismic, [s for _, s in horizons], faults=faults, layers=layers)
     seconds = time.perf_counter() - start
-    errors = layer_errors(layers.times, cube.layer_time)
+    errors = layer_errors(layers.increasing(), cube.layer_time)
     increasing = cube.layer_time.copy()
     make_increasing(increasing, 1e-3)
     known = [np.isfinite(h) for h, _ in horizons]

@@ -53,6 +53,32 @@ def fill_samples(coarse, breaks, step, out):  # type: ignore[no-untyped-def]
                 out[i, j, k] = value + k
 
 
+@njit(cache=True, nogil=True)
+def _make_run_increasing(row, first, last, least, mean, size):  # type: ignore[no-untyped-def]
+    """Do what `make_increasing` does for the samples of one trace from `first` to before `last`."""
+    falls = False
+    for k in range(first + 1, last):
+        if not row[k] - row[k - 1] >= least:
+            falls = True
+            break
+    if not falls:
+        return
+    n = 0
+    for k in range(first, last):
+        mean[n], size[n] = row[k] - least * k, 1
+        while n > 0 and mean[n - 1] > mean[n]:
+            total = size[n - 1] + size[n]
+            mean[n - 1] = (mean[n - 1] * size[n - 1] + mean[n] * size[n]) / total
+            size[n - 1] = total
+            n -= 1
+        n += 1
+    k = first
+    for b in range(n):
+        for _ in range(size[b]):
+            row[k] = mean[b] + least * k
+            k += 1
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def make_increasing(times, least):  # type: ignore[no-untyped-def]
     """Replace every trace, in place, by the nearest one (least squares) that grows by `least` or more a sample."""
@@ -61,25 +87,19 @@ def make_increasing(times, least):  # type: ignore[no-untyped-def]
         i = np.int64(line)
         mean, size = np.empty(n2), np.empty(n2, np.int64)
         for j in range(n1):
-            row = times[i, j]
-            falls = False
-            for k in range(1, n2):
-                if not row[k] - row[k - 1] >= least:
-                    falls = True
-                    break
-            if not falls:
-                continue
-            n = 0
+            _make_run_increasing(times[i, j], 0, n2, least, mean, size)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def make_runs_increasing(times, cuts, least):  # type: ignore[no-untyped-def]
+    """Do what `make_increasing` does for the samples between one fault and the next alone."""
+    n0, n1, n2 = times.shape
+    for line in prange(n0):
+        i = np.int64(line)
+        mean, size = np.empty(n2), np.empty(n2, np.int64)
+        for j in range(n1):
+            first = 0
             for k in range(n2):
-                mean[n], size[n] = row[k] - least * k, 1
-                while n > 0 and mean[n - 1] > mean[n]:
-                    total = size[n - 1] + size[n]
-                    mean[n - 1] = (mean[n - 1] * size[n - 1] + mean[n] * size[n]) / total
-                    size[n - 1] = total
-                    n -= 1
-                n += 1
-            k = 0
-            for b in range(n):
-                for _ in range(size[b]):
-                    row[k] = mean[b] + least * k
-                    k += 1
+                if k == n2 - 1 or cuts[i, j, k] & np.uint8(4):
+                    _make_run_increasing(times[i, j], first, k + 1, least, mean, size)
+                    first = k + 1

@@ -51,3 +51,144 @@ def read_waveforms(volume, valid, depth, half, out):  # type: ignore[no-untyped-
                 c2 = y0 - np.float32(2.5) * y1 + np.float32(2.0) * y2 - np.float32(0.5) * y3
                 c3 = np.float32(0.5) * (y3 - y0) + np.float32(1.5) * (y1 - y2)
                 out[i, j, t] = y1 + f * (c1 + f * (c2 + f * c3))
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def cross_levels(times, cuts, target, crossings):  # type: ignore[no-untyped-def]
+    """Write the fractional samples at which every trace reaches its target, from above; NaN for those it lacks.
+
+    Between faults layer time goes on for half a sample at either end.
+    """
+    n0, n1, n2 = times.shape
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1):
+            crossings[:, i, j] = np.nan
+            row, cut, wanted = times[i, j], cuts[i, j], target[i, j]
+            found = 0
+            for k in range(n2):
+                if found == len(crossings):
+                    break
+                above = k > 0 and not cut[k - 1] & np.uint8(4)
+                below = k < n2 - 1 and not cut[k] & np.uint8(4)
+                if below and row[k] <= wanted < row[k + 1]:
+                    crossings[found, i, j] = k + (wanted - row[k]) / (row[k + 1] - row[k])
+                    found += 1
+                elif not above and wanted < row[k] and wanted >= row[k] - np.float32(0.5) and k > 0:
+                    crossings[found, i, j] = k - (row[k] - wanted)
+                    found += 1
+                elif not below and wanted >= row[k] and wanted <= row[k] + np.float32(0.5) and k < n2 - 1:
+                    crossings[found, i, j] = k + (wanted - row[k])
+                    found += 1
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _read_cubic(row, z, first, last):  # type: ignore[no-untyped-def]
+    """Amplitude at a fractional sample from those of one run alone."""
+    b = min(int(z), last - 1)
+    f = np.float32(z - b)
+    y1, y2 = row[b], row[b + 1]
+    y0 = row[b - 1] if b > first else np.float32(2.0) * y1 - y2
+    y3 = row[b + 2] if b + 2 <= last else np.float32(2.0) * y2 - y1
+    c1 = np.float32(0.5) * (y2 - y0)
+    c2 = y0 - np.float32(2.5) * y1 + np.float32(2.0) * y2 - np.float32(0.5) * y3
+    c3 = np.float32(0.5) * (y3 - y0) + np.float32(1.5) * (y1 - y2)
+    return y1 + f * (c1 + f * (c2 + f * c3))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _find_run(cut, middle, half, n2):  # type: ignore[no-untyped-def]
+    """First and last sample, at most so far from the middle, that no fault separates from it."""
+    first, last = middle, middle
+    while first > max(0, middle - half) and not cut[first - 1] & np.uint8(4):
+        first -= 1
+    while last < min(n2 - 1, middle + half) and not cut[last] & np.uint8(4):
+        last += 1
+    return first, last
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def read_runs(volume, valid, cuts, depth, half, out, known):  # type: ignore[no-untyped-def]
+    """Write amplitudes from `half` samples above every depth to `half` below, and 1 where there are any, else 0.
+
+    There are none beyond a fault that the trace crosses.
+    """
+    n0, n1, n2 = volume.shape
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1):
+            out[i, j, :] = 0.0
+            known[i, j, :] = 0.0
+            if not np.isfinite(depth[i, j]):
+                continue
+            middle = min(max(int(np.rint(depth[i, j])), 0), n2 - 1)
+            first, last = _find_run(cuts[i, j], middle, half + 1, n2)
+            if last <= first:
+                continue
+            for t in range(2 * half + 1):
+                z = depth[i, j] + t - half
+                b = int(np.floor(z))
+                if b >= first and b + 1 <= last and valid[i, j, b] and valid[i, j, b + 1]:
+                    out[i, j, t] = _read_cubic(volume[i, j], z, first, last)
+                    known[i, j, t] = 1.0
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def read_layers(volume, valid, times, cuts, depth, half, out, known):  # type: ignore[no-untyped-def]
+    """Write amplitudes at every unit of layer time up to `half` before and after every depth's; 1 where there are any.
+
+    There are none (0) beyond a fault that the trace crosses, nor where the layer time hardly grows.
+    """
+    n0, n1, n2 = volume.shape
+    steepest, flattest, slack = np.float32(3.0), np.float32(0.3), np.float32(1e-3)
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1):
+            out[i, j, :] = 0.0
+            known[i, j, :] = 0.0
+            if not np.isfinite(depth[i, j]):
+                continue
+            middle = min(max(int(np.rint(depth[i, j])), 0), n2 - 1)
+            first, last = _find_run(cuts[i, j], middle, 2 * half, n2)
+            if last <= first:
+                continue
+            row, z = times[i, j], depth[i, j]
+            b = min(max(int(np.floor(z)), first), last - 1)
+            centre = row[b] + (z - b) * (row[b + 1] - row[b])
+            for sign in (1, -1):
+                k = b
+                for t in range(0 if sign > 0 else 1, half + 1):
+                    wanted = centre + sign * t
+                    while sign > 0 and k < last - 1 and row[k + 1] < wanted:
+                        k += 1
+                    while sign < 0 and k > first and row[k] > wanted:
+                        k -= 1
+                    rise = row[k + 1] - row[k]
+                    if wanted < row[k] - slack or wanted > row[k + 1] + slack:
+                        continue
+                    if not (flattest < rise < steepest and valid[i, j, k] and valid[i, j, k + 1]):
+                        continue
+                    at = min(max(k + (wanted - row[k]) / rise, np.float64(first)), np.float64(last))
+                    out[i, j, half + sign * t] = _read_cubic(volume[i, j], at, first, last)
+                    known[i, j, half + sign * t] = 1.0
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def match_waveforms(waves, known, reference, in_reference, taper, least, scores):  # type: ignore[no-untyped-def]
+    """Write the correlation of every row with a shorter reference at every lag; -1 where too little is known."""
+    width, n_lags = len(reference), scores.shape[1]
+    whole = taper.sum()
+    for p in prange(len(waves)):
+        for lag in range(n_lags):
+            product, left, right, share = 0.0, 0.0, 0.0, 0.0
+            for t in range(width):
+                w = taper[t] * known[p, lag + t] * in_reference[t]
+                if w > 0.0:
+                    share += w
+                    product += w * waves[p, lag + t] * reference[t]
+                    left += w * waves[p, lag + t] * waves[p, lag + t]
+                    right += w * reference[t] * reference[t]
+            if share < least * whole or left <= 0.0 or right <= 0.0:
+                scores[p, lag] = -1.0
+            else:
+                scores[p, lag] = product / np.sqrt(left * right)

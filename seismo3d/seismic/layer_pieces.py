@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float64Array
-from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
+from seismo3d._typing import AnyArray, Float32Array, Float64Array
+from seismo3d.seismic._kernels_tracks import cross_levels, read_layers, read_runs
 
 if TYPE_CHECKING:
     from seismo3d.seismic.layer_time import LayerModel
 
 Place = tuple[slice, slice]
 """Inlines and crosslines of a piece."""
+Waves = tuple[Float32Array, Float32Array]
+"""Amplitudes of shape (inline, crossline, 2 half + 1), and where they are known."""
 
 
 def layer_pieces(layers: LayerModel, *names: str) -> Iterator[tuple[Place, list[AnyArray]]]:
@@ -32,17 +34,27 @@ def places(layers: LayerModel) -> list[Place]:
     return getattr(layers.times, "places", [(slice(None), slice(None))])
 
 
-def find_levels(layers: LayerModel, target: Float64Array) -> Float64Array:
-    """Return the fractional sample at which every trace reaches its target; NaN where it does not, or in a fault."""
-    depth = np.empty(target.shape)
+def find_levels(layers: LayerModel, target: Float64Array, crossings: Float64Array) -> None:
+    """Write the fractional samples, from above, at which every trace reaches its target; NaN for those it lacks."""
     for at, (times, cuts) in layer_pieces(layers, "times", "cuts"):
-        level_depths(times, cuts, target[at], depth[at])
-    return depth
+        cross_levels(times, cuts, target[at], crossings[(slice(None), *at)])
 
 
-def read_along(layers: LayerModel, depth: Float64Array, half: int) -> AnyArray:
-    """Return the amplitudes from `half` samples above every depth to `half` below; 0 where there are none."""
-    waves = np.empty((*depth.shape, 2 * half + 1), np.float32)
-    for at, (volume, valid) in layer_pieces(layers, "volume", "valid"):
-        read_waveforms(volume, valid, depth[at], half, waves[at])
-    return waves
+def read_around(layers: LayerModel, depth: Float64Array, half: int) -> Waves:
+    """Return the amplitudes up to `half` samples from every depth, and 1 where there are any, on its side of faults."""
+    waves, known = _room(depth, half)
+    for at, (volume, valid, cuts) in layer_pieces(layers, "volume", "valid", "cuts"):
+        read_runs(volume, valid, cuts, depth[at], half, waves[at], known[at])
+    return waves, known
+
+
+def read_along(layers: LayerModel, depth: Float64Array, half: int) -> Waves:
+    """Return the same at every unit of layer time up to `half` before and after every depth's."""
+    waves, known = _room(depth, half)
+    for at, (volume, valid, times, cuts) in layer_pieces(layers, "volume", "valid", "times", "cuts"):
+        read_layers(volume, valid, times, cuts, depth[at], half, waves[at], known[at])
+    return waves, known
+
+
+def _room(depth: Float64Array, half: int) -> Waves:
+    return np.empty((*depth.shape, 2 * half + 1), np.float32), np.empty((*depth.shape, 2 * half + 1), np.float32)

@@ -10,7 +10,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Progress
 from seismo3d.errors import ShapeError
-from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_increasing
+from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_increasing, make_runs_increasing
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_links import SurfaceGrid, cut_grid, grid_surface, match_grid
 from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, solve_graph
@@ -26,7 +26,8 @@ class LayerModel:
     Attributes
     ----------
     times : ndarray of shape (inline, crossline, sample), float32
-        Layer time, in samples, growing down every trace; also where a trace is not live.
+        Layer time, in samples, also where a trace is not live. It grows down every trace from one fault to the next;
+        at a reverse fault it falls back.
     cuts : ndarray of the same shape, uint8
         Bits 0, 1 and 2: a fault passes before the next inline, crossline or sample.
     volume, valid : ndarray of the same shape
@@ -49,6 +50,12 @@ class LayerModel:
     sample_unit: str
     rejected: float
     closure: LoopClosure
+
+    def increasing(self, settings: LayerTimeSettings | None = None) -> Float32Array:
+        """Return the nearest layer time that grows down every trace across faults too."""
+        times = self.times.copy()
+        make_increasing(times, (settings or LayerTimeSettings()).least)
+        return times
 
 
 def layer_time(
@@ -119,7 +126,7 @@ def layer_time(
             )  # fmt: skip
             return open_layer_time(run, cube)
     layers = model_layers(cube, faults=faults, settings=settings, progress=progress)
-    times = layers.times.copy()
+    times = layers.increasing(settings)
     times[~layers.live] = np.nan
     times.flags.writeable = False
     return cube.copy(data=times).rename("layer_time") if hasattr(cube, "dims") else times
@@ -187,6 +194,6 @@ def _solve_times(
     values, rejected = solve_graph(graph)
     times = np.empty(volume.shape, np.float32)
     fill_samples(values, breaks, step, times)
-    make_increasing(times, settings.least)
+    make_runs_increasing(times, cuts, settings.least)
     report("solve", 1.0)
     return times, rejected, close_fields(fields, cuts, settings=settings)

@@ -10,10 +10,10 @@ import pytest
 
 import seismo3d as s3
 from seismo3d.errors import ParameterError, ShapeError
-from seismo3d.seismic._kernels_layers import make_increasing
+from seismo3d.seismic._kernels_layers import make_increasing, make_runs_increasing
+from seismo3d.seismic._kernels_tracks import cross_levels, match_waveforms, read_layers, read_runs
 from seismo3d.seismic.horizon_search import find_seeds
 from seismo3d.seismic.layer_time import LayerModel, model_layers
-from seismo3d.seismic.tracks import correlate_lags
 from seismo3d.synthetic import SyntheticCube, SyntheticFault, make_cube, recipe_of
 
 SHAPE = (48, 48, 80)
@@ -75,7 +75,7 @@ def test_layer_time_crosses_a_fault_by_its_throw(
     faulted: SyntheticCube, faulted_layers: LayerModel, faults: Any
 ) -> None:
     assert len(faults.surfaces) == 1
-    assert depth_error(faulted_layers.times, faulted.layer_time, faulted.live, 0.8) < 1.0
+    assert depth_error(faulted_layers.increasing(), faulted.layer_time, faulted.live, 0.8) < 1.0
     alone = s3.layer_time(faulted.seismic)
     assert depth_error(alone, faulted.layer_time, faulted.live, 0.8) > 2.0  # without the fault the sides do not fit
 
@@ -139,9 +139,50 @@ def test_horizons_are_found_without_seeds(folded: SyntheticCube, folded_layers: 
 
 def test_correlation_finds_the_lag() -> None:
     wave = np.sin(np.arange(60) * 0.4) * np.exp(-(((np.arange(60) - 33) / 9.0) ** 2))
-    scores = correlate_lags(wave, wave[13:54])
-    assert scores.argmax() == 13
-    assert scores.max() == pytest.approx(1.0)
+    row, part, taper = wave[None].astype(np.float32), wave[13:54].astype(np.float32), np.hanning(43)[1:-1]
+    known, scores = np.ones_like(row), np.empty((1, 20), np.float32)
+    match_waveforms(row, known, part, np.ones_like(part), taper, 0.5, scores)
+    assert scores[0].argmax() == 13
+    assert scores[0].max() == pytest.approx(1.0, abs=1e-5)
+    known[0, 40:] = 0.0  # beyond a fault
+    match_waveforms(row, known, part, np.ones_like(part), taper, 0.5, scores)
+    assert scores[0].argmax() == 13
+    match_waveforms(row, known, part, np.ones_like(part), taper, 0.9, scores)
+    assert (scores[0, 13:] == -1.0).all()
+
+
+def test_layers_repeat_at_a_reverse_fault_and_waveforms_end_at_it() -> None:
+    n = 60
+    times = np.arange(n, dtype=np.float32)
+    times[30:] -= 10.0  # the layers 20 to 30 come twice
+    times = np.ascontiguousarray(np.broadcast_to(times, (2, 2, n)))
+    cuts = np.zeros(times.shape, np.uint8)
+    cuts[:, :, 29] = 4
+    crossings = np.empty((3, 2, 2))
+    cross_levels(times, cuts, np.full((2, 2), 24.25), crossings)
+    np.testing.assert_allclose(crossings[:2, 1, 0], [24.25, 34.25])
+    assert np.isnan(crossings[2]).all()
+    cross_levels(times, cuts, np.full((2, 2), 15.0), crossings)
+    np.testing.assert_allclose(crossings[0], 15.0)
+    assert np.isnan(crossings[1:]).all()
+    volume = times.copy()
+    valid = np.ones(times.shape, bool)
+    for read, extra in ((read_runs, ()), (read_layers, (times,))):
+        waves, known = (np.empty((2, 2, 17), np.float32) for _ in range(2))
+        read(volume, valid, *extra, cuts, np.full((2, 2), 26.5), 8, waves, known)
+        assert known[0, 0].tolist() == [1.0] * 11 + [0.0] * 6
+        np.testing.assert_allclose(waves[0, 0, :11], 18.5 + np.arange(11), rtol=1e-6)
+
+
+def test_traces_grow_between_faults_alone(rng: np.random.Generator) -> None:
+    times = np.cumsum(rng.normal(0.3, 1.0, (1, 1, 80)), axis=2).astype(np.float32)
+    cuts = np.zeros(times.shape, np.uint8)
+    cuts[0, 0, 39] = 4
+    halves = [times[:, :, :40].copy(), times[:, :, 40:].copy()]
+    make_runs_increasing(times, cuts, 1e-3)
+    for half in halves:
+        make_increasing(half, 1e-3)
+    np.testing.assert_array_equal(times, np.concatenate(halves, axis=2))
 
 
 def test_the_nearest_increasing_trace(rng: np.random.Generator) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, BoolArray, Float32Array
 from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_layer_solve import keep_free
-from seismo3d.seismic._kernels_layers import fill_samples, make_increasing
+from seismo3d.seismic._kernels_layers import fill_samples, make_increasing, make_runs_increasing
 from seismo3d.seismic.blocks.layers import by_box, coarse_shape, live_traces, read_field, read_grid
 from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
 from seismo3d.seismic.blocks.plan import BASE_BYTES, Box, Tiling
@@ -242,11 +242,18 @@ def datum_facts(run: BlockRun) -> None:
 def fill(run: BlockRun, number: int) -> None:
     """Write a block's layer time; NaN on traces that are not live."""
     box = run.plan.tiling("fill").box(number)
-    times = _times(run, box)
-    times += np.float32(run.fact("datum")["shift"])
+    times = read_times(run, box)
+    make_increasing(times, run.settings.least)
     times[~_live_box(run, box)] = np.nan
     write_result(run, "layer_time", box, times)
     run.write_part("fill", number, {})
+
+
+def read_times(run: BlockRun, box: Box) -> Float32Array:
+    """Return the layer time of a box, growing from one fault to the next, also where a trace is not live."""
+    times = _times(run, box)
+    times += np.float32(run.fact("datum")["shift"])
+    return times
 
 
 def _times(run: BlockRun, box: Box) -> Float32Array:
@@ -255,7 +262,7 @@ def _times(run: BlockRun, box: Box) -> Float32Array:
     values = run.store.read(values_name(last, len(list_rounds(settings, last)) - 1), box)
     times = np.empty((*box.shape, run.plan.shape[2]), np.float32)
     fill_samples(values, run.store.read("breaks", box), settings.shifts.step, times)
-    make_increasing(times, settings.least)
+    make_runs_increasing(times, run.store.read("cuts", box), settings.least)
     return times
 
 

@@ -10,11 +10,10 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Progress
 from seismo3d.seismic.blocks.cleaning import read_clean
-from seismo3d.seismic.blocks.layer_solve import last_stride
+from seismo3d.seismic.blocks.layer_solve import last_stride, read_times
 from seismo3d.seismic.blocks.layering import layer_larger, whole_layers_bytes
 from seismo3d.seismic.blocks.layers import by_box, live_traces
 from seismo3d.seismic.blocks.plan import Box
-from seismo3d.seismic.blocks.results import open_result
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.tracing import asks_for_blocks
 from seismo3d.seismic.layer_graph import LayerTimeSettings
@@ -88,10 +87,8 @@ def layers_within(
 
 def open_layers(run: BlockRun, cube: Any) -> LayerModel:
     """Return the layer model of a finished run."""
-    result = open_result(run, "layer_time", cube)
-    times = getattr(result, "data", result)
     volumes: dict[str, Any] = {
-        "times": StoredVolume(run, lambda box: _compute(times[box.i0 : box.i1, box.j0 : box.j1])),
+        "times": StoredVolume(run, lambda box: read_times(run, box)),
         "cuts": StoredVolume(run, lambda box: run.store.read("cuts", box)),
         "volume": StoredVolume(run, lambda box: read_clean(run, box)[0]),
         "valid": StoredVolume(run, lambda box: run.store.read("valid", box)),
@@ -101,10 +98,6 @@ def open_layers(run: BlockRun, cube: Any) -> LayerModel:
     return LayerModel(
         **volumes, live=live_traces(run), sample_unit=unit, rejected=rejected, closure=_closure(run)
     )  # fmt: skip
-
-
-def _compute(part: Any) -> AnyArray:
-    return np.asarray(part.compute(scheduler="synchronous") if hasattr(part, "dask") else part)
 
 
 def _closure(run: BlockRun) -> LoopClosure:

@@ -1,0 +1,181 @@
+"""From layer time to one horizon: where the layer passes, which of its parts are the horizon, and its exact place."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray
+from seismo3d.seismic._kernels_tracks import match_waveforms
+from seismo3d.seismic.layer_pieces import find_levels, read_along
+from seismo3d.seismic.layer_time import LayerModel
+from seismo3d.seismic.track_refining import TrackSettings, refine_depth
+
+# how often a trace may cross one layer, and a step between traces that is none of one part
+_CROSSINGS, _STEP = 3, 6.0
+# share of a window that must be known for it to be compared
+_LEAST_KNOWN = 0.3
+# how far a part is moved for whatever it gains
+_NEARBY = 3
+
+
+def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) -> tuple[Float64Array, Float32Array]:
+    """Find the horizon through seeds.
+
+    Parameters
+    ----------
+    layers : LayerModel
+        Of the cube.
+    index : ndarray of shape (n, 3), float64
+        Seeds, as fractional indices.
+    settings : TrackSettings
+
+    Returns
+    -------
+    depth : ndarray of shape (inline, crossline), float64
+        Fractional sample; NaN where the horizon was not traced.
+    confidence : ndarray of the same shape, float32
+    """
+    crossings = find_crossings(layers, index)
+    parts = label_parts(crossings, layers.cuts)
+    seeded = np.unique([_nearest_part(crossings, parts, at) for at in index])
+    seeded = seeded[seeded >= 0]
+    scores = np.isin(np.arange(int(parts.max(initial=-1)) + 1), seeded).astype(np.float32)
+    for _ in range(settings.rounds):
+        crossings, scores = _place_parts(layers, crossings, parts, seeded, scores, settings)
+    depth, parts = _uppermost(crossings, parts, seeded)
+    return refine_depth(layers, depth, parts, index, seeded, scores, settings)
+
+
+def find_crossings(layers: LayerModel, index: Float64Array) -> Float64Array:
+    """Find where the layer of the seeds passes through every trace, from above; NaN where it does not (again).
+
+    Between seeds of differing layer times these are weighed by distance.
+    """
+    times, weights = [], []
+    n0, n1 = layers.times.shape[:2]
+    i, j = np.meshgrid(np.arange(n0), np.arange(n1), indexing="ij")
+    for at in index:
+        row, cut = (a[tuple(np.rint(at[:2]).astype(int))] for a in (layers.times, layers.cuts))
+        times.append(_time_at(row, cut, float(at[2])))
+        weights.append(1.0 / ((i - at[0]) ** 2 + (j - at[1]) ** 2 + 0.25))
+    target = np.tensordot(times, weights, axes=1) / np.sum(weights, axis=0)
+    crossings = np.empty((_CROSSINGS, n0, n1))
+    find_levels(layers, target, crossings)
+    crossings[:, ~layers.live] = np.nan
+    return crossings
+
+
+def _time_at(row: AnyArray, cut: AnyArray, z: float) -> float:
+    """Layer time at a fractional sample of a trace; between the two sides of a fault that of the nearer."""
+    low = min(int(z), len(row) - 2)
+    if not cut[low] & 4:
+        return float(row[low] + (z - low) * (row[low + 1] - row[low]))
+    near = low if z - low < 0.5 else low + 1
+    return float(row[near] + z - near)
+
+
+def label_parts(crossings: Float64Array, cuts: AnyArray) -> IntArray:
+    """Give numbers to the parts of a layer that faults bound, from 0; -1 where there is no crossing.
+
+    Parameters
+    ----------
+    crossings : ndarray of shape (n, inline, crossline), float64
+        Fractional samples, NaN where there is none.
+    cuts : ndarray of shape (inline, crossline, sample), uint8
+        Bits 0 and 1: a fault passes before the next inline or crossline.
+    """
+    known = np.isfinite(crossings)
+    numbers = np.arange(crossings.size).reshape(crossings.shape)
+    k: AnyArray = np.asarray(np.rint(np.nan_to_num(crossings)), dtype=np.int64)
+    i, j = np.meshgrid(*(np.arange(n) for n in crossings.shape[1:]), indexing="ij")
+    first, second = [], []
+    for axis in range(2):
+        a, b = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
+        if axis == 1:
+            a, b = a[::-1], b[::-1]
+        for one, other in np.ndindex(len(crossings), len(crossings)):
+            ka, kb = k[one][a], k[other][b]
+            cut = np.zeros(ka.shape, bool)
+            for sample in (ka, (ka + kb) // 2, kb):
+                cut |= (cuts[i[a], j[a], sample] & (1 << axis)) > 0
+            step = np.abs(np.nan_to_num(crossings[one][a] - crossings[other][b], nan=np.inf))
+            free = (step < _STEP) & ~cut
+            first.append(numbers[one][a][free])
+            second.append(numbers[other][b][free])
+    ends = (np.concatenate(first), np.concatenate(second))
+    graph = coo_matrix((np.ones(len(ends[0]), bool), ends), shape=(crossings.size,) * 2)
+    parts = connected_components(graph, directed=False)[1].reshape(crossings.shape)
+    return np.where(known, parts, -1)
+
+
+def _nearest_part(crossings: Float64Array, parts: IntArray, at: Float64Array) -> int:
+    """Part that passes a seed's trace nearest to it; -1 where none does."""
+    i, j = np.rint(at[:2]).astype(int)
+    distance = np.abs(crossings[:, i, j] - at[2])
+    return int(parts[np.nanargmin(distance), i, j]) if np.isfinite(distance).any() else -1
+
+
+def _place_parts(
+    layers: LayerModel, crossings: Float64Array, parts: IntArray, seeded: IntArray, scores: Float32Array,
+    settings: TrackSettings,
+) -> tuple[Float64Array, Float32Array]:  # fmt: skip
+    """Move every part to where its mean waveform fits that of the trusted parts, or drop it where it fits nowhere.
+
+    Samples beyond a fault count for nothing. The parts of the seeds stay. Returns the crossings, and the correlation of
+    every part.
+    """
+    far, half = settings.farthest, settings.window
+    n = int(parts.max(initial=-1)) + 1
+    sums, counts = np.zeros((n, 2 * (half + far) + 1)), np.zeros((n, 2 * (half + far) + 1))
+    for depth, part in zip(crossings, parts, strict=True):
+        waves, known = read_along(layers, depth, half + far)
+        inside = part >= 0
+        order = np.argsort(part[inside], kind="stable")
+        begin = np.flatnonzero(np.diff(part[inside][order], prepend=-1))
+        labels = part[inside][order][begin]
+        if len(labels):
+            sums[labels] += np.add.reduceat((waves * known)[inside][order], begin)
+            counts[labels] += np.add.reduceat(known[inside][order], begin)
+    means = (sums / np.maximum(counts, 1e-6)).astype(np.float32)
+    share = (counts / np.maximum(counts.max(axis=1, keepdims=True, initial=0.0), 1.0)).astype(np.float32)
+    trust = np.where(scores >= settings.trusted, scores, 0.0)[:, None]
+    total = (trust * counts).sum(axis=0)
+    reference = ((trust * sums).sum(axis=0) / np.maximum(total, 1e-6)).astype(np.float32)
+    in_reference = (total / max(float(total.max(initial=0.0)), 1e-6)).astype(np.float32)
+    middle = slice(far, len(reference) - far)
+    lags = np.empty((n, 2 * far + 1), np.float32)
+    taper = np.hanning(2 * half + 3)[1:-1].astype(np.float32)
+    match_waveforms(means, share, reference[middle], in_reference[middle], taper, np.float32(_LEAST_KNOWN), lags)
+    size = np.bincount(parts[parts >= 0], minlength=n)
+    near = slice(far - _NEARBY, far + _NEARBY + 1)
+    best, close = lags.argmax(axis=1), lags[:, near].argmax(axis=1) + near.start
+    every = np.arange(n)
+    best = np.where(lags[every, best] > lags[every, close] + settings.gain, best, close)
+    score = lags[every, best]
+    move = np.array([_vertex(row, b) - far for row, b in zip(lags, best, strict=True)])
+    move -= np.average(move[seeded], weights=size[seeded]) if len(seeded) else 0.0
+    dropped = (size < 4) | (score < settings.least_block)
+    move[seeded], dropped[seeded] = 0.0, False
+    crossings = crossings + np.where(dropped, np.nan, move)[parts]
+    crossings[parts < 0] = np.nan
+    return crossings, np.clip(score, 0.0, 1.0).astype(np.float32)
+
+
+def _vertex(scores: AnyArray, best: int) -> float:
+    """Place of the maximum next to the best entry, by a parabola."""
+    if not 0 < best < len(scores) - 1:
+        return float(best)
+    before, here, after = (float(s) for s in scores[best - 1 : best + 2])
+    bend = before - 2.0 * here + after
+    return best + (0.5 * (before - after) / bend if bend < 0 else 0.0)
+
+
+def _uppermost(crossings: Float64Array, parts: IntArray, seeded: IntArray) -> tuple[Float64Array, IntArray]:
+    """Keep one crossing a trace: the seeds' part where it is, else the uppermost."""
+    rank = np.where(np.isfinite(crossings), np.arange(1, len(crossings) + 1)[:, None, None], len(crossings) + 1)
+    rank[np.isin(parts, seeded) & np.isfinite(crossings)] = 0
+    best = rank.argmin(axis=0)[None]
+    depth = np.take_along_axis(crossings, best, axis=0)[0]
+    return depth, np.where(np.isfinite(depth), np.take_along_axis(parts, best, axis=0)[0], -1)

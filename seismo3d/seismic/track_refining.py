@@ -1,0 +1,219 @@
+"""The exact place of a horizon on every trace, from the waveform along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import ndimage
+
+from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d.seismic._kernels_tracks import match_waveforms
+from seismo3d.seismic.layer_graph import LayerTimeSettings
+from seismo3d.seismic.layer_pieces import read_around
+from seismo3d.seismic.layer_time import LayerModel
+
+# lags beyond the farthest move at which a waveform is compared
+_SPARE = 2
+# farthest that a track is moved as a whole to pass through its seeds
+_ANCHOR = 3.0
+# correlation from which on a seed's own waveform tells that
+_CLEAR = 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class TrackSettings:
+    """How a layer becomes a track; lengths in samples and traces.
+
+    Attributes
+    ----------
+    window : int
+        Half-length of the waveform by which parts are recognised across faults.
+    farthest : int
+        Farthest that a part is moved to where its waveform fits.
+    near : int
+        Half-length of the waveform that is followed from trace to trace.
+    most : float
+        Farthest that a trace is moved to fit its neighbours.
+    rim : int
+        Traces this close to a fault are also looked for where the part's inner traces lead to.
+    bend : float
+        Width, in traces, of the window over which they are led on.
+    gain : float
+        How much better the correlation of a part must become for it to be moved.
+    rounds : int
+        How often parts are compared: first with those of the seeds, then also with those that fit them.
+    trusted : float
+        Correlation of such parts.
+    least_block, least_trace : float
+        Correlation below which a part, or a trace, is left out.
+    layers : LayerTimeSettings
+        Settings of the layer time.
+    """
+
+    window: int = 32
+    farthest: int = 12
+    near: int = 16
+    most: float = 1.0
+    rim: int = 4
+    bend: float = 4.0
+    gain: float = 0.15
+    rounds: int = 2
+    trusted: float = 0.75
+    least_block: float = 0.4
+    least_trace: float = 0.3
+    layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
+
+
+def refine_depth(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, index: Float64Array, seeded: IntArray,
+    scores: Float32Array, settings: TrackSettings,
+) -> tuple[Float64Array, Float32Array]:  # fmt: skip
+    """Align every trace with the waveform along the parts that the seeds lie on.
+
+    Next to a fault, where the layer time may be bent by what lies beyond it, a trace is also compared where its part's
+    inner traces lead to, and goes there where it fits better. Where a fault leaves too little of the waveform, a trace
+    goes with its neighbours. The track passes through its seeds.
+
+    Parameters
+    ----------
+    layers : LayerModel
+        Of the cube.
+    depth : ndarray of shape (inline, crossline), float64
+        Fractional sample; NaN where there is none.
+    parts : ndarray of the same shape, int
+        Part that a trace belongs to; -1 where there is none.
+    index : ndarray of shape (n, 3), float64
+        Seeds, as fractional indices.
+    seeded : ndarray of int
+        Parts that seeds lie on.
+    scores : ndarray of shape (m,), float32
+        Correlation of every part's mean waveform.
+    settings : TrackSettings
+
+    Returns
+    -------
+    depth : ndarray of shape (inline, crossline), float64
+    confidence : ndarray of the same shape, float32
+        Correlation of the waveform, 0 to 1; NaN where the horizon was not traced.
+    """
+    there = parts >= 0
+    if not there.any():
+        return depth, np.full(depth.shape, np.nan, np.float32)
+    of_seeds = np.isin(parts, seeded) & there
+    reference = _mean_waveform(layers, depth, of_seeds if of_seeds.any() else there, settings.near)
+    depth = _straighten_rims(layers, depth, parts, reference, settings)
+    reach = int(np.ceil(settings.most)) + _SPARE
+    score = _score_traces(layers, depth, parts, reference, reach, 0.5)
+    move, here = _best_moves(score, reach)
+    compared = there & (score.min(axis=2) > -1.0)
+    weight = np.where(compared & (here > settings.least_trace), here, 0.0)[..., None].astype(np.float32)
+    both = _smooth_parts(np.concatenate([weight * move[..., None], weight], axis=2).astype(np.float32), parts, 2.0)
+    move = both[..., 0] / np.maximum(both[..., 1], 1e-3)
+    sure = np.where(compared, here, scores[parts])
+    trusted = there & (sure > settings.least_trace)
+    confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
+    common = np.median(move[of_seeds & trusted]) if (of_seeds & trusted).any() else 0.0
+    depth = np.where(trusted, depth + common + np.clip(move - common, -settings.most, settings.most), np.nan)
+    miss = _miss(layers, depth, of_seeds & trusted, index, settings)
+    return depth - (common if miss is None else miss), confidence
+
+
+def _miss(
+    layers: LayerModel, depth: Float64Array, chosen: BoolArray, index: Float64Array, settings: TrackSettings
+) -> float | None:
+    """How far a track passes below its seeds, on the whole, by their waveforms; None where noise hides it."""
+    if not chosen.any():
+        return None
+    reference = _mean_waveform(layers, depth, chosen, settings.near)
+    reach = int(_ANCHOR) + 1
+    seeds = np.full(depth.shape, np.nan)
+    at = tuple(np.rint(index[:, :2]).astype(int).T)
+    seeds[at] = index[:, 2]
+    waves, known = read_around(layers, seeds, settings.near + reach)
+    lags = np.empty((len(index), 2 * reach + 1), np.float32)
+    taper = np.hanning(len(reference) + 2)[1:-1].astype(np.float32)
+    match_waveforms(waves[at], known[at], reference, np.ones_like(reference), taper, np.float32(0.3), lags)
+    move, here = _best_moves(lags[None], reach)
+    sure = (here > _CLEAR) & (np.abs(move) <= _ANCHOR)
+    return float(move[sure].mean()) if sure.any() else None
+
+
+def _mean_waveform(layers: LayerModel, depth: Float64Array, chosen: BoolArray, half: int) -> Float32Array:
+    waves, known = read_around(layers, np.where(chosen, depth, np.nan), half)
+    total = known.sum(axis=(0, 1))
+    return ((waves * known).sum(axis=(0, 1)) / np.maximum(total, 1.0)).astype(np.float32)
+
+
+def _score_traces(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, reference: Float32Array, reach: int, least: float
+) -> Float32Array:
+    """Correlation of every trace, averaged with its neighbours of the same part, with a waveform at every lag."""
+    half = len(reference) // 2
+    waves, known = read_around(layers, depth, half + reach)
+    smooth = _smooth_parts(np.concatenate([waves * known, known], axis=2), parts, 1.0)
+    waves, known = (np.ascontiguousarray(a).reshape(depth.size, -1) for a in np.split(smooth, 2, axis=2))
+    waves /= np.maximum(known, 1e-6)
+    lags = np.empty((depth.size, 2 * reach + 1), np.float32)
+    taper = np.hanning(len(reference) + 2)[1:-1].astype(np.float32)
+    match_waveforms(waves, known, reference, np.ones_like(reference), taper, np.float32(least), lags)
+    return lags.reshape(*depth.shape, -1)
+
+
+def _best_moves(score: Float32Array, reach: int) -> tuple[Float64Array, Float32Array]:
+    """Lag of the best correlation, by a parabola, and the correlation next to it."""
+    best = np.clip(score.argmax(axis=2), 1, 2 * reach - 1)
+    before, here, after = (np.take_along_axis(score, (best + d)[..., None], axis=2)[..., 0] for d in (-1, 0, 1))
+    bend = before - 2.0 * here + after
+    part = np.where(bend < -1e-9, 0.5 * (before - after) / np.minimum(bend, -1e-9), 0.0)
+    return best - reach + np.clip(part, -0.5, 0.5), here
+
+
+def _straighten_rims(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, reference: Float32Array, settings: TrackSettings
+) -> Float64Array:
+    """Move traces next to a fault to where the inner traces of their part lead, if they fit better there."""
+    led = _lead_on(depth, parts, settings.rim, settings.bend)
+    led = np.where(np.isfinite(led), led, depth)
+    old, new = (_score_traces(layers, d, parts, reference, 1, 0.3)[..., 1] for d in (depth, led))
+    return np.where(new > old, led, depth)
+
+
+def _lead_on(depth: Float64Array, parts: IntArray, rim: int, sigma: float) -> Float64Array:
+    """Depth of traces near a part's edge, from planes through the inner traces around; NaN elsewhere."""
+    out = np.full(depth.shape, np.nan)
+    for label, box in enumerate(ndimage.find_objects(parts + 1)):
+        if box is None:
+            continue
+        # the edge of the cube is none of the part
+        near = tuple(slice(max(s.start - 1, 0), s.stop + 1) for s in box)
+        mask = parts[near] == label
+        inner = mask & (
+            ndimage.distance_transform_edt(np.pad(mask, rim + 1, mode="edge"))[(slice(rim + 1, -rim - 1),) * 2] > rim
+        )
+        if not inner.any():
+            continue
+        rows, columns = np.indices(mask.shape, dtype=np.float64)
+        z = np.where(inner, depth[near], 0.0)
+        terms = [np.ones_like(rows), rows, columns]
+        smooth = [[ndimage.gaussian_filter(inner * a * b, sigma) for b in terms] for a in terms]
+        right = [ndimage.gaussian_filter(inner * a * z, sigma) for a in terms]
+        edge = mask & ~inner & (smooth[0][0] > 1e-3)
+        matrix = np.stack([np.stack([c[edge] for c in r], axis=-1) for r in smooth], axis=-2)
+        matrix += np.eye(3) * 1e-6 * matrix[:, :1, :1]
+        plane = np.linalg.solve(matrix, np.stack([r[edge] for r in right], axis=-1)[..., None])[..., 0]
+        out[near][edge] = plane[:, 0] + plane[:, 1] * rows[edge] + plane[:, 2] * columns[edge]
+    return out
+
+
+def _smooth_parts(maps: Float32Array, parts: IntArray, sigma: float) -> Float32Array:
+    """Smooth maps of shape (inline, crossline, n) within each part alone."""
+    out = np.zeros_like(maps)
+    for label, box in enumerate(ndimage.find_objects(parts + 1)):
+        if box is None:
+            continue
+        mask = parts[box] == label
+        share = ndimage.gaussian_filter(mask.astype(np.float32), sigma)
+        smoothed = ndimage.gaussian_filter(maps[box] * mask[..., None], (sigma, sigma, 0))
+        out[box][mask] = smoothed[mask] / share[mask][:, None]
+    return out
