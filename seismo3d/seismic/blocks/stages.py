@@ -157,7 +157,7 @@ def _layer_stages(settings: LayerTimeSettings) -> dict[str, Stage]:
         "loop_medians": Stage("loops", "shifts", layer_solve.loop_medians, find=layer_solve.loop_medians_facts),
         **solving,
         "datum": Stage("layers", "", _no_block, find=layer_solve.datum_facts, leaves=fields),
-        "fill": Stage("layers", "fill", layer_solve.fill, leaves=(before, "breaks")),
+        "fill": Stage("layers", "fill", layer_solve.fill),
     }  # fmt: skip
 
 

