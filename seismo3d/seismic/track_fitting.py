@@ -14,6 +14,8 @@ from seismo3d.seismic.track_refining import TrackSettings, refine_depth
 
 # how often a trace may cross one layer, and a step between traces that is none of one part
 _CROSSINGS, _STEP = 3, 6.0
+# traces of a part that is but a scrap, and how far from a seed on one a part is looked for
+_SCRAP, _AROUND = 16, 4
 # share of a window that must be known for it to be compared
 _LEAST_KNOWN = 0.3
 # how far a part is moved for whatever it gains
@@ -111,10 +113,22 @@ def label_parts(crossings: Float64Array, cuts: AnyArray) -> IntArray:
 
 
 def _nearest_part(crossings: Float64Array, parts: IntArray, at: Float64Array) -> int:
-    """Part that passes a seed's trace nearest to it; -1 where none does."""
+    """Part that passes a seed's trace nearest to it; where a fault leaves but a scrap there, one on the traces around.
+
+    -1 where there is none.
+    """
     i, j = np.rint(at[:2]).astype(int)
-    distance = np.abs(crossings[:, i, j] - at[2])
-    return int(parts[np.nanargmin(distance), i, j]) if np.isfinite(distance).any() else -1
+    size = np.bincount(parts[parts >= 0], minlength=1)
+    box = (slice(max(i - _AROUND, 0), i + _AROUND + 1), slice(max(j - _AROUND, 0), j + _AROUND + 1))
+    rows, columns = np.ogrid[box]
+    near, below = parts[(slice(None), *box)], np.abs(crossings[(slice(None), *box)] - at[2])
+    away = np.hypot(rows - i, columns - j)
+    cost = np.where((near >= 0) & ((away == 0) | (below < _STEP)), away + below, np.inf)
+    whole = np.where(size[near] >= _SCRAP, cost, np.inf)
+    for choice in (np.where(away == 0, whole, np.inf), whole, cost):
+        if np.isfinite(choice).any():
+            return int(near.ravel()[choice.argmin()])
+    return -1
 
 
 def _place_parts(
