@@ -119,10 +119,10 @@ def _nearest_part(crossings: Float64Array, parts: IntArray, at: Float64Array) ->
     """
     i, j = np.rint(at[:2]).astype(int)
     size = np.bincount(parts[parts >= 0], minlength=1)
-    box = (slice(max(i - _AROUND, 0), i + _AROUND + 1), slice(max(j - _AROUND, 0), j + _AROUND + 1))
-    rows, columns = np.ogrid[box]
+    box = tuple(slice(max(n - _AROUND, 0), n + _AROUND + 1) for n in (i, j))
     near, below = parts[(slice(None), *box)], np.abs(crossings[(slice(None), *box)] - at[2])
-    away = np.hypot(rows - i, columns - j)
+    rows, columns = np.indices(near.shape[1:])
+    away = np.hypot(rows + box[0].start - i, columns + box[1].start - j)
     cost = np.where((near >= 0) & ((away == 0) | (below < _STEP)), away + below, np.inf)
     whole = np.where(size[near] >= _SCRAP, cost, np.inf)
     for choice in (np.where(away == 0, whole, np.inf), whole, cost):
