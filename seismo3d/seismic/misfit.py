@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 from scipy import ndimage
@@ -186,18 +186,17 @@ def fuse_misfits(
     usual = _median_ratio(*near)
     noisiness, reach = judge_noise(usual, settings)
     counted = [1.0] if len(comparisons) == 1 else share_out(usual, share)
-    parts = []
-    for number, (compare, weight) in enumerate(zip(comparisons, counted, strict=True)):
-        if weight > 0.0:
-            is_near = number == 0 and reach == least
-            measured = near if is_near else _ratios(volume, compare, reach, floor, settings)
-            parts.append(_log_ratios(*measured, weight, settings))
-    logs, known, noise, background = parts[0]
-    for more, also_known, other_noise, other_background in parts[1:]:
-        noise, background = min(noise, other_noise), background + other_background
-        for values, added in zip(logs + known, more + also_known, strict=True):
-            values += added
-    del near, parts
+    parts = (
+        _log_ratios(
+            *(near if number == 0 and reach == least else _ratios(volume, compare, reach, floor, settings)),
+            weight,
+            settings,
+        )
+        for number, (compare, weight) in enumerate(zip(comparisons, counted, strict=True))
+        if weight > 0.0
+    )
+    logs, known, noise, background = reduce(_add_logs, parts)
+    del near
     sums = [trace_moments(ratio, weight) for ratio, weight in zip(logs, known, strict=True)]
     mean, spread = find_moments(sums, noisiness)
     filled = [fill_unknown(ratio, weight, background) for ratio, weight in zip(logs, known, strict=True)]
@@ -226,6 +225,16 @@ def _log_ratios(
         for values in ratios + known:
             values *= np.float32(weight)
     return ratios, known, noise, weight * find_background(noise, settings)
+
+
+def _add_logs(
+    first: tuple[list[Float32Array], list[Float32Array], float, float],
+    second: tuple[list[Float32Array], list[Float32Array], float, float],
+) -> tuple[list[Float32Array], list[Float32Array], float, float]:
+    """Add what :func:`_log_ratios` returned of the second way to that of the first, in place."""
+    for values, added in zip(first[0] + first[1], second[0] + second[1], strict=True):
+        values += added
+    return first[0], first[1], min(first[2], second[2]), first[3] + second[3]
 
 
 def judge_noise(noise: float, settings: MisfitSettings) -> tuple[float, int]:
@@ -316,7 +325,7 @@ def find_moments(sums: list[Float64Array], noisiness: float) -> tuple[float, flo
 def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> float:
     parts = [ratio[weight > 0.5] for ratio, weight in zip(ratios, known, strict=True)]
     values = np.concatenate(parts)
-    return float(np.median(values)) if values.size else 0.0
+    return float(np.median(values, overwrite_input=True)) if values.size else 0.0
 
 
 def _ratios(

@@ -11,6 +11,8 @@ from seismo3d.seismic._kernels_filters import filter_crosslines, filter_inlines,
 from seismo3d.seismic._kernels_registration import one_sided_means, pick_cheapest, search_costs
 from seismo3d.seismic.shifts import ShiftField, ShiftSettings, measure_shifts
 
+_SLAB = 64
+"""Inlines whose costs of all shifts are held at a time."""
 _FLOOR = np.float32(1e-3)
 
 
@@ -130,17 +132,23 @@ def carry_sides(found: ShiftField, *, settings: RegistrationSettings | None = No
 
 
 def _search(volume: Float32Array, valid: BoolArray, axis: int, settings: RegistrationSettings) -> Float32Array:
-    """Return the shift to the next trace that costs least over a wide window."""
-    step = settings.shifts.step
-    shape = (*volume.shape[:2], -(-volume.shape[2] // step))
-    costs = np.empty((2 * settings.farthest + 1, *shape), np.float32)
-    taps = gaussian_taps(settings.shifts.vertical)
-    search_costs(volume, valid, axis, settings.farthest, step, taps, _FLOOR, costs)
-    lateral, shift = gaussian_taps(settings.coarse), np.empty(shape, np.float32)
-    for cost in costs:
-        filter_crosslines(cost, lateral, shift)
-        filter_inlines(shift, lateral, cost)
-    pick_cheapest(costs, shift)
+    """Return the shift to the next trace that costs least over a wide window; slab by slab, as the costs are many."""
+    step, lateral = settings.shifts.step, gaussian_taps(settings.coarse)
+    n0, n1, n2 = volume.shape
+    shift = np.empty((n0, n1, -(-n2 // step)), np.float32)
+    taps, halo = gaussian_taps(settings.shifts.vertical), len(lateral) // 2
+    for first in range(0, n0, _SLAB):
+        last = min(first + _SLAB, n0)
+        # the slab's last line has none next to it: it serves none but the one before
+        wide = slice(max(first - halo, 0), min(last + halo + 1, n0))
+        costs = np.empty((2 * settings.farthest + 1, wide.stop - wide.start, *shift.shape[1:]), np.float32)
+        search_costs(volume[wide], valid[wide], axis, settings.farthest, step, taps, _FLOOR, costs)
+        found = np.empty(costs.shape[1:], np.float32)
+        for cost in costs:
+            filter_crosslines(cost, lateral, found)
+            filter_inlines(found, lateral, cost)
+        pick_cheapest(costs, found)
+        shift[first:last] = found[first - wide.start : last - wide.start]
     return shift
 
 
