@@ -266,7 +266,7 @@ print(before, peak((128, 136, 128) if len(sys.argv) == 3 else (40, 40, 64), sys.
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory is read from Linux's /proc")
 def test_memory_stays_within_what_is_given(tmp_path):
-    """In blocks of 30 MB a cube takes little more than a small one, where in one piece it would take its size's share."""
+    """In blocks a cube takes little more than a small one does; in one piece it takes its size's share."""
     memory = 470_000_000
     assert whole_layers_bytes((128, 136, 128)) - BASE_BYTES > 3 * (memory - BASE_BYTES)
     grown = {}
