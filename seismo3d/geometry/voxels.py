@@ -10,7 +10,9 @@ import numpy as np
 from seismo3d._typing import ArrayLike, Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d._validate import as_number, as_points
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.geometry import _kernels_voxel_elements as elements
 from seismo3d.geometry import _kernels_voxels as kernels
+from seismo3d.geometry._kernels_voxel_keys import AXIS_MASK, make_table
 from seismo3d.geometry.rotations import exp_rotation
 
 MARGIN = 4
@@ -62,16 +64,16 @@ class VoxelMap:
 
     def complete(self, rows: Int64Array) -> None:
         """Estimate the normals of some rows from the neighbours, or take the parents' where those span no surface."""
-        kernels.voxel_normals(
+        elements.voxel_normals(
             self.keys, self.moments, self.table_keys, self.table, self.shift, self.dim, rows, self.surface
         )
         if self.parents is not None and self.coarser is not None:
-            kernels.inherit_normals(self.surface, self.coarser, self.parents, rows, LEAST_QUALITY)
+            elements.inherit_normals(self.surface, self.coarser, self.parents, rows, LEAST_QUALITY)
         self.join_layers(rows)
 
     def join_layers(self, rows: Int64Array) -> None:
         """Put the elements of some rows where all layers of voxels that their surface fills have their centroid."""
-        kernels.join_layers(
+        elements.join_layers(
             self.keys,
             self.moments,
             self.table_keys,
@@ -135,7 +137,7 @@ def voxel_levels(
     levels: list[VoxelMap] = []
     for level in range(n_levels - 1, -1, -1):
         keys, moments = steps[level]
-        table_keys, table, shift = kernels.make_table(keys)
+        table_keys, table, shift = make_table(keys)
         surface = np.empty((len(keys), 8), dtype=np.float32)
         count = moments[:, 0]  # a voxel that noise put a point or two into says less than the full one beside it
         surface[:, 7] = count / (count + len(points) / len(keys))
@@ -148,14 +150,14 @@ def voxel_levels(
         )  # fmt: skip
         rows = np.arange(len(keys))
         if tensors is not None:
-            kernels.tensor_normals(moments, tensors[level], d, surface)
+            elements.tensor_normals(moments, tensors[level], d, surface)
             voxels.join_layers(rows)
         elif level or fine_normals == "all" or coarser is None:
             voxels.complete(rows)
         else:
-            kernels.centroids_only(moments, -1.0 if fine_normals == "asked" else 0.0, surface)
+            elements.centroids_only(moments, -1.0 if fine_normals == "asked" else 0.0, surface)
             if fine_normals == "parents" and voxels.parents is not None:
-                kernels.inherit_normals(surface, coarser, voxels.parents, rows, LEAST_QUALITY)
+                elements.inherit_normals(surface, coarser, voxels.parents, rows, LEAST_QUALITY)
                 voxels.join_layers(rows)
         levels.insert(0, voxels)
     return levels
@@ -234,7 +236,7 @@ def downsample_points(points: ArrayLike, voxel_size: float) -> tuple[Float64Arra
 
 def check_voxel_size(voxel_size: float, extent: float) -> None:
     """Refuse voxels so small that their numbers overflow."""
-    if extent / voxel_size > kernels.AXIS_MASK / 4:
+    if extent / voxel_size > AXIS_MASK / 4:
         raise ParameterError(
             f"voxel_size is {voxel_size:g} for an extent of {extent:g}; expected at least a millionth of the extent. "
             "Use larger voxels, or drop far outliers."

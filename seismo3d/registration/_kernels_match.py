@@ -8,7 +8,7 @@ import numba as nb
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
-from seismo3d.geometry._kernels_voxels import cell_around, nearest_voxel
+from seismo3d.geometry._kernels_nearest_voxel import cell_around, nearest_voxel
 
 BLOCK = 256
 """Source points a block: sums are added block by block, so that the result does not depend on threads."""

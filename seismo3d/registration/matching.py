@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
-from seismo3d.geometry._kernels_voxels import AXIS_BITS, AXIS_MASK
+from seismo3d.geometry._kernels_voxel_keys import AXIS_BITS, AXIS_MASK
 from seismo3d.geometry.voxels import VoxelMap
 from seismo3d.registration import _kernels_form as form_kernels
 from seismo3d.registration import _kernels_match as kernels

@@ -8,7 +8,7 @@ import numba as nb
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
-from seismo3d.geometry._kernels_voxels import AXIS_BITS, find
+from seismo3d.geometry._kernels_voxel_keys import AXIS_BITS, find
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.voxels import VoxelMap
 from seismo3d.registration.quadratic import Frame

@@ -14,7 +14,7 @@ import numba as nb
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
-from seismo3d.geometry._kernels_voxels import AXIS_BITS, AXIS_MASK, find, slot
+from seismo3d.geometry._kernels_voxel_keys import AXIS_BITS, AXIS_MASK, find, slot
 
 SIDE = 8
 HALF_RANGE = 1 << 20

@@ -9,7 +9,7 @@ import numba as nb
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
-from seismo3d.geometry._kernels_voxels import find
+from seismo3d.geometry._kernels_voxel_keys import find
 from seismo3d.robot._kernels_blocks import SIDE, pack
 
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
-from seismo3d.geometry._kernels_voxels import find
+from seismo3d.geometry._kernels_voxel_keys import find
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import _kernels_blocks as blocks
 from seismo3d.robot import _kernels_carve as carving

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
-from seismo3d.geometry import _kernels_voxels as kernels
+from seismo3d.geometry._kernels_nearest_voxel import nearest_voxel
+from seismo3d.geometry._kernels_voxel_elements import centroids_only
 from seismo3d.geometry.rotations import exp_rotation
 from seismo3d.geometry.voxels import TURN, downsample_points, estimate_normals, voxel_levels
 
@@ -47,11 +48,11 @@ def test_moments_on_every_level_are_the_sums_of_the_points(rng):
 def test_nearest_voxel_is_the_nearest_within_a_cell(d, rng):
     points = rng.uniform(-1, 1, size=(1500, d))
     level = make_levels(points, 0.1, 1)[0]
-    kernels.centroids_only(level.moments, 0.0, level.surface)  # each in its own cell
+    centroids_only(level.moments, 0.0, level.surface)  # each in its own cell
     centroids = level.surface[:, :d].astype(np.float64)
     for place in rng.uniform(-1, 1, size=(300, d)):
         x, y, z = (*place, 0.0)[:3]
-        found, others2 = kernels.nearest_voxel(
+        found, others2 = nearest_voxel(
             x,
             y,
             z,
