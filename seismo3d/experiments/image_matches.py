@@ -65,20 +65,23 @@ def match_keypoints(
     if table_q is None or table_p is None or len(keys_q) < 2 or len(keys_p) < 2:
         return KeypointPairs(np.zeros((0, 2)), np.zeros((0, 2)))
     matcher = cv2.BFMatcher(cv2.NORM_L2 if detector == "sift" else cv2.NORM_HAMMING)
-    back = {m[0].queryIdx: m[0].trainIdx for m in matcher.knnMatch(table_q, table_p, k=1)}
-    kept = [
-        (first.trainIdx, first.queryIdx)
-        for first, second in matcher.knnMatch(table_p, table_q, k=2)
-        if first.distance < ratio * second.distance and back.get(first.trainIdx) == first.queryIdx
-    ]
+    pairs = matcher.knnMatch(table_p, table_q, k=2)
+    clear = [first for first, second in pairs if first.distance < ratio * second.distance]
+    if not clear:
+        return KeypointPairs(np.zeros((0, 2)), np.zeros((0, 2)))
+    back = matcher.match(table_q[[m.trainIdx for m in clear]], table_p)
+    kept = [(m.trainIdx, m.queryIdx) for m, other in zip(clear, back) if other.trainIdx == m.queryIdx]
     q = np.array([keys_q[a].pt for a, _ in kept], dtype=np.float64).reshape(-1, 2)
     p = np.array([keys_p[b].pt for _, b in kept], dtype=np.float64).reshape(-1, 2)
     return KeypointPairs(q, p)
 
 
 def _as_bytes(image: ArrayLike) -> np.ndarray:
+    values = np.asarray(image)
+    if values.dtype == np.uint8 and values.ndim == 2:
+        return np.ascontiguousarray(values)
     grey = as_grey(image)
-    if np.asarray(image).dtype == np.uint8:
+    if values.dtype == np.uint8:
         return np.ascontiguousarray(np.rint(grey).astype(np.uint8))
     low, high = np.nanpercentile(grey, [1, 99])
     stretched = np.clip((np.nan_to_num(grey, nan=low) - low) / max(high - low, 1e-12), 0.0, 1.0)

@@ -115,8 +115,8 @@ def features_alone(target: Scan, source: Scan, matches: KeypointPairs) -> Float6
     """Return ``T_target_source`` of the features alone: robust, weighed by their full covariance."""
     frame = Frame.of(target.points, source.points)
     term = feature_term(matches, target, source, frame, 0.01)
-    poses = [] if term is None else poses_by_features(term, n_poses=1, reach=0.1 / frame.size)
-    return frame.leave(*poses[0]) if poses else np.eye(4)
+    pose = None if term is None else next(poses_by_features(term, n_poses=1, reach=0.1 / frame.size), None)
+    return np.eye(4) if pose is None else frame.leave(*pose)
 
 
 def answers(target: Scan, source: Scan, matches: KeypointPairs) -> tuple[dict[str, Float64Array], int]:

@@ -113,8 +113,8 @@ def register_features(target: Scan, source: Scan, matches: object) -> Registrati
     as_pairs(matches)
     if term is None or len(term.source) < 3:
         return align_pairs(target.points[:3], target.points[:3])
-    poses = poses_by_features(term, n_poses=1, reach=0.05 / frame.size)
-    A, t = poses[0] if poses else (np.eye(3), (frame.source_center - frame.target_center) / frame.size)
+    as_they_stand = np.eye(3), (frame.source_center - frame.target_center) / frame.size
+    A, t = next(poses_by_features(term, n_poses=1, reach=0.05 / frame.size), as_they_stand)
     close = np.linalg.norm(term.source @ A.T + t - term.target, axis=1) < 0.05 / frame.size
     if close.sum() < 3:
         close[:] = True

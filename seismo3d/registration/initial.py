@@ -2,64 +2,90 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numba as nb
 import numpy as np
 
-from seismo3d._typing import Float64Array, Int64Array
+from seismo3d._typing import BoolArray, Float64Array, Int64Array
 from seismo3d.registration import quadratic
 from seismo3d.registration.solvers import Limits, Prior, solve_form
 from seismo3d.registration.terms import FeatureTerm
 
 N_DRAWS = 10000
+N_DRAWS_A_ROUND = 500
+MISSED = 1e-9
+"""Chance that draws may leave of having missed a pose that as many matches agree with as with the best so far."""
 REFITS = 6
 
 
 def poses_by_features(
     term: FeatureTerm, *, n_poses: int, reach: float, seed: int = 0
-) -> list[tuple[Float64Array, Float64Array]]:
-    """Return rigid poses (A, t) that many matched features agree with, best first.
+) -> Iterator[tuple[Float64Array, Float64Array]]:
+    """Give rigid poses (A, t) that many matched features agree with, best first; each is sought when it is asked for.
 
     Samples of d matches whose mutual distances agree fix a pose each; it is counted how many matches agree with it,
-    and the best are fitted again to all that do.
+    and the best is fitted again to all that do. The next pose is sought among the matches that are left. Draws end
+    when a pose that as many agree with as with the best so far is missed with a chance of 1e-9 only: few are needed
+    where most matches agree (Fischler and Bolles 1981).
 
     Parameters
     ----------
     term : FeatureTerm
     n_poses : int
+        The most that are given.
     reach : float
         Distance in the frame up to which a match agrees.
     seed : int
         Of the draws.
     """
-    n, d = term.source.shape
-    if n < d:
-        return []
+    d = term.source.shape[1]
     rng = np.random.default_rng(seed)
+    left = np.ones(len(term.source), dtype=np.bool_)
+    for _ in range(n_poses):
+        best = _draw_pose(term.target[left], term.source[left], reach, rng)
+        if best is None:
+            return
+        A, t = refit(term, best[: d * d].reshape(d, d), best[d * d :], reach)
+        yield A, t
+        left &= ~_agree(term, A, t, reach)
+
+
+def _draw_pose(
+    target: Float64Array, source: Float64Array, reach: float, rng: np.random.Generator
+) -> Float64Array | None:
+    """Return the pose from a sample (row of A and t) that most matches agree with; None where no sample is rigid."""
+    n, d = source.shape
+    if n < d:
+        return None
     draws = rng.integers(0, n, size=(N_DRAWS, d))
     poses = np.empty((N_DRAWS, d * d + d))
     votes = np.zeros(N_DRAWS, dtype=np.int64)
-    _sample(term.target, term.source, draws, reach, poses, votes)
-    kept: list[tuple[Float64Array, Float64Array]] = []
-    for row in np.argsort(-votes, kind="stable")[: 5 * n_poses]:
-        if votes[row] < d:
-            break
-        A, t = poses[row, : d * d].reshape(d, d), poses[row, d * d :]
-        A, t = refit(term, A, t, reach)
-        if all(np.linalg.norm(t - u) > reach or np.trace(A @ B.T) < d - 0.02 for B, u in kept):
-            kept.append((A, t))
-            if len(kept) == n_poses:
-                break
-    return kept
+    done, needed = 0, float(N_DRAWS)
+    while done < min(needed, N_DRAWS):
+        now = slice(done, done + N_DRAWS_A_ROUND)
+        _sample(target, source, draws[now], reach, poses[now], votes[now])
+        done = now.stop
+        share = min(0.999, float(votes[:done].max()) / n)
+        needed = np.log(MISSED) / np.log1p(-(share**d)) if share > 0.0 else np.inf
+    best = int(votes[:done].argmax())
+    return poses[best] if votes[best] >= d else None
+
+
+def _agree(term: FeatureTerm, A: Float64Array, t: Float64Array, reach: float) -> BoolArray:
+    return np.asarray(((term.source @ A.T + t - term.target) ** 2).sum(axis=1) < reach * reach)
 
 
 def refit(term: FeatureTerm, A: Float64Array, t: Float64Array, reach: float) -> tuple[Float64Array, Float64Array]:
     """Fit a rigid pose again and again to the matches that agree with it."""
     d = t.size
     free = Limits(np.full(d * (d + 1) // 2, -np.inf), np.full(d * (d + 1) // 2, np.inf))
+    before: BoolArray | None = None
     for _ in range(REFITS):
-        agree = ((term.source @ A.T + t - term.target) ** 2).sum(axis=1) < reach * reach
-        if agree.sum() < d:
+        agree = _agree(term, A, t, reach)
+        if agree.sum() < d or (before is not None and np.array_equal(agree, before)):
             break
+        before = agree
         Q = quadratic.point_form(term.target[agree], term.source[agree], term.information[agree])
         found = solve_form(Q / np.trace(Q), model="rigid", prior=Prior(A, t), limits=free)
         A, t = found.A, found.t

@@ -181,5 +181,26 @@ def test_pose_from_matches_with_most_of_them_wrong(d, rng):
     q = transform_points(T, p) + 0.003 * rng.normal(size=p.shape)
     q[:90] = rng.uniform(-2, 2, size=(90, d))
     term = FeatureTerm(q, p, np.broadcast_to(np.eye(d), (150, d, d)).copy(), 1e-3)
-    A, t = poses_by_features(term, n_poses=3, reach=0.03)[0]
+    A, t = next(poses_by_features(term, n_poses=3, reach=0.03))
     np.testing.assert_allclose(make_transform(A, t), T, atol=0.01)
+
+
+def test_poses_that_share_the_matches_are_all_given(rng):
+    truth = [
+        make_transform(exp_rotation(turn), shift)
+        for turn, shift in (([0.0, 0.0, 0.4], [0.3, 0.0, 0.0]), ([0.0, 0.9, 0.0], [0.0, -0.5, 0.2]))
+    ]
+    p = rng.uniform(-1, 1, size=(200, 3))
+    q = np.concatenate([transform_points(truth[0], p[:120]), transform_points(truth[1], p[120:])])
+    term = FeatureTerm(q, p, np.broadcast_to(np.eye(3), (200, 3, 3)).copy(), 1e-3)
+    found = [make_transform(A, t) for A, t in poses_by_features(term, n_poses=2, reach=0.03)]
+    assert len(found) == 2
+    for T, expected in zip(found, truth):
+        np.testing.assert_allclose(T, expected, atol=1e-9)
+
+
+def test_no_pose_from_matches_that_agree_with_none(rng):
+    term = FeatureTerm(
+        rng.uniform(-1, 1, (2, 3)), rng.uniform(-1, 1, (2, 3)), np.broadcast_to(np.eye(3), (2, 3, 3)).copy(), 1e-3
+    )
+    assert list(poses_by_features(term, n_poses=2, reach=0.03)) == []
