@@ -23,6 +23,7 @@ import numpy as np
 
 from seismo3d._stages import StageClock
 from seismo3d._typing import Float32Array
+from seismo3d.errors import MissingDependencyError
 from seismo3d.io.cubes import open_cube
 from seismo3d.io.zarr_store import write_zarr
 from seismo3d.seismic.blocks.plan import parse_memory, plan_blocks
@@ -164,14 +165,19 @@ _VOLUMES = ("likelihood.zarr", "labels.zarr", "throw.zarr")
 
 def measure_workers(size: int, *, edge: int) -> dict[str, Any]:
     """Trace a cube on one dask worker process and on two, each on one thread."""
-    from distributed import LocalCluster
-
     from seismo3d.seismic.blocks.scheduling import OnCluster
 
+    try:
+        from distributed import LocalCluster
+    except ImportError as error:
+        raise MissingDependencyError(
+            "workers are measured and dask's distributed is not installed. Install it: pip install 'seismo3d[cluster]'."
+        ) from error
+
     settings = FaultSettings()
-    cube = large_cube((size, size, size))
     found: dict[str, Any] = {"size": size}
     with tempfile.TemporaryDirectory(dir=_scratch()) as folder:
+        cube = open_cube(write_zarr(Path(folder) / "cube.zarr", large_cube((size, size, size))), lazy=True)
         for n_workers in (1, 2):
             options = {"n_workers": n_workers, "threads_per_worker": 1, "dashboard_address": None}
             with LocalCluster(processes=True, **options) as local, OnCluster(local.scheduler_address) as cluster:
