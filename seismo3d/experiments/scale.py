@@ -78,9 +78,9 @@ def measure_equal(size: int, *, edge: int) -> dict[str, Any]:
     from seismo3d.synthetic import fault_cube
 
     cube = fault_cube("clean", seed=1, shape=(size, size, size), noise=0.2).seismic
-    trace_faults(cube[:32, :32, :64], evidence="semblance")
+    trace_faults(cube[:32, :32, :64])
     start, wall = time.process_time(), time.perf_counter()
-    whole = trace_faults(cube, evidence="semblance")
+    whole = trace_faults(cube)
     found: dict[str, Any] = {"size": size, "whole_cpu_s": time.process_time() - start}
     found["whole_wall_s"] = time.perf_counter() - wall
     with tempfile.TemporaryDirectory(dir=_scratch()) as folder:
@@ -113,7 +113,7 @@ def measure_part(part: tuple[int, int], *, memory: str) -> dict[str, Any]:
     whole, peak = float(np.prod(LARGE, dtype=np.float64)), _peak_gb()
     small = np.asarray(large_cube((256, 256, 256)))
     start = time.process_time()
-    trace_faults(small, evidence="semblance")
+    trace_faults(small)
     one_piece = (time.process_time() - start) / small.size
     return {
         "shape": shape, "memory": memory, "edges": plan.edges, "peak_rss_gb": peak, "peak_by_stage_gb": stages,

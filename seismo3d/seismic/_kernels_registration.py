@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from seismo3d._multiply_add import multiply_add
 from seismo3d.seismic._kernels_misfit import add_carried, compare_sides
 from seismo3d.seismic._kernels_shifts import add_windows, refine
 
@@ -82,28 +83,33 @@ def pick_cheapest(costs, shift):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def one_sided_means(product, weight, keep, behind, ahead):  # type: ignore[no-untyped-def]
-    """Write running means of product / weight down the first axis, from what lies behind and from what lies ahead.
+def one_sided_means(product, weight, shares, behind, ahead):  # type: ignore[no-untyped-def]
+    """Write means of product / weight down the first axis, from what lies behind and from what lies ahead.
 
-    A value's share falls by `keep` with each step away. Entry i is taken to lie between i and i + 1: it counts ahead of
-    i and behind i + 1. Where one side has none the other serves, and 0 where neither has.
+    `shares` says how much the nearest value counts, the one beyond it, and so on to the farthest. Entry i is taken to
+    lie between i and i + 1: it counts ahead of i and behind i + 1. Where one side has none the other serves, and 0
+    where neither has.
     """
     n0, n1, m = product.shape
     tiny = np.float32(1e-9)
     for j in prange(n1):
-        for sweep in range(2):
-            total = np.zeros(m, np.float32)
-            weights = np.zeros(m, np.float32)
-            for step in range(n0):
-                i = step if sweep == 0 else n0 - 1 - step
-                for k in range(m):
-                    if sweep == 0:
-                        behind[i, j, k] = total[k] / weights[k] if weights[k] > tiny else np.float32(np.nan)
-                    total[k] = keep * total[k] + product[i, j, k]
-                    weights[k] = keep * weights[k] + weight[i, j, k]
-                    if sweep == 1:
-                        ahead[i, j, k] = total[k] / weights[k] if weights[k] > tiny else np.float32(np.nan)
+        total = np.empty(m, np.float32)
+        weights = np.empty(m, np.float32)
         for i in range(n0):
+            for side in range(2):
+                total[:] = 0.0
+                weights[:] = 0.0
+                for away in range(len(shares)):
+                    at = i + away if side == 1 else i - 1 - away
+                    if at < 0 or at >= n0:
+                        break
+                    share = shares[away]
+                    for k in range(m):
+                        total[k] = multiply_add(share, product[at, j, k], total[k])
+                        weights[k] = multiply_add(share, weight[at, j, k], weights[k])
+                out = behind[i, j] if side == 0 else ahead[i, j]
+                for k in range(m):
+                    out[k] = total[k] / weights[k] if weights[k] > tiny else np.float32(np.nan)
             for k in range(m):
                 if np.isnan(behind[i, j, k]):
                     behind[i, j, k] = np.float32(0.0) if np.isnan(ahead[i, j, k]) else ahead[i, j, k]

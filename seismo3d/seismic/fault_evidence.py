@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.errors import ParameterError
 from seismo3d.seismic._kernels_registration import registered_misfit
@@ -21,20 +23,6 @@ def check_evidence(kind: str) -> None:
     """
     if kind not in EVIDENCE:
         raise ParameterError(f"evidence is {kind!r}; expected one of {', '.join(map(repr, EVIDENCE))}. Choose one.")
-
-
-def refuse_in_blocks(kind: str) -> None:
-    """Refuse what takes the cube in one piece, where that is worked on in blocks.
-
-    Raises
-    ------
-    ParameterError
-        If `kind` is not "semblance": slices are registered whole.
-    """
-    if kind != "semblance":
-        raise ParameterError(
-            f"evidence is {kind!r}, which takes the cube in one piece, and that needs more memory. Use 'semblance'."
-        )
 
 
 def measure_evidence(
@@ -110,6 +98,15 @@ def compare_registered(
     def compare(lines: slice, axis: int, reach: int, difference: Float32Array, energy: Float32Array) -> None:
         if not sides:
             sides.extend(carry_sides(f, settings=settings) for f in register_slices(volume, valid, settings=settings))
+        compare_sides(volume, valid, sides)(lines, axis, reach, difference, energy)
+
+    return compare
+
+
+def compare_sides(volume: Float32Array, valid: BoolArray, sides: Sequence[SideShifts]) -> Compare:
+    """Return what :func:`compare_registered` does, for sides that are known, one of each axis."""
+
+    def compare(lines: slice, axis: int, reach: int, difference: Float32Array, energy: Float32Array) -> None:
         side = sides[axis]
         registered_misfit(
             volume[lines], valid[lines], side.behind[lines], side.ahead[lines], axis, reach, side.step,

@@ -5,7 +5,7 @@ slopes -> misfit -> planar support -> ridges -> sheets -> throws -> surfaces, la
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
-from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence, refuse_in_blocks
+from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
 from seismo3d.seismic.misfit import NOISES, MisfitSettings
@@ -39,12 +39,15 @@ class FaultSettings:
         noise of a good survey, and in noise.
     end_score : tuple of (float, float, float)
         The same, averaged over the surface nearby, below which a surface ends.
+    evidence : {"semblance", "registration", "both"}
+        How the sides of a voxel are carried to it.
     dip, misfit, registration, scan, link, choice, throw
         Settings of the stages.
     """
 
     least_score: tuple[float, float, float] = (0.45, 0.42, 0.28)
     end_score: tuple[float, float, float] = (0.42, 0.45, 0.3)
+    evidence: str = "both"
     dip: DipSettings = field(default_factory=DipSettings)
     misfit: MisfitSettings = field(default_factory=MisfitSettings)
     registration: RegistrationSettings = field(default_factory=RegistrationSettings)
@@ -101,7 +104,7 @@ def trace_faults(
     evidence : {"semblance", "registration", "both"}, optional
         How sides are carried: along their slopes, by registration, or by both ways. Of both, each counts half in a cube
         without noise, slopes alone in a section and in the mild noise of a good survey, and registration the more the
-        more noise there is beyond. By default both; semblance in blocks, since slices are registered whole.
+        more noise there is beyond. What the settings say if not given, which is both.
     settings : FaultSettings, optional
         Thresholds and windows; by default ``FaultSettings()`` for a cube and ``FaultSettings.for_section()`` for a
         section.
@@ -143,26 +146,22 @@ def trace_faults(
     .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
     """
     report = progress or _unheard
-    if evidence is not None:
-        check_evidence(evidence)
     if memory is not None or folder is not None or scheduler is not None:
         from seismo3d.seismic.blocks.tracing import asks_for_blocks, trace_larger
 
         if asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler):
-            refuse_in_blocks(evidence or "semblance")
-            return trace_larger(
-                cube, memory, folder=folder, scheduler=scheduler, settings=settings or FaultSettings(), progress=report
-            )
+            asked = _with_evidence(settings or FaultSettings(), evidence)
+            return trace_larger(cube, memory, folder=folder, scheduler=scheduler, settings=asked, progress=report)
     amplitudes, geometry, sampling = as_volume(cube)
     is_section = 1 in amplitudes.shape[:2]
     settings = settings or (FaultSettings.for_section() if is_section else FaultSettings())
+    settings = _with_evidence(settings, evidence)
     volume, valid = clean_volume(amplitudes)
     report("dip", 0.0)
     slopes = estimate_slopes(volume, valid, settings=settings.dip)
     report("misfit", 0.0)
-    kind = evidence or "both"
     found = measure_evidence(
-        volume, valid, slopes, kind=kind, misfit=settings.misfit, registration=settings.registration
+        volume, valid, slopes, kind=settings.evidence, misfit=settings.misfit, registration=settings.registration
     )
     report("scan", 0.0)
     support = scan_planes(found, settings=settings.scan, progress=progress)
@@ -188,8 +187,15 @@ def trace_faults(
         likelihood=_like(cube, likelihood, "likelihood"),
         labels=_like(cube, labels, "labels"),
         throw=_like(cube, throw, "throw"),
-        settings={**asdict(settings), "evidence": kind},
+        settings=asdict(settings),
     )
+
+
+def _with_evidence(settings: FaultSettings, evidence: str | None) -> FaultSettings:
+    """Return settings with the evidence that is asked for, if there is such."""
+    found = settings if evidence is None else replace(settings, evidence=evidence)
+    check_evidence(found.evidence)
+    return found
 
 
 def _unheard(stage: str, share: float) -> None:

@@ -103,8 +103,7 @@ def measure_shifts(
     floor = matching_floor(float(np.mean(np.square(volume[::2, ::2]))), settings)
     found = match_lengths(volume, valid, slopes, cuts=cuts, lengths=lengths, floor=floor, settings=settings)
     for f in found:
-        usual = float(np.median(f.misfit[f.misfit > 0])) if (f.misfit > 0).any() else 0.0
-        judge_misfits(f, usual, settings)
+        judge_misfits(f, usual_misfit(f), settings)
     return found
 
 
@@ -139,6 +138,12 @@ def match_lengths(
                 nearest[axis] = shift
             found.append(ShiftField(axis, length, shift, variance, ratio))
     return found
+
+
+def usual_misfit(found: ShiftField) -> float:
+    """Return the median misfit ratio where there is one, else 0."""
+    known = found.misfit[found.misfit > 0.0]
+    return float(np.median(known)) if known.size else 0.0
 
 
 def judge_misfits(found: ShiftField, usual: float, settings: ShiftSettings) -> None:

@@ -6,10 +6,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from seismo3d._typing import BoolArray, Float32Array
+from seismo3d._typing import BoolArray, Float32Array, Float64Array
 from seismo3d.seismic._kernels_filters import filter_crosslines, filter_inlines, filter_samples, gaussian_taps
 from seismo3d.seismic._kernels_registration import one_sided_means, pick_cheapest, search_costs
-from seismo3d.seismic.shifts import ShiftField, ShiftSettings, measure_shifts
+from seismo3d.seismic.misfit import trace_energies
+from seismo3d.seismic.shifts import (
+    ShiftField,
+    ShiftSettings,
+    judge_misfits,
+    match_lengths,
+    matching_floor,
+    shift_reach,
+    usual_misfit,
+)
 
 _SLAB = 64
 """Inlines whose costs of all shifts are held at a time."""
@@ -36,7 +45,7 @@ class RegistrationSettings:
     down : float
         The same along the samples.
     memory : float
-        Traces over which the mean of one side forgets.
+        Traces over which the mean of one side forgets; four times as many count at all.
     share : tuple of (float, float, float)
         Share of registration where it is used beside semblance: without noise, in the mild noise of a good survey,
         whose slopes are averages over more traces than a shift is, and in noise.
@@ -88,9 +97,36 @@ def register_slices(
         To the next inline and to the next crossline, with variances and what the registration leaves.
     """
     settings = settings or RegistrationSettings()
+    floor = slice_floor(trace_energies(volume, valid), volume.shape[2], settings)
+    found = match_slices(volume, valid, floor=floor, settings=settings)
+    for one in found:
+        judge_misfits(one, usual_misfit(one), settings.shifts)
+    return found
+
+
+def match_slices(
+    volume: Float32Array, valid: BoolArray, *, floor: np.float32, settings: RegistrationSettings
+) -> list[ShiftField]:
+    """Register as :func:`register_slices` does; misfits are ratios to the energy, and not yet judged."""
     coarse = (_search(volume, valid, 0, settings), _search(volume, valid, 1, settings))
     cuts = np.zeros(volume.shape, np.uint8)
-    return measure_shifts(volume, valid, coarse, cuts=cuts, lengths=(1,), settings=settings.shifts)
+    return match_lengths(volume, valid, coarse, cuts=cuts, lengths=(1,), floor=floor, settings=settings.shifts)
+
+
+def slice_floor(energies: Float64Array, n_samples: int, settings: RegistrationSettings) -> np.float32:
+    """Return the squared derivative below which nothing is to be matched, from the energies of a cube's traces."""
+    return matching_floor(float(energies.sum()) / (energies.size * n_samples), settings.shifts)
+
+
+def match_reach(settings: RegistrationSettings) -> int:
+    """Return how many traces off the shifts of :func:`match_slices` depend on."""
+    return shift_reach((1,), settings.shifts) + len(gaussian_taps(settings.coarse)) // 2 + 1
+
+
+def carry_reach(settings: RegistrationSettings) -> int:
+    """Return how many traces off the sides of :func:`carry_sides` depend on."""
+    beside = len(gaussian_taps(settings.wide)) // 2
+    return beside + max(len(_shares(settings)) + 1, len(gaussian_taps(settings.across)) // 2)
 
 
 def carry_sides(found: ShiftField, *, settings: RegistrationSettings | None = None) -> SideShifts:
@@ -126,9 +162,14 @@ def carry_sides(found: ShiftField, *, settings: RegistrationSettings | None = No
         filter_samples(_spread(values, *taps), down, smoothed)
         sums.append(np.ascontiguousarray(smoothed.swapaxes(0, found.axis)))
     behind, ahead = np.empty_like(sums[0]), np.empty_like(sums[0])
-    one_sided_means(sums[0], sums[1], np.float32(1.0 - 1.0 / settings.memory), behind, ahead)
+    one_sided_means(sums[0], sums[1], _shares(settings), behind, ahead)
     behind, ahead = (np.ascontiguousarray(side.swapaxes(0, found.axis)) for side in (behind, ahead))
     return SideShifts(behind, ahead, settings.shifts.step)
+
+
+def _shares(settings: RegistrationSettings) -> Float32Array:
+    """Return how much the shifts of a side count, the nearest first."""
+    return np.asarray((1.0 - 1.0 / settings.memory) ** np.arange(round(4.0 * settings.memory)), np.float32)
 
 
 def _search(volume: Float32Array, valid: BoolArray, axis: int, settings: RegistrationSettings) -> Float32Array:

@@ -50,7 +50,7 @@ def test_stopped_by_a_full_disk_it_goes_on_to_the_whole_result(
     names = {entry.name for entry in (store.parent / "out").iterdir()}
     assert {"labels.zarr", "likelihood.zarr", "throw.zarr", "labels.sgy", "faults.csv", "report.html"} <= names
     assert "work" not in names
-    wanted = trace_faults(open_cube(store), evidence="semblance")
+    wanted = trace_faults(open_cube(store))
     found = FaultSet.load("out")
     np.testing.assert_array_equal(found.labels.values, wanted.labels.values)
     np.testing.assert_array_equal(open_cube("out/likelihood.sgy").values, wanted.likelihood.values)

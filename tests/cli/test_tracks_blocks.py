@@ -27,7 +27,7 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     fault = SyntheticFault((26.0, 26.0, 32.0), 40.0, 65.0, 8.0)
     cube = fault_cube("clean", seed=7, shape=(52, 60, 64), wavelength=(14.0, 14.0), population=None, faults=(fault,))
-    found = trace_faults(cube.to_dataarray(), evidence="semblance")
+    found = trace_faults(cube.to_dataarray())
     (tmp_path / "faults").mkdir()
     found.save(tmp_path / "faults")
     return write_zarr(tmp_path / "cube.zarr", cube.to_dataarray())
@@ -60,7 +60,7 @@ def test_stopped_by_a_full_disk_it_goes_on_to_the_whole_result(
     assert {"layer_time.zarr", "track_01.xyz", "tracks.csv", "track_01_map.png", "loops.png", "report.html"} <= names
     assert "work" not in names
     assert printed["loops"]["n_loops"] > 1000
-    cube, faults = open_cube(store), trace_faults(open_cube(store), evidence="semblance")
+    cube, faults = open_cube(store), trace_faults(open_cube(store))
     (wanted,) = trace_tracks(cube, [(1012, 2014, 712)], faults=faults)
     depths = np.loadtxt("out/track_01.xyz")[:, 2]
     np.testing.assert_allclose(depths, wanted.depth[np.isfinite(wanted.depth)], atol=0.01)

@@ -91,10 +91,10 @@ def test_one_sided_means_equal_their_definition(rng):
     weight[:3, 2] = 0.0
     product[weight == 0.0] = 0.0
     behind, ahead = np.empty_like(product), np.empty_like(product)
-    kernels.one_sided_means(product, weight, np.float32(0.5), behind, ahead)
+    kernels.one_sided_means(product, weight, np.float32([1.0, 0.5, 0.25]), behind, ahead)
     for i, j, k in np.ndindex(*product.shape):
         sums = []
-        for steps in (range(i - 1, -1, -1), range(i, 7)):
+        for steps in (range(i - 1, max(i - 4, -1), -1), range(i, min(i + 3, 7))):
             shares = [0.5**n for n in range(len(steps))]
             total = sum(w * weight[m, j, k] for w, m in zip(shares, steps, strict=True))
             value = sum(w * product[m, j, k] for w, m in zip(shares, steps, strict=True))

@@ -11,8 +11,10 @@ from seismo3d.seismic._kernels_misfit import log_ratio
 from seismo3d.seismic.blocks.cleaning import read_clean
 from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
 from seismo3d.seismic.blocks.plan import Box, evidence_reach, fill_reach
+from seismo3d.seismic.blocks.registering import read_sides
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.dip import block_slopes, dip_reach
+from seismo3d.seismic.fault_evidence import compare_sides
 from seismo3d.seismic.misfit import (
     block_ratios,
     compare_along,
@@ -26,11 +28,13 @@ from seismo3d.seismic.misfit import (
     level,
     level_mean,
     misfit_reach,
+    share_out,
     spread_laterally,
     take_out_lines,
     trace_energies,
     trace_moments,
 )
+from seismo3d.seismic.side_shifts import slice_floor
 
 
 def thinned_shape(run: BlockRun) -> tuple[int, int, int]:
@@ -60,13 +64,21 @@ def dip(run: BlockRun, number: int) -> None:
 
 
 def dip_facts(run: BlockRun) -> None:
-    """Find the energy below which misfits are not divided by it."""
+    """Find the energy below which misfits are not divided by it, and the derivative below which nothing is matched."""
     energies = run.gather("dip", "energies", "dip")
-    run.write_fact("dip", floor=float(energy_floor(energies, run.fact("survey")["n_valid"])))
+    run.write_fact(
+        "dip",
+        floor=float(energy_floor(energies, run.fact("survey")["n_valid"])),
+        matching=float(slice_floor(energies, run.plan.shape[2], run.settings.registration)),
+    )
 
 
 def ratio_names(attempt: str) -> tuple[str, str, str, str]:
-    """Return the arrays of the misfit ratios of the first attempt, or of the one for the cube's noise."""
+    """Return the arrays of the misfit ratios of an attempt.
+
+    The first way of carrying the sides is tried "near" by, and "far" off where the cube's noise asks for that; the
+    "second" way then as far as that came to.
+    """
     return f"ratio0_{attempt}", f"ratio1_{attempt}", f"known0_{attempt}", f"known1_{attempt}"
 
 
@@ -89,10 +101,13 @@ def misfit(run: BlockRun, number: int, attempt: str) -> None:
     halo = misfit_reach(reach, settings)
     wide = box.grown((halo, halo), run.plan.shape)
     volume, valid = read_clean(run, wide)
-    slopes = run.store.read("p", wide), run.store.read("q", wide)
+    if run.settings.evidence == "registration" or attempt == "second":
+        way = compare_sides(volume, valid, read_sides(run, wide))
+    else:
+        way = compare_along(volume, valid, (run.store.read("p", wide), run.store.read("q", wide)))
     found = [np.empty((*box.shape, thinned_shape(run)[2]), np.float32) for _ in range(4)]
     floor = np.float32(run.fact("dip")["floor"])
-    compare = partial(compare_along(volume, valid, slopes), slice(None))
+    compare = partial(way, slice(None))
     block_ratios(volume, compare, reach, floor, settings, box.within(wide), found[:2], found[2:])
     for name, values in zip(ratio_names(attempt), found, strict=True):
         run.store.write(name, box, values)
@@ -102,7 +117,7 @@ def misfit(run: BlockRun, number: int, attempt: str) -> None:
 
 def misfit_facts(run: BlockRun, attempt: str) -> None:
     """Find where the median misfit ratio lies, roughly."""
-    counts = _added(run, f"misfit_{attempt}", "counts", "misfit")
+    counts = run.add_up(f"misfit_{attempt}", "counts", "misfit")
     run.write_fact(f"misfit_{attempt}", counts=counts, high=middle_high(counts))
 
 
@@ -117,23 +132,28 @@ def noise(run: BlockRun, number: int, attempt: str) -> None:
 
 def noise_facts(run: BlockRun, attempt: str) -> None:
     """Find the cube's median misfit ratio, and what follows from it."""
-    low = _added(run, f"noise_{attempt}", "low", "misfit")
+    low = run.add_up(f"noise_{attempt}", "low", "misfit")
     ratio = median(run.fact(f"misfit_{attempt}")["counts"], low)
     noisiness, reach = judge_noise(ratio, run.settings.misfit)
-    if attempt == "far":
+    if attempt != "near":
         noisiness = run.fact("noise_near")["noisiness"]
     run.write_fact(f"noise_{attempt}", noise=ratio, noisiness=noisiness, reach=reach)
 
 
-def last_attempt(run: BlockRun) -> str:
-    """Return which attempt at the misfit holds: the second where the cube's noise asked for one."""
-    return "near" if run.fact("noise_near")["reach"] == run.settings.misfit.reach[0] else "far"
+def attempts(run: BlockRun) -> list[tuple[str, float]]:
+    """Return the attempts at the misfit that count, with their shares: of one way of carrying the sides, or of both."""
+    near = run.fact("noise_near")
+    first = "near" if near["reach"] == run.settings.misfit.reach[0] else "far"
+    if run.settings.evidence != "both":
+        return [(first, 1.0)]
+    shares = share_out(near["noise"], run.settings.registration.share)
+    return [(name, share) for name, share in zip((first, "second"), shares, strict=True) if share > 0.0]
 
 
-def final_noise(run: BlockRun) -> tuple[float, float, np.float32]:
-    """Return the cube's median misfit ratio, how noisy it is, and the softness that follows."""
-    found = run.fact(f"noise_{last_attempt(run)}")
-    return found["noise"], found["noisiness"], find_softness(found["noise"], run.settings.misfit)
+def final_noise(run: BlockRun) -> tuple[float, float]:
+    """Return the least median misfit ratio that counts, and how noisy the cube is."""
+    noise = min(run.fact(f"noise_{attempt}")["noise"] for attempt, _ in attempts(run))
+    return noise, run.fact("noise_near")["noisiness"]
 
 
 def moments(run: BlockRun, number: int) -> None:
@@ -150,7 +170,7 @@ def moments(run: BlockRun, number: int) -> None:
 
 def moments_facts(run: BlockRun) -> None:
     """Find the mean and spread of the cube's evidence, and its acquisition footprint."""
-    ratio, noisiness, _ = final_noise(run)
+    ratio, noisiness = final_noise(run)
     mean, spread = find_moments(list(run.gather("moments", "sums", "evidence")), noisiness)
     medians = run.gather("moments", "medians", "evidence")
     lines = [find_footprint(medians[axis], axis, ratio, run.settings.misfit) for axis in range(2)]
@@ -212,7 +232,7 @@ def prior(run: BlockRun, number: int) -> None:
 
 def prior_facts(run: BlockRun) -> None:
     """Find where the medians of the evidence lie, roughly."""
-    counts = _added(run, "prior", "counts", "evidence")
+    counts = run.add_up("prior", "counts", "evidence")
     run.write_fact("prior", counts=counts, high=np.stack([middle_high(part) for part in counts]))
 
 
@@ -225,27 +245,29 @@ def medians(run: BlockRun, number: int) -> None:
 
 def medians_facts(run: BlockRun) -> None:
     """Find the medians of the evidence."""
-    low = _added(run, "medians", "low", "evidence")
+    low = run.add_up("medians", "low", "evidence")
     counts = run.fact("prior")["counts"]
     run.write_fact("medians", medians=[median(a, b) for a, b in zip(counts, low, strict=True)])
 
 
 def _filled(run: BlockRun, box: Box):  # type: ignore[no-untyped-def]
     """Give, for both ways, a box's evidence, how far it is known, and the evidence bridged where it is not."""
-    ratio, _, softness = final_noise(run)
-    first, second, first_known, second_known = ratio_names(last_attempt(run))
-    for name, known_name in ((first, first_known), (second, second_known)):
-        values, known = run.store.read(name, box), run.store.read(known_name, box)
-        log_ratio(values, softness)
-        yield values, known, fill_unknown(values, known, find_background(ratio, run.settings.misfit))
+    counted, settings = attempts(run), run.settings.misfit
+    noises = [run.fact(f"noise_{attempt}")["noise"] for attempt, _ in counted]
+    background = sum(
+        share * find_background(noise, settings) for (_, share), noise in zip(counted, noises, strict=True)
+    )
+    for axis in range(2):
+        sums: list[Float32Array] = []
+        for (attempt, share), noise in zip(counted, noises, strict=True):
+            values, known = run.store.read(f"ratio{axis}_{attempt}", box), run.store.read(f"known{axis}_{attempt}", box)
+            log_ratio(values, find_softness(noise, settings))
+            if share != 1.0:
+                values *= np.float32(share)
+                known *= np.float32(share)
+            sums = [values, known] if not sums else [sums[0] + values, sums[1] + known]
+        yield sums[0], sums[1], fill_unknown(sums[0], sums[1], background)
 
 
 def _where_known(ratio: Float32Array, known: Float32Array) -> list[Float32Array]:
     return [line[weight > 0.5] for line, weight in zip(ratio, known, strict=True)]
-
-
-def _added(run: BlockRun, stage: str, name: str, tiling: str):  # type: ignore[no-untyped-def]
-    total = run.read_part(stage, 0)[0][name]
-    for number in range(1, len(run.plan.tiling(tiling))):
-        total = total + run.read_part(stage, number)[0][name]
-    return total

@@ -11,6 +11,7 @@ from seismo3d.errors import ParameterError
 from seismo3d.seismic.dip import dip_reach
 from seismo3d.seismic.misfit import MisfitSettings, misfit_reach
 from seismo3d.seismic.scan import plan_scan
+from seismo3d.seismic.side_shifts import carry_reach, match_reach
 
 BASE_BYTES = 420 * 2**20
 """What Python, the libraries and the compiled code take before there is any data."""
@@ -95,8 +96,9 @@ class BlockPlan:
     memory : int
         Bytes that a process may take.
     edges : dict of str to (int, int)
-        Inlines and crosslines of a block, by stage: ``raw``, ``dip``, ``misfit``, ``evidence``, ``scan`` and ``draw``
-        of faults; ``raw``, ``dip``, ``shifts``, ``links`` and ``fill`` of layer time.
+        Inlines and crosslines of a block, by stage: ``raw``, ``dip``, ``misfit``, ``register``, ``carry``,
+        ``evidence``, ``scan`` and ``draw`` of faults; ``raw``, ``dip``, ``shifts``, ``links`` and ``fill`` of layer
+        time.
     """
 
     shape: tuple[int, int, int]
@@ -236,6 +238,8 @@ def fault_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callabl
     return {
         "dip": lambda edge: 66 * square(edge, dip_reach(settings.dip)) * n2,
         "misfit": lambda edge: 60 * square(edge, misfit_reach(settings.misfit.reach[1], settings.misfit)) * n2,
+        "register": lambda edge: 44 * square(edge, match_reach(settings.registration)) * n2,
+        "carry": lambda edge: 14 * square(edge, carry_reach(settings.registration)) * n2,
         "evidence": lambda edge: 44 * square(edge, evidence_reach(settings.misfit)) * thinned,
         "scan": scan_bytes,
         "draw": lambda edge: 30 * square(edge, settings.throw.far + settings.throw.clear + 2) * n2,

@@ -28,7 +28,7 @@ _FLANKS = 2
 
 def find_plan(run: BlockRun) -> ScanPlan:
     """Return the planes that the cube is scanned for."""
-    _, noisiness, _ = final_noise(run)
+    _, noisiness = final_noise(run)
     return plan_scan(thinned_shape(run), noisiness, run.settings.misfit.step, settings=run.settings.scan)
 
 
@@ -68,7 +68,7 @@ def thin(run: BlockRun, number: int) -> None:
     ridges = ridges.select(_inside(ridges, box.grown((drawn_from,) * 2, run.plan.shape)))
     shape = (*box.shape, run.plan.shape[2])
     write_result(run, "likelihood", box, draw_ridges(ridges, plan.step, shape, corner=(box.i0, box.j0)))
-    ratio, _, _ = final_noise(run)
+    ratio, _ = final_noise(run)
     strong = ridges.select(_inside(ridges, box) & (ridges.score >= score_at_noise(run.settings.least_score, ratio)))
     run.write_part(
         "thin", number,

@@ -163,6 +163,13 @@ class BlockRun:
             raise DamagedBlock(stage, (0,))
         return whole
 
+    def add_up(self, stage: str, name: str, tiling: str) -> AnyArray:
+        """Return the sum of what the blocks came to."""
+        total: AnyArray = self.read_part(stage, 0)[0][name]
+        for number in range(1, len(self.plan.tiling(tiling))):
+            total = total + self.read_part(stage, number)[0][name]
+        return total
+
     # ----- what was found of the whole cube
 
     def knows(self, name: str) -> bool:

@@ -26,7 +26,7 @@ _SPARE_ROWS = 4
 
 def link_facts(run: BlockRun) -> None:
     """Link the whole cube's ridges into sheets that may be faults."""
-    ratio, _, _ = final_noise(run)
+    ratio, _ = final_noise(run)
     room = OnDisk(run.work / "ridges")
     sheets = find_candidates(gather_ridges(run, room), thinned_shape(run), ratio, run.settings, room=room)
     room.remove()

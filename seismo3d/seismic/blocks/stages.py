@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from seismo3d.seismic.blocks import cleaning, evidence, layer_solve, layers, ridges, sheets
+from seismo3d.seismic.blocks import cleaning, evidence, layer_solve, layers, registering, ridges, sheets
 from seismo3d.seismic.blocks.run import BlockRun
+from seismo3d.seismic.faults import FaultSettings
 from seismo3d.seismic.layer_graph import LayerTimeSettings
 
 
@@ -20,8 +21,8 @@ def _always(run: BlockRun) -> bool:  # noqa: ARG001 - the signature of a conditi
     return True
 
 
-def _in_noise(run: BlockRun) -> bool:
-    return evidence.last_attempt(run) == "far"
+def _counts(run: BlockRun, attempt: str) -> bool:
+    return attempt in (name for name, _ in evidence.attempts(run))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,32 +102,58 @@ _CLEANING = {
     ),
 }  # fmt: skip
 
-FAULT_STAGES: dict[str, Stage] = {
-    **_CLEANING,
-    "dip": Stage(
-        "dip", "dip", evidence.dip, find=evidence.dip_facts, make=evidence.make_slope_arrays, writes=("p", "q")
-    ),
-    **_misfit_stages("near", _always),
-    **_misfit_stages("far", _in_noise),
-    "moments": Stage("misfit", "evidence", evidence.moments, find=evidence.moments_facts),
-    "evidence": Stage(
-        "misfit", "evidence", evidence.evidence, find=evidence.evidence_facts, make=evidence.make_evidence_arrays,
-        writes=("evidence0", "evidence1", "known"),
-        leaves=(*evidence.ratio_names("near"), *evidence.ratio_names("far")),
-    ),
-    "prior": Stage("misfit", "evidence", evidence.prior, find=evidence.prior_facts),
-    "medians": Stage("misfit", "evidence", evidence.medians, find=evidence.medians_facts),
-    "scan": Stage(
-        "scan", "scan", ridges.scan, make=ridges.make_support_arrays, writes=("score", "orientation"),
-        leaves=("evidence0", "evidence1"),
-    ),
-    "thin": Stage("scan", "draw", ridges.thin, leaves=("score", "orientation", "known")),
-    "link": Stage("link", "", _no_block, find=sheets.link_facts),
-    "sides": Stage("throw", "draw", sheets.sides, find=sheets.sides_facts, leaves=("white", "valid", "p", "q")),
-    "throw": Stage("throw", "sheets", sheets.throw),
-    "choice": Stage("surfaces", "", _no_block, find=sheets.choice_facts),
-    "draw": Stage("surfaces", "draw", sheets.draw),
-}  # fmt: skip
+
+def _first_misfits() -> dict[str, Stage]:
+    return {**_misfit_stages("near", _always), **_misfit_stages("far", partial(_counts, attempt="far"))}
+
+
+def _registering_stages(wanted: Callable[[BlockRun], bool]) -> dict[str, Stage]:
+    return {
+        "register": Stage(
+            "misfit", "register", registering.register, find=registering.register_facts,
+            make=registering.make_field_arrays, writes=registering.FIELDS, wanted=wanted,
+        ),
+        "usual": Stage("misfit", "register", registering.usual, find=registering.usual_facts, wanted=wanted),
+        "carry": Stage(
+            "misfit", "carry", registering.carry, make=registering.make_side_arrays, writes=registering.SIDES,
+            leaves=registering.FIELDS, wanted=wanted,
+        ),
+    }  # fmt: skip
+
+
+def _fault_stages(settings: FaultSettings) -> dict[str, Stage]:
+    # what a second way of carrying the sides takes comes after the noise that tells whether it counts
+    second = partial(_counts, attempt="second")
+    measured = {
+        "semblance": _first_misfits(),
+        "registration": {**_registering_stages(_always), **_first_misfits()},
+        "both": {**_first_misfits(), **_registering_stages(second), **_misfit_stages("second", second)},
+    }[settings.evidence]
+    return {
+        **_CLEANING,
+        "dip": Stage(
+            "dip", "dip", evidence.dip, find=evidence.dip_facts, make=evidence.make_slope_arrays, writes=("p", "q")
+        ),
+        **measured,
+        "moments": Stage("misfit", "evidence", evidence.moments, find=evidence.moments_facts),
+        "evidence": Stage(
+            "misfit", "evidence", evidence.evidence, find=evidence.evidence_facts, make=evidence.make_evidence_arrays,
+            writes=("evidence0", "evidence1", "known"),
+            leaves=(*sum(map(evidence.ratio_names, ("near", "far", "second")), ()), *registering.SIDES),
+        ),
+        "prior": Stage("misfit", "evidence", evidence.prior, find=evidence.prior_facts),
+        "medians": Stage("misfit", "evidence", evidence.medians, find=evidence.medians_facts),
+        "scan": Stage(
+            "scan", "scan", ridges.scan, make=ridges.make_support_arrays, writes=("score", "orientation"),
+            leaves=("evidence0", "evidence1"),
+        ),
+        "thin": Stage("scan", "draw", ridges.thin, leaves=("score", "orientation", "known")),
+        "link": Stage("link", "", _no_block, find=sheets.link_facts),
+        "sides": Stage("throw", "draw", sheets.sides, find=sheets.sides_facts, leaves=("white", "valid", "p", "q")),
+        "throw": Stage("throw", "sheets", sheets.throw),
+        "choice": Stage("surfaces", "", _no_block, find=sheets.choice_facts),
+        "draw": Stage("surfaces", "draw", sheets.draw),
+    }  # fmt: skip
 
 
 def _layer_stages(settings: LayerTimeSettings) -> dict[str, Stage]:
@@ -163,7 +190,7 @@ def _layer_stages(settings: LayerTimeSettings) -> dict[str, Stage]:
 
 def stages_of(run: BlockRun) -> dict[str, Stage]:
     """Return the stages of a run, by name, in their order."""
-    return _layer_stages(run.settings) if run.kind == "layers" else FAULT_STAGES
+    return _layer_stages(run.settings) if run.kind == "layers" else _fault_stages(run.settings)
 
 
 def count_blocks(run: BlockRun, stage: str) -> int:

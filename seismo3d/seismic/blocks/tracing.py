@@ -129,7 +129,7 @@ def trace_in_blocks(
         likelihood=open_result(run, "likelihood", cube),
         labels=open_result(run, "labels", cube),
         throw=open_result(run, "throw", cube),
-        settings={**asdict(settings), "evidence": "semblance"},
+        settings=asdict(settings),
     )
 
 

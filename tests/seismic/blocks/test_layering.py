@@ -75,7 +75,7 @@ def cube():
 
 @pytest.fixture(scope="module")
 def faults(cube):
-    found = trace_faults(cube, evidence="semblance")
+    found = trace_faults(cube)
     assert len(found.surfaces) > 0
     return found
 

@@ -40,7 +40,7 @@ def test_a_cluster_gives_the_same_though_a_worker_dies(tmp_path):
                 cube.seismic, plan, settings, folder=tmp_path / "run", scheduler=cluster, progress=kill_one
             )
     assert killed
-    wanted = trace_faults(cube.seismic, evidence="semblance")
+    wanted = trace_faults(cube.seismic)
     for name in ("likelihood", "labels", "throw"):
         np.testing.assert_array_equal(np.asarray(getattr(found, name)), getattr(wanted, name))
 

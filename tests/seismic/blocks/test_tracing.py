@@ -86,15 +86,19 @@ def cube():
 
 @pytest.fixture(scope="module")
 def wanted(cube):
-    found = trace_faults(cube, evidence="semblance")
+    found = trace_faults(cube)
     assert len(found.surfaces) > 0
     return found
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.8])
-def test_blocks_give_what_one_piece_gives_to_the_bit(noise, tmp_path):
+@pytest.mark.parametrize(
+    ("noise", "evidence"),
+    [(0.0, "both"), (0.8, "both"), (0.8, "registration"), (0.8, "semblance")],
+)
+def test_blocks_give_what_one_piece_gives_to_the_bit(noise, evidence, tmp_path):
     cube = make_cube(noise)
-    assert_same(trace(cube, tmp_path / "run"), trace_faults(cube, evidence="semblance"))
+    settings = FaultSettings(evidence=evidence)
+    assert_same(trace(cube, tmp_path / "run", settings=settings), trace_faults(cube, settings=settings))
 
 
 def test_a_lazy_cube_keeps_its_coordinates_and_is_saved_where_it_lies(cube, wanted, tmp_path):

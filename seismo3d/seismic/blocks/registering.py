@@ -1,0 +1,109 @@
+"""Blocks whose slices are registered with the next, and the shifts of each side of their traces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from seismo3d._typing import AnyArray
+from seismo3d.seismic.blocks.cleaning import read_clean
+from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
+from seismo3d.seismic.blocks.plan import Box
+from seismo3d.seismic.blocks.run import BlockRun
+from seismo3d.seismic.shifts import ShiftField, judge_misfits
+from seismo3d.seismic.side_shifts import (
+    SideShifts,
+    carry_reach,
+    carry_sides,
+    match_reach,
+    match_slices,
+)
+
+_KINDS = ("shift", "variance", "misfit")
+FIELDS = tuple(f"{kind}{axis}" for axis in range(2) for kind in _KINDS)
+"""Arrays of the shifts to the next inline and crossline."""
+SIDES = tuple(f"{side}{axis}" for axis in range(2) for side in ("behind", "ahead"))
+"""Arrays of the shifts of each side."""
+
+
+def make_field_arrays(run: BlockRun) -> None:
+    """Make the arrays that :func:`register` writes to."""
+    _make(run, FIELDS)
+
+
+def make_side_arrays(run: BlockRun) -> None:
+    """Make the arrays that :func:`carry` writes to."""
+    _make(run, SIDES)
+
+
+def register(run: BlockRun, number: int) -> None:
+    """Register a block's slices; their misfits are ratios, not yet judged."""
+    settings = run.settings.registration
+    box = run.plan.tiling("register").box(number)
+    reach = match_reach(settings)
+    wide = box.grown((reach, reach), run.plan.shape)
+    volume, valid = read_clean(run, wide)
+    floor = np.float32(run.fact("dip")["matching"])
+    inner, counts = box.within(wide), []
+    for found in match_slices(volume, valid, floor=floor, settings=settings):
+        for kind in _KINDS:
+            run.store.write(f"{kind}{found.axis}", box, getattr(found, kind)[inner])
+        counts.append(count_high(_positive(found.misfit[inner])))
+    run.write_part("register", number, {"counts": np.stack(counts)})
+
+
+def register_facts(run: BlockRun) -> None:
+    """Find where the median misfits lie, roughly."""
+    counts = run.add_up("register", "counts", "register")
+    run.write_fact("register", counts=counts, high0=middle_high(counts[0]), high1=middle_high(counts[1]))
+
+
+def usual(run: BlockRun, number: int) -> None:
+    """Count a block's misfits near the medians."""
+    box, facts = run.plan.tiling("register").box(number), run.fact("register")
+    low = {
+        f"low{axis}": count_low(_positive(run.store.read(f"misfit{axis}", box)), facts[f"high{axis}"])
+        for axis in range(2)
+    }
+    run.write_part("usual", number, low)
+
+
+def usual_facts(run: BlockRun) -> None:
+    """Find the usual misfits."""
+    counts = run.fact("register")["counts"]
+    run.write_fact(
+        "usual", misfits=[median(counts[axis], run.add_up("usual", f"low{axis}", "register")) for axis in range(2)]
+    )
+
+
+def carry(run: BlockRun, number: int) -> None:
+    """Average the shifts of either side of a block's traces."""
+    settings = run.settings.registration
+    box = run.plan.tiling("carry").box(number)
+    reach = carry_reach(settings)
+    wide = box.grown((reach, reach), run.plan.shape)
+    inner = box.within(wide)
+    for axis in range(2):
+        found = ShiftField(axis, 1, *(run.store.read(f"{kind}{axis}", wide) for kind in _KINDS))
+        judge_misfits(found, run.fact("usual")["misfits"][axis], settings.shifts)
+        sides = carry_sides(found, settings=settings)
+        run.store.write(f"behind{axis}", box, sides.behind[inner])
+        run.store.write(f"ahead{axis}", box, sides.ahead[inner])
+    run.write_part("carry", number, {})
+
+
+def read_sides(run: BlockRun, box: Box) -> list[SideShifts]:
+    """Return the shifts of each side of a box's traces, along both axes."""
+    step = run.settings.registration.shifts.step
+    return [
+        SideShifts(run.store.read(f"behind{axis}", box), run.store.read(f"ahead{axis}", box), step) for axis in range(2)
+    ]
+
+
+def _make(run: BlockRun, names: tuple[str, ...]) -> None:
+    n0, n1, n2 = run.plan.shape
+    for name in names:
+        run.store.make(name, (n0, n1, -(-n2 // run.settings.registration.shifts.step)), np.float32)
+
+
+def _positive(values: AnyArray) -> list[AnyArray]:
+    return [line[line > 0] for line in values]
