@@ -34,7 +34,7 @@ class ExtendSettings:
         How often a sheet is carried on, by two nodes at a time.
     """
 
-    strength: float = 55.0
+    strength: float = 70.0
     weakest: float = 0.2
     width: float = 4.0
     off_plane: float = 1.5
