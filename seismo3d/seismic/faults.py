@@ -62,16 +62,16 @@ class FaultSettings:
         Nothing is gained by sharing a window with neighbours along the strike, so slopes are averaged over more traces
         of the section; and what a cube's strike averages away, windows across the fault must not smear, so the sides
         are compared where they touch and the evidence is hardly smoothed. A line's mean scatters more than a plane's,
-        above all in noise, and asks for a higher threshold. Shifts have no neighbours along the strike to be averaged
-        with: beside semblance registration does not count. Sizes are lengths of lines.
+        above all in noise: it is taken over more of the dip, and asks for a higher threshold. Shifts have no neighbours
+        along the strike to be averaged with: beside semblance registration does not count. Sizes are lengths of lines.
         """
         return cls(
-            least_score=(0.6, 0.5, 0.65),
-            end_score=(0.5, 0.5, 0.65),
+            least_score=(0.55, 0.45, 0.55),
+            end_score=(0.45, 0.45, 0.55),
             dip=DipSettings(lateral=8.0),
             misfit=MisfitSettings(reach=(1, 6), lateral=0.5, background=(10.0, 16.0), levelling=1.0),
             registration=RegistrationSettings(share=(0.0, 0.0, 0.0)),
-            scan=ScanSettings(n_dips=(33, 41)),
+            scan=ScanSettings(along_dip=(14.0, 16.0), n_dips=(33, 41)),
             link=LinkSettings(fragment=6, contacts=5),
             extend=ExtendSettings(strength=np.inf),
             choice=ChoiceSettings.for_section(),
