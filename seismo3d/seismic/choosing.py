@@ -29,7 +29,11 @@ class ChoiceSettings:
     least_throw : float
         Smallest median throw: sides that fit best unmoved, as at a channel's edge, are no fault.
     still_score : float
-        Support below which a sheet ends where its throw falls below `least_throw`.
+        Support below which a sheet ends where its throw falls below `still_throw`.
+    still_throw : float
+        Throw below which sides count as unmoved.
+    still_fit : float
+        Fit of the unmoved sides that this takes: a throw carried on from elsewhere says nothing of a place.
     tall, tall_strength : float
         Height from which on a sheet is no channel's edge, and the strength that is enough there.
     host_strength : float
@@ -56,6 +60,8 @@ class ChoiceSettings:
     least_height: float = 24.0
     least_throw: float = 1.0
     still_score: float = 1.0
+    still_throw: float = 0.5
+    still_fit: float = 0.7
     tall: float = 60.0
     tall_strength: float = 28.0
     host_strength: float = 55.0
@@ -134,7 +140,8 @@ def end_where_still(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -
     Sheet, SheetThrow
         Without those places; specks that are left of it are dropped.
     """
-    still = (np.abs(throw.throw) < settings.least_throw) & (sheet.score < settings.still_score)
+    still = (np.abs(throw.throw) < settings.still_throw) & (sheet.score < settings.still_score)
+    still &= throw.fit >= settings.still_fit
     if not still.any():
         return sheet, throw
     # a few places decide nothing, neither to end a sheet nor to go on with it

@@ -71,7 +71,9 @@ def measure_evidence(
         comparisons.append(compare_along(volume, valid, slopes))
     if kind != "semblance":
         comparisons.append(compare_registered(volume, valid, settings=registration))
-    return fuse_misfits(volume, valid, comparisons, share=registration.share, settings=misfit)
+    return fuse_misfits(
+        volume, valid, comparisons, share=registration.share, share_noises=registration.share_noises, settings=misfit
+    )
 
 
 def compare_registered(

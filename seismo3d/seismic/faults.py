@@ -14,8 +14,9 @@ import numpy as np
 from seismo3d._typing import Float32Array, Int32Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults
+from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults, strength
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
+from seismo3d.seismic.extending import ExtendSettings, extend_sheet
 from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
@@ -41,7 +42,7 @@ class FaultSettings:
         The same, averaged over the surface nearby, below which a surface ends.
     evidence : {"semblance", "registration", "both"}
         How the sides of a voxel are carried to it.
-    dip, misfit, registration, scan, link, choice, throw
+    dip, misfit, registration, scan, link, extend, choice, throw
         Settings of the stages.
     """
 
@@ -53,6 +54,7 @@ class FaultSettings:
     registration: RegistrationSettings = field(default_factory=RegistrationSettings)
     scan: ScanSettings = field(default_factory=ScanSettings)
     link: LinkSettings = field(default_factory=LinkSettings)
+    extend: ExtendSettings = field(default_factory=ExtendSettings)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
     throw: ThrowSettings = field(default_factory=ThrowSettings)
 
@@ -63,17 +65,18 @@ class FaultSettings:
         Nothing is gained by sharing a window with neighbours along the strike, so slopes are averaged over more traces
         of the section; and what a cube's strike averages away, windows across the fault must not smear, so the sides
         are compared where they touch and the evidence is hardly smoothed. A line's mean scatters more than a plane's,
-        above all in noise, and asks for a higher threshold. Shifts have no neighbours along the strike to be averaged
-        with: beside semblance registration does not count. Sizes are lengths of lines.
+        above all in noise: it is taken over more of the dip, and asks for a higher threshold. Shifts have no neighbours
+        along the strike to be averaged with: beside semblance registration does not count. Sizes are lengths of lines.
         """
         return cls(
-            least_score=(0.6, 0.5, 0.65),
-            end_score=(0.5, 0.5, 0.65),
+            least_score=(0.55, 0.45, 0.55),
+            end_score=(0.45, 0.45, 0.55),
             dip=DipSettings(lateral=8.0),
             misfit=MisfitSettings(reach=(1, 6), lateral=0.5, background=(10.0, 16.0), levelling=1.0),
             registration=RegistrationSettings(share=(0.0, 0.0, 0.0)),
-            scan=ScanSettings(n_dips=(33, 41)),
+            scan=ScanSettings(along_dip=(14.0, 16.0), n_dips=(33, 41)),
             link=LinkSettings(fragment=6, contacts=5),
+            extend=ExtendSettings(strength=np.inf),
             choice=ChoiceSettings.for_section(),
         )
 
@@ -93,8 +96,8 @@ def trace_faults(
     What does not fit across a voxel after both sides are carried to it is the evidence. They are carried along
     reflector slopes, which come from the structure tensor, and by the shifts that register neighbouring slices. Planes
     of all strikes and dips are scanned for the evidence [1]_. Its crests are thinned with sub-voxel position and grown
-    into surfaces that pass through each other. At every place of a surface the throw is the shift that matches its two
-    sides.
+    into surfaces that pass through each other; certain ones are followed on along weaker crests. At every place of a
+    surface the throw is the shift that matches its two sides.
 
     Parameters
     ----------
@@ -169,7 +172,7 @@ def trace_faults(
     strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, found.noise))
     del support
     report("link", 0.0)
-    sheets = find_candidates(strong, found.known.shape, found.noise, settings)
+    sheets = find_candidates(strong, ridges, found.known.shape, found.noise, settings)
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
@@ -213,15 +216,29 @@ def to_likelihood(score: Float32Array) -> Float32Array:
 
 
 def find_candidates(
-    strong: RidgePoints, shape: tuple[int, ...], noise: float, settings: FaultSettings, *, room: Room | None = None
+    strong: RidgePoints,
+    weak: RidgePoints,
+    shape: tuple[int, ...],
+    noise: float,
+    settings: FaultSettings,
+    *,
+    room: Room | None = None,
 ) -> list[Sheet]:
-    """Link the strong ridges of a cube, whose evidence has this shape and noise, into sheets that may be faults."""
+    """Link the strong ridges of a cube, whose evidence has this shape and noise, into sheets that may be faults.
+
+    Certain ones are followed on along the weak ridges, among which the strong ones are once more.
+    """
     least_area = min(settings.choice.company_area, settings.choice.least_area)
     sheets = link_sheets(
         strong, (shape[0], shape[1], shape[2]), step=settings.misfit.step,
         least_points=max(4, int(0.5 * least_area / settings.misfit.step)),
         end_score=score_at_noise(settings.end_score, noise), settings=settings.link, room=room,
     )  # fmt: skip
+    for number, sheet in enumerate(sheets):
+        if strength(sheet) >= settings.extend.strength:
+            sheets[number] = extend_sheet(sheet, weak, shape, settings=settings.extend)
+            if room is not None:
+                room.rest()
     return may_be_faults(sheets, 1 in shape[:2], settings.choice)
 
 

@@ -156,6 +156,7 @@ def fuse_misfits(
     comparisons: list[Compare],
     *,
     share: tuple[float, float, float] = (0.5, 0.5, 0.5),
+    share_noises: tuple[float, float, float] = NOISES,
     settings: MisfitSettings | None = None,
 ) -> Evidence:
     """Measure the misfit of both sides under one or two ways of carrying them, and take the mean of their logarithms.
@@ -170,8 +171,10 @@ def fuse_misfits(
     comparisons : list of callable
         One or two, as :func:`compare_along` returns them.
     share : tuple of (float, float, float)
-        Share of the second at each of :data:`NOISES`, between which it is interpolated; a way with hardly any share is
+        Share of the second at each of `share_noises`, between which it is interpolated; a way with hardly any share is
         not called.
+    share_noises : tuple of (float, float, float)
+        Median misfit ratios of a cube.
     settings : MisfitSettings, optional
         Windows.
 
@@ -185,7 +188,7 @@ def fuse_misfits(
     near = _ratios(volume, comparisons[0], least, floor, settings)
     usual = _median_ratio(*near)
     noisiness, reach = judge_noise(usual, settings)
-    counted = [1.0] if len(comparisons) == 1 else share_out(usual, share)
+    counted = [1.0] if len(comparisons) == 1 else share_out(usual, share, share_noises)
     parts = (
         _log_ratios(
             *(near if number == 0 and reach == least else _ratios(volume, compare, reach, floor, settings)),
@@ -207,9 +210,9 @@ def fuse_misfits(
     return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
 
 
-def share_out(noise: float, share: tuple[float, float, float]) -> list[float]:
-    """Return the shares of two ways of carrying the sides, given the second's at each of :data:`NOISES`."""
-    second = float(np.interp(noise, NOISES, share))
+def share_out(noise: float, share: tuple[float, float, float], noises: tuple[float, float, float]) -> list[float]:
+    """Return the shares of two ways of carrying the sides, given the second's at three `noises`."""
+    second = float(np.interp(noise, noises, share))
     second = 0.0 if second < _LEAST_SHARE else 1.0 if second > 1.0 - _LEAST_SHARE else second
     return [1.0 - second, second]
 

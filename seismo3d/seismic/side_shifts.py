@@ -49,6 +49,8 @@ class RegistrationSettings:
     share : tuple of (float, float, float)
         Share of registration where it is used beside semblance: without noise, in the mild noise of a good survey,
         whose slopes are averages over more traces than a shift is, and in noise.
+    share_noises : tuple of (float, float, float)
+        Median misfit ratios of a cube at which these hold; between them the share is interpolated.
     """
 
     farthest: int = 4
@@ -60,6 +62,7 @@ class RegistrationSettings:
     down: float = 4.0
     memory: float = 5.0
     share: tuple[float, float, float] = (0.5, 0.0, 1.0)
+    share_noises: tuple[float, float, float] = (0.0, 0.08, 0.16)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

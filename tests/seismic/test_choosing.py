@@ -107,6 +107,11 @@ def test_strong_support_goes_on_without_a_throw():
     assert end_where_still(sheet, throw, SETTINGS) == (sheet, throw)
 
 
+def test_a_sheet_goes_on_where_its_unmoved_sides_do_not_fit():
+    sheet, throw = candidate(score=0.5, throw=0.2, fit=0.3)
+    assert end_where_still(sheet, throw, SETTINGS) == (sheet, throw)
+
+
 def test_a_sheet_without_any_throw_is_gone():
     ended, moved = end_where_still(*candidate(score=0.5, throw=0.2), SETTINGS)
     assert not ended.inside.any()

@@ -110,10 +110,11 @@ def noisy(cube, level=0.8):
 
 @pytest.mark.parametrize(
     ("noise", "expected"),
-    [(0.0, 0.5), (0.04, 0.25), (0.077, 0.0), (0.08, 0.0), (0.14, 0.5), (0.195, 1.0), (0.2, 1.0), (0.6, 1.0)],
+    [(0.0, 0.5), (0.04, 0.25), (0.077, 0.0), (0.08, 0.0), (0.12, 0.5), (0.157, 1.0), (0.16, 1.0), (0.6, 1.0)],
 )
 def test_share_of_registration_follows_the_noise(noise, expected):
-    first, second = share_out(noise, RegistrationSettings().share)
+    settings = RegistrationSettings()
+    first, second = share_out(noise, settings.share, settings.share_noises)
     assert second == pytest.approx(expected)
     assert first == 1.0 - second
 

@@ -146,7 +146,8 @@ def attempts(run: BlockRun) -> list[tuple[str, float]]:
     first = "near" if near["reach"] == run.settings.misfit.reach[0] else "far"
     if run.settings.evidence != "both":
         return [(first, 1.0)]
-    shares = share_out(near["noise"], run.settings.registration.share)
+    registration = run.settings.registration
+    shares = share_out(near["noise"], registration.share, registration.share_noises)
     return [(name, share) for name, share in zip((first, "second"), shares, strict=True) if share > 0.0]
 
 

@@ -68,22 +68,27 @@ def thin(run: BlockRun, number: int) -> None:
     ridges = ridges.select(_inside(ridges, box.grown((drawn_from,) * 2, run.plan.shape)))
     shape = (*box.shape, run.plan.shape[2])
     write_result(run, "likelihood", box, draw_ridges(ridges, plan.step, shape, corner=(box.i0, box.j0)))
-    ratio, _ = final_noise(run)
-    strong = ridges.select(_inside(ridges, box) & (ridges.score >= score_at_noise(run.settings.least_score, ratio)))
+    kept = ridges.select(_inside(ridges, box) & (ridges.score >= min(least_scores(run))))
     run.write_part(
         "thin", number,
-        {"voxels": strong.voxels, "positions": strong.positions, "planes": strong.planes, "score": strong.score},
+        {"voxels": kept.voxels, "positions": kept.positions, "planes": kept.planes, "score": kept.score},
     )  # fmt: skip
 
 
-def gather_ridges(run: BlockRun, room: OnDisk) -> RidgePoints:
-    """Return the strong ridges of the whole cube, in the order in which the cube in one piece has them."""
+def least_scores(run: BlockRun) -> tuple[float, float]:
+    """Return the least support of strong ridges, and of those that sheets are followed along."""
+    ratio, _ = final_noise(run)
+    return score_at_noise(run.settings.least_score, ratio), run.settings.extend.weakest
+
+
+def gather_ridges(run: BlockRun, room: OnDisk, least: float) -> RidgePoints:
+    """Return the whole cube's ridges of that support at least, in the order in which the cube in one piece has them."""
     blocks = range(len(run.plan.tiling("draw")))
     shape = thinned_shape(run)
-    keys = [
-        np.ravel_multi_index(tuple(run.read_part("thin", number, prefix="voxels")[0]["voxels"].T), shape)
-        for number in blocks
-    ]
+    keys = []
+    for number in blocks:
+        part, _ = run.read_part("thin", number)
+        keys.append(np.ravel_multi_index(tuple(part["voxels"][part["score"] >= least].T), shape))
     flat = np.concatenate(keys)
     del keys
     order = np.argsort(flat, kind="stable")
@@ -97,9 +102,10 @@ def gather_ridges(run: BlockRun, room: OnDisk) -> RidgePoints:
     first = 0
     for number in blocks:
         part, _ = run.read_part("thin", number)
-        at = place[first : first + len(part["score"])]
+        enough = part["score"] >= least
+        at = place[first : first + int(enough.sum())]
         for name, values in whole.items():
-            values[at] = part[name]
+            values[at] = part[name][enough]
         first += len(at)
         room.rest()
     return RidgePoints(**whole)

@@ -12,7 +12,7 @@ from seismo3d.seismic.blocks.cleaning import read_clean
 from seismo3d.seismic.blocks.evidence import final_noise, thinned_shape
 from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.results import write_result
-from seismo3d.seismic.blocks.ridges import gather_ridges
+from seismo3d.seismic.blocks.ridges import gather_ridges, least_scores
 from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.choosing import choose_faults, end_where_still
@@ -28,7 +28,8 @@ def link_facts(run: BlockRun) -> None:
     """Link the whole cube's ridges into sheets that may be faults."""
     ratio, _ = final_noise(run)
     room = OnDisk(run.work / "ridges")
-    sheets = find_candidates(gather_ridges(run, room), thinned_shape(run), ratio, run.settings, room=room)
+    strong, weak = (gather_ridges(run, room, least) for least in least_scores(run))
+    sheets = find_candidates(strong, weak, thinned_shape(run), ratio, run.settings, room=room)
     room.remove()
     run.write_fact("link", n_sheets=len(sheets), **_packed("sheet", sheets))
 
