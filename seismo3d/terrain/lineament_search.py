@@ -12,9 +12,10 @@ from seismo3d._typing import Float32Array, Float64Array, Progress
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
-from seismo3d.terrain.evidence import REGION, SCALE, fill_smoothly, measure_levels, square_map
+from seismo3d.terrain.evidence import REGION, SCALE, TerrainEvidence, fill_smoothly, measure_levels, square_map
 from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines
 from seismo3d.terrain.placing import snap_line
+from seismo3d.terrain.prominence import measure_prominence
 from seismo3d.terrain.support import LineSupport, scan_lines
 from seismo3d.terrain.tracing import TracedLine, trace_lines
 
@@ -49,6 +50,9 @@ class LineamentSettings:
         Shortest lineament, in windows, of the map's own cells: a line as short as the window is the window's own.
     least_strength : float
         Mean score times the root of the length in cells that a lineament needs.
+    least_prominence : float
+        Mean evidence of a lineament over that of the same path laid beside it: what the terrain's own texture draws by
+        chance at that strike, see :mod:`seismo3d.terrain.prominence`.
     drainage : float
         Largest share of the surrounding slope that may run along a lineament: what runs down the slope is a valley or a
         spur between valleys, which running water makes straight by itself.
@@ -65,6 +69,7 @@ class LineamentSettings:
     near: float = 4.0
     least_length: float = 3.0
     least_strength: float = 45.0
+    least_prominence: float = 6.5
     drainage: float = 0.45
 
 
@@ -88,6 +93,8 @@ class Lineament:
         Mean strike, 0 to 180 degrees clockwise from north.
     confidence : float
         0 to 1; one half at the least score of a crest.
+    prominence : float
+        Its evidence over that of the same path laid beside it, whose texture is what chance draws here.
     """
 
     points: Float64Array
@@ -97,6 +104,7 @@ class Lineament:
     length: float
     strike_deg: float
     confidence: float
+    prominence: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,11 +184,12 @@ def lineaments(
     steps = tuple(float(np.hypot(*column)) for column in grid.steps_m.T)
     square, stretch = square_map(z, (steps[0], steps[1]))
     report = progress or _unheard
-    supports, lines = _search(square, settings, report)
+    levels = measure_levels(square, settings.n_levels, 2.0 * settings.length)
+    supports, lines = _search(square, levels, settings, report)
     report("fuse", 0.0)
-    lines = _choose(lines, supports, square, settings)
+    chosen = _choose(lines, supports, square, levels, settings)
     report("fuse", 1.0)
-    made = tuple(make_lineament(line, grid, stretch, settings.least_score) for line in lines)
+    made = tuple(make_lineament(line, grid, stretch, settings.least_score, prominence) for line, prominence in chosen)
     likelihood = to_likelihood(supports[2].score, settings.least_score)
     return LineamentSet(made, _like(elevation, likelihood, z, stretch), grid, asdict(settings))
 
@@ -195,12 +204,11 @@ def _unheard(stage: str, share: float) -> None:
 
 
 def _search(
-    z: Float64Array, settings: LineamentSettings, report: Progress
+    z: Float64Array, levels: list[TerrainEvidence], settings: LineamentSettings, report: Progress
 ) -> tuple[list[LineSupport], list[TracedLine]]:
     """Return the supports of the finest level, and the pieces of all levels that do not run along the slope."""
     first: list[LineSupport] = []
     pieces: list[TracedLine] = []
-    levels = measure_levels(z, settings.n_levels, 2.0 * settings.length)
     filled = fill_smoothly(z, np.isfinite(z))
     for number, evidence in enumerate(levels):
         report("scan", number / len(levels))
@@ -220,9 +228,13 @@ def _search(
 
 
 def _choose(
-    pieces: list[TracedLine], supports: list[LineSupport], z: Float64Array, settings: LineamentSettings
-) -> list[TracedLine]:
-    """Fuse and join pieces, bring them to the crest, and keep the lines that are long and significant enough."""
+    pieces: list[TracedLine],
+    supports: list[LineSupport],
+    z: Float64Array,
+    levels: list[TerrainEvidence],
+    settings: LineamentSettings,
+) -> list[tuple[TracedLine, float]]:
+    """Fuse and join pieces, bring them to the crest, and keep long, significant lines with their prominence."""
     gap = settings.gap * settings.length
     crest = _crest(supports, by_contrast=False)
     lines = join_lines(fuse_lines(join_lines(pieces, gap=0.5 * gap), near=settings.near), gap=gap)
@@ -239,13 +251,13 @@ def _choose(
     lines = drop_echoes(lines, near=REGION * SCALE + SCALE)
     slope = regional_slope(fill_smoothly(z, np.isfinite(z)), 0.5 * settings.length)
     kept = [
-        line
+        (line, measure_prominence(line, levels))
         for line in lines
         if line.length >= settings.least_length * settings.length
         and line.strength >= settings.least_strength
         and share_along(line.places, slope) < settings.drainage
     ]
-    return sorted(kept, key=lambda line: -line.strength)
+    return sorted((pair for pair in kept if pair[1] >= settings.least_prominence), key=lambda pair: -pair[0].strength)
 
 
 def _crest(supports: list[LineSupport], *, by_contrast: bool) -> Float32Array:
@@ -272,7 +284,9 @@ def share_along(places: Float64Array, slope: tuple[Float64Array, Float64Array]) 
     return float(np.abs((g * way).sum(axis=1)).sum() / max(np.linalg.norm(g, axis=1).sum(), 1e-12))
 
 
-def make_lineament(line: TracedLine, grid: MapGrid, stretch: tuple[float, float], least_score: float) -> Lineament:
+def make_lineament(
+    line: TracedLine, grid: MapGrid, stretch: tuple[float, float], least_score: float, prominence: float
+) -> Lineament:
     """Return a traced line with its place on the map."""
     places = line.places[:, ::-1] / np.array(stretch)
     places = np.clip(places, 0.0, np.array(grid.shape[::-1]) - 1.0)
@@ -289,6 +303,7 @@ def make_lineament(line: TracedLine, grid: MapGrid, stretch: tuple[float, float]
         length=float(np.linalg.norm(np.diff(metres, axis=0), axis=1).sum()),
         strike_deg=float(np.degrees(np.arctan2(way[0], north)) % 180.0),
         confidence=float(to_likelihood(line.score.mean(), least_score)),
+        prominence=prominence,
     )
 
 
