@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from seismo3d._validate import as_number, freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
 from seismo3d.terrain.evidence import REGION, SCALE, TerrainEvidence, fill_smoothly, measure_levels, square_map
+from seismo3d.terrain.extending import extend_line
 from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines
 from seismo3d.terrain.placing import snap_line
 from seismo3d.terrain.prominence import measure_prominence
@@ -51,8 +53,9 @@ class LineamentSettings:
     least_strength : float
         Mean score times the root of the length in cells that a lineament needs.
     least_prominence : float
-        Mean evidence of a lineament over that of the same path laid beside it: what the terrain's own texture draws by
-        chance at that strike, see :mod:`seismo3d.terrain.prominence`.
+        Mean evidence of a lineament over that of the same path laid beside it, which is what the terrain's own texture
+        draws by chance at that strike, see :mod:`seismo3d.terrain.prominence`. For the shortest lineament; it falls
+        with the root of the length, as every part of a line must hold a crest, and long ones by chance are rare.
     drainage : float
         Largest share of the surrounding slope that may run along a lineament: what runs down the slope is a valley or a
         spur between valleys, which running water makes straight by itself.
@@ -68,8 +71,8 @@ class LineamentSettings:
     gap: float = 1.5
     near: float = 4.0
     least_length: float = 3.0
-    least_strength: float = 45.0
-    least_prominence: float = 6.5
+    least_strength: float = 40.0
+    least_prominence: float = 9.0
     drainage: float = 0.45
 
 
@@ -237,10 +240,25 @@ def _choose(
     """Fuse and join pieces, bring them to the crest, and keep long, significant lines with their prominence."""
     gap = settings.gap * settings.length
     crest = _crest(supports, by_contrast=False)
-    lines = join_lines(fuse_lines(join_lines(pieces, gap=0.5 * gap), near=settings.near), gap=gap)
+
+    @cache
+    def judge(line: TracedLine) -> float:
+        value = measure_prominence(line, levels)
+        return value if np.isfinite(value) else 0.0
+
+    lines = join_lines(
+        fuse_lines(join_lines(pieces, gap=0.5 * gap), near=settings.near, judge=judge), gap=gap, judge=judge
+    )
     # on the crest, pieces of other levels and kinds that looked apart come together
     lines = [snap_line(line, crest, stiffness=SCALE, reach=settings.near) for line in lines]
-    lines = join_lines(fuse_lines(lines, near=settings.near), gap=gap)
+    best = np.maximum.reduce([support.score for support in supports])
+    lines = [
+        extend_line(line, crest, best, window=settings.length, reach=1.5 * settings.near, judge=judge)
+        if line.length >= 2.0 * settings.length and _stands_out(line, judge(line), settings)
+        else line
+        for line in lines
+    ]
+    lines = join_lines(fuse_lines(lines, near=settings.near, judge=judge), gap=gap, judge=judge)
     # the line that is reported is straight over two windows, and over an eighth of its length
     crest = _crest(supports, by_contrast=True)
     lines = [
@@ -248,24 +266,33 @@ def _choose(
         for line in lines
     ]
     # the regional surface answers to a line with two of the other sign beside it
-    lines = drop_echoes(lines, near=REGION * SCALE + SCALE)
+    lines = drop_echoes(lines, near=REGION * SCALE + SCALE, judge=judge)
     slope = regional_slope(fill_smoothly(z, np.isfinite(z)), 0.5 * settings.length)
     kept = [
-        (line, measure_prominence(line, levels))
+        (line, judge(line))
         for line in lines
         if line.length >= settings.least_length * settings.length
         and line.strength >= settings.least_strength
+        and _stands_out(line, judge(line), settings)
         and share_along(line.places, slope) < settings.drainage
     ]
-    return sorted((pair for pair in kept if pair[1] >= settings.least_prominence), key=lambda pair: -pair[0].strength)
+    return sorted(kept, key=lambda pair: -pair[0].strength)
+
+
+def _stands_out(line: TracedLine, prominence: float, settings: LineamentSettings) -> bool:
+    shortest = settings.least_length * settings.length
+    return prominence * float(np.sqrt(line.length / shortest)) >= settings.least_prominence
 
 
 def _crest(supports: list[LineSupport], *, by_contrast: bool) -> Float32Array:
-    """Return where a line belongs: between a scarp's steepest part and the hollow at its foot."""
-    # a certain line's score is flat across it: there the contrast tells where it is
-    chosen = [support for support in supports if support.kind != "both"]
-    parts = [one.score * one.contrast if by_contrast else one.score for one in chosen]
-    blur = SCALE if by_contrast else 2.0 * SCALE
+    """Return where a line belongs: on a scarp's steepest part, or in the hollow of a trough."""
+    step, trough = (next(one for one in supports if one.kind == kind) for kind in ("step", "trough"))
+    if not by_contrast:
+        parts, blur = [step.score, trough.score], 2.0 * SCALE
+    else:
+        # a certain line's score is flat across it: there the contrast tells where it is; a scarp wears about its
+        # middle, which stays on the fault, and the hollow at its foot lies aside
+        parts, blur = [step.score * step.contrast, 0.5 * trough.score * trough.contrast], SCALE
     return np.asarray(sum(ndimage.gaussian_filter(part, blur) for part in parts), np.float32)
 
 

@@ -13,6 +13,8 @@ _BESIDE = 12
 """Paths on each side that a line is compared with."""
 _LEAST_PATHS = 6
 """Paths on the map below which a line cannot be judged."""
+_STRIDE = 2.0
+"""Cells of the level between the values that a path's mean is taken of: the evidence is smooth over them."""
 _ON_MAP = 0.5
 """Share of a path that must lie where evidence is known."""
 
@@ -45,45 +47,45 @@ def _prominence(line: TracedLine, evidence: TerrainEvidence) -> float:
     path = _even_path((line.places + 0.5) / evidence.factor - 0.5)
     if len(path) < 4:
         return float("nan")
-    way = np.gradient(ndimage.gaussian_filter1d(path, 6.0, axis=0, mode="nearest"), axis=0)
+    way = np.gradient(ndimage.gaussian_filter1d(path, 6.0 / _STRIDE, axis=0, mode="nearest"), axis=0)
     normals = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
     far = 2.0 * REGION * SCALE + REGION * SCALE * np.arange(_BESIDE)
     near = np.arange(-3.0, 4.0)
-    beside = _mean_evidence(path, normals, np.concatenate([-far, far]), evidence)
-    if len(beside) < _LEAST_PATHS:
-        return float("nan")
-    own = _mean_evidence(path, normals, near, evidence)
-    if len(own) == 0:
+    means = _mean_evidence(path, normals, np.concatenate([near, -far, far]), evidence)
+    own, beside = means[: len(near)], means[len(near) :]
+    beside = beside[np.isfinite(beside[:, 0])]
+    if len(beside) < _LEAST_PATHS or not np.isfinite(own).any():
         return float("nan")
     chance = np.maximum(np.sqrt((beside**2).mean(axis=0)), 1e-6)
     # a ridge is no trough
-    top = np.array([np.abs(own[:, 0]).max(), max(float(own[:, 1].max()), 0.0)])
+    top = np.array([np.nanmax(np.abs(own[:, 0])), max(float(np.nanmax(own[:, 1])), 0.0)])
     return float(np.hypot(*(top / chance)))
 
 
 def _even_path(places: Float64Array) -> Float64Array:
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
-    at = np.arange(0.0, arc[-1], 1.0)
+    at = np.arange(0.0, arc[-1], _STRIDE)
     return np.column_stack([np.interp(at, arc, places[:, k]) for k in (0, 1)])
 
 
 def _mean_evidence(
     path: Float64Array, normals: Float64Array, moves: Float64Array, evidence: TerrainEvidence
 ) -> Float64Array:
-    """Return the mean slope and hollow across moved paths, over the steepness around; without those off the map."""
+    """Return the mean slope and hollow across moved paths, over the steepness around; NaN for those off the map."""
     ny, nx = normals.T
-    hyy, hxy, hxx = evidence.curvature
-    out = []
-    for move in moves:
-        at = (path + move * normals).T
-        known = ndimage.map_coordinates(evidence.known, at, order=1, mode="constant", cval=0.0)
-        if known.mean() < _ON_MAP:
-            continue
-        weight = known / np.maximum(ndimage.map_coordinates(evidence.steepness, at, order=1, mode="nearest"), 1e-6)
-        sy, sx, cyy, cxy, cxx = (
-            ndimage.map_coordinates(part, at, order=1, mode="nearest") for part in (*evidence.slope, hyy, hxy, hxx)
-        )
-        step = (weight * (ny * sy + nx * sx)).sum() / known.sum()
-        trough = (weight * (ny * ny * cyy + 2.0 * ny * nx * cxy + nx * nx * cxx)).sum() / known.sum()
-        out.append((step, trough))
-    return np.array(out).reshape(-1, 2)
+    places = path + moves[:, None, None] * normals
+    at = places.reshape(-1, 2).T
+    shape = places.shape[:2]
+    known = ndimage.map_coordinates(evidence.known, at, order=1, mode="constant", cval=0.0).reshape(shape)
+    sy, sx, cyy, cxy, cxx, steepness = (
+        ndimage.map_coordinates(part, at, order=1, mode="nearest").reshape(shape)
+        for part in (*evidence.slope, *evidence.curvature, evidence.steepness)
+    )
+    weight = known / np.maximum(steepness, 1e-6)
+    step = (weight * (ny * sy + nx * sx)).mean(axis=1)
+    trough = (weight * (ny * ny * cyy + 2.0 * ny * nx * cxy + nx * nx * cxx)).mean(axis=1)
+    share = known.mean(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        means = np.column_stack([step, trough]) / share[:, None]
+    means[share < _ON_MAP] = np.nan
+    return np.asarray(means, np.float64)
