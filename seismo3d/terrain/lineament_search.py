@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from typing import Any
@@ -239,7 +240,7 @@ def _choose(
 ) -> list[tuple[TracedLine, float]]:
     """Fuse and join pieces, bring them to the crest, and keep long, significant lines with their prominence."""
     gap = settings.gap * settings.length
-    crest = _crest(supports, by_contrast=False)
+    crest = _crest(supports)
 
     @cache
     def judge(line: TracedLine) -> float:
@@ -260,11 +261,7 @@ def _choose(
     ]
     lines = join_lines(fuse_lines(lines, near=settings.near, judge=judge), gap=gap, judge=judge)
     # the line that is reported is straight over two windows, and over an eighth of its length
-    crest = _crest(supports, by_contrast=True)
-    lines = [
-        snap_line(line, crest, stiffness=max(2.0 * settings.length, line.length / 8.0), reach=3.0 * settings.near)
-        for line in lines
-    ]
+    lines = _placed(lines, supports, settings, judge)
     # the regional surface answers to a line with two of the other sign beside it
     lines = drop_echoes(lines, near=REGION * SCALE + SCALE, judge=judge)
     slope = regional_slope(fill_smoothly(z, np.isfinite(z)), 0.5 * settings.length)
@@ -284,15 +281,34 @@ def _stands_out(line: TracedLine, prominence: float, settings: LineamentSettings
     return prominence * float(np.sqrt(line.length / shortest)) >= settings.least_prominence
 
 
-def _crest(supports: list[LineSupport], *, by_contrast: bool) -> Float32Array:
-    """Return where a line belongs: on a scarp's steepest part, or in the hollow of a trough."""
-    step, trough = (next(one for one in supports if one.kind == kind) for kind in ("step", "trough"))
-    if not by_contrast:
-        parts, blur = [step.score, trough.score], 2.0 * SCALE
+def _placed(
+    lines: list[TracedLine],
+    supports: list[LineSupport],
+    settings: LineamentSettings,
+    judge: Callable[[TracedLine], float],
+) -> list[TracedLine]:
+    """Return lines brought to the scarp's middle, or to the hollow at its foot where only there they stand out."""
+    middle, foot = (_crest(supports, trough=weight) for weight in (0.5, 1.0))
+    out = []
+    for line in lines:
+        stiffness, reach = max(2.0 * settings.length, line.length / 8.0), 3.0 * settings.near
+        made = snap_line(line, middle, stiffness=stiffness, reach=reach)
+        if not _stands_out(made, judge(made), settings):
+            other = snap_line(line, foot, stiffness=stiffness, reach=reach)
+            made = other if judge(other) > judge(made) else made
+        out.append(made)
+    return out
+
+
+def _crest(supports: list[LineSupport], *, trough: float | None = None) -> Float32Array:
+    """Return where a line belongs: by score, or by contrast as well with a weight for troughs beside steps."""
+    step, hollow = (next(one for one in supports if one.kind == kind) for kind in ("step", "trough"))
+    if trough is None:
+        parts, blur = [step.score, hollow.score], 2.0 * SCALE
     else:
         # a certain line's score is flat across it: there the contrast tells where it is; a scarp wears about its
         # middle, which stays on the fault, and the hollow at its foot lies aside
-        parts, blur = [step.score * step.contrast, 0.5 * trough.score * trough.contrast], SCALE
+        parts, blur = [step.score * step.contrast, trough * hollow.score * hollow.contrast], SCALE
     return np.asarray(sum(ndimage.gaussian_filter(part, blur) for part in parts), np.float32)
 
 
