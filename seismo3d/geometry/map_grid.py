@@ -174,6 +174,30 @@ def refuse_other_systems(first: MapGrid, second: MapGrid, names: tuple[str, str]
         )
 
 
+def refuse_apart(first: MapGrid, second: MapGrid, names: tuple[str, str]) -> None:
+    """Refuse two maps with a georeference whose extents do not meet."""
+    if not (first.has_place and second.has_place):
+        return
+    low, high = zip(*(_extent(grid) for grid in (first, second)), strict=True)
+    if (np.minimum(*high) > np.maximum(*low)).all():
+        return
+    said = [
+        f"{name} covers x {a[0]:.10g} to {b[0]:.10g}, y {a[1]:.10g} to {b[1]:.10g}"
+        for name, a, b in zip(names, low, high, strict=True)
+    ]
+    raise GeometryError(
+        f"{names[0]} and {names[1]} have no common area: {said[0]}; {said[1]}. Check their georeference, or pass bare "
+        "arrays to align them by their relief alone."
+    )
+
+
+def _extent(grid: MapGrid) -> tuple[Float64Array, Float64Array]:
+    rows, columns = grid.shape
+    corners = [[x, y] for x in (-0.5, columns - 0.5) for y in (-0.5, rows - 0.5)]
+    points = grid.to_map(corners)
+    return points.min(axis=0), points.max(axis=0)
+
+
 def same_system(first: str, second: str) -> bool:
     """Whether two reference systems are the same: by their text, else by rasterio where it is installed."""
     if first.strip().upper() == second.strip().upper():

@@ -19,7 +19,7 @@ import numpy as np
 from seismo3d._typing import Float64Array
 from seismo3d._validate import freeze
 from seismo3d.errors import GeometryError, ParameterError
-from seismo3d.geometry.map_grid import MapGrid, elevation_values, refuse_other_systems
+from seismo3d.geometry.map_grid import MapGrid, elevation_values, refuse_apart, refuse_other_systems
 from seismo3d.terrain._kernels_align import resample
 from seismo3d.terrain.coarse import match_pose
 from seismo3d.terrain.fitting import Fit, Level, Pose, fit_pose, measure_covariance, relief
@@ -156,6 +156,7 @@ def register(
         raise ParameterError(f"vertical is {vertical!r}; expected one of {', '.join(VERTICALS)}.")
     here, there = MapGrid.from_elevation(target), MapGrid.from_elevation(source)
     refuse_other_systems(here, there, ("target", "source"))
+    refuse_apart(here, there, ("target", "source"))
     levels = make_levels(elevation_values(target, "target"), here, elevation_values(source, "source"), there)
     free = MODELS[model] + VERTICALS[vertical]
     fits: list[tuple[Fit, str]] = []

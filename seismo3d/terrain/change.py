@@ -23,7 +23,7 @@ from scipy.special import ndtri
 from seismo3d._typing import ArrayLike, BoolArray, Float64Array
 from seismo3d._validate import as_number, as_points, freeze
 from seismo3d.errors import GeometryError, ParameterError
-from seismo3d.geometry.map_grid import MapGrid, elevation_values, refuse_other_systems
+from seismo3d.geometry.map_grid import MapGrid, elevation_values, refuse_apart, refuse_other_systems
 from seismo3d.geometry.voxels import downsample_points
 from seismo3d.terrain._kernels_align import slopes_with_holes
 from seismo3d.terrain.alignment import ElevationRegistration
@@ -125,6 +125,9 @@ def compare(
     here, there = MapGrid.from_elevation(before), MapGrid.from_elevation(after)
     refuse_other_systems(here, there, ("before", "after"))
     z = elevation_values(before, "before")
+    elevation_values(after, "after", least=2)
+    if registration is None:
+        refuse_apart(here, there, ("before", "after"))
     moved = (registration or _as_they_lie()).apply(after, before)
     difference = np.asarray(moved, np.float64) - z
     known = np.isfinite(difference)

@@ -86,13 +86,13 @@ def write_lineaments(directory: str | Path, found: LineamentSet, *, scarps: Sequ
     return out
 
 
-_NAMES = ("kind", "strike_deg", "length_m", "confidence", "score")
+_NAMES = ("kind", "strike_deg", "length_m", "confidence", "score", "prominence")
 _SCARP_NAMES = ("scarp_height_m", "scarp_height_sigma_m", "scarp_facing_deg", "scarp_width_m", "scarp_slope_deg")
 
 
 def _properties(line: Lineament) -> dict[str, Any]:
     values = (line.kind, round(line.strike_deg, 2), round(line.length, 3), round(line.confidence, 4))
-    return dict(zip(_NAMES, (*values, round(float(line.score.mean()), 3)), strict=True))
+    return dict(zip(_NAMES, (*values, round(float(line.score.mean()), 3), round(line.prominence, 2)), strict=True))
 
 
 def _scarp_properties(scarp: Scarp | None) -> dict[str, Any]:

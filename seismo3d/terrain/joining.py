@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
@@ -11,10 +13,23 @@ from seismo3d.terrain.tracing import TracedLine
 
 _END = 36
 """Places at a line's end that its direction there is taken from."""
+_GOES_ON = 12.0
+"""Cells of a part's level by which it must lengthen a line before it is asked whether the line still stands out."""
+_STILL_OUT = 0.7
+"""Share of its parts' prominence that a longer line keeps at least."""
 
 
-def join_lines(lines: list[TracedLine], *, gap: float, turn_deg: float = 20.0, aside: float = 3.0) -> list[TracedLine]:
+def join_lines(
+    lines: list[TracedLine],
+    *,
+    gap: float,
+    turn_deg: float = 20.0,
+    aside: float = 3.0,
+    judge: Callable[[TracedLine], float] | None = None,
+) -> list[TracedLine]:
     """Join lines that continue each other: ends that face each other across a gap, the smallest gap first.
+
+    With a judge, the pair that stands out most as one line first, and none that stands out much less than its parts.
 
     Parameters
     ----------
@@ -26,6 +41,8 @@ def join_lines(lines: list[TracedLine], *, gap: float, turn_deg: float = 20.0, a
     aside : float
         Farthest that each line's continuation may miss the other's end, in cells of that level, beyond a tenth of the
         gap.
+    judge : callable, optional
+        How far a line stands out.
 
     Returns
     -------
@@ -34,7 +51,7 @@ def join_lines(lines: list[TracedLine], *, gap: float, turn_deg: float = 20.0, a
     """
     if len(lines) < 2:
         return list(lines)
-    partner = _facing_ends(lines, gap, turn_deg, aside)
+    partner = _facing_ends(lines, gap, turn_deg, aside, judge)
     free = set(range(len(lines)))
     out = []
     starts = [a for a in range(2 * len(lines)) if a not in partner] + list(range(2 * len(lines)))
@@ -54,7 +71,9 @@ def join_lines(lines: list[TracedLine], *, gap: float, turn_deg: float = 20.0, a
     return sorted(out, key=lambda line: -line.length)
 
 
-def _facing_ends(lines: list[TracedLine], gap: float, turn_deg: float, aside: float) -> dict[int, int]:
+def _facing_ends(
+    lines: list[TracedLine], gap: float, turn_deg: float, aside: float, judge: Callable[[TracedLine], float] | None
+) -> dict[int, int]:
     """Return the partner of every end that has one; ends 2 n and 2 n + 1 are the first and the last of line n."""
     ends = [_end(line, last) for line in lines for last in (False, True)]
     place = np.array([p for p, _ in ends])
@@ -71,12 +90,28 @@ def _facing_ends(lines: list[TracedLine], gap: float, turn_deg: float, aside: fl
     ahead = (way[a] * across).sum(axis=1)
     fits = (wide <= gap) & ((way[a] * way[b]).sum(axis=1) <= -np.cos(np.radians(turn_deg)))
     fits &= (miss <= aside + 0.1 * wide) & (ahead > -aside)
+    rows = np.flatnonzero(fits)
+    pairs = [(int(a[row]), int(b[row])) for row in rows[np.argsort(wide[rows], kind="stable")]]
+    if judge is not None:
+        pairs = _judged(pairs, lines, judge)
     partner: dict[int, int] = {}
-    for row in np.flatnonzero(fits)[np.argsort(wide[fits], kind="stable")]:
-        first, second = int(a[row]), int(b[row])
+    for first, second in pairs:
         if first not in partner and second not in partner:
             partner[first], partner[second] = second, first
     return partner
+
+
+def _judged(
+    pairs: list[tuple[int, int]], lines: list[TracedLine], judge: Callable[[TracedLine], float]
+) -> list[tuple[int, int]]:
+    """Return the pairs of ends that still stand out once joined, those that stand out most first."""
+    kept = []
+    for first, second in pairs:
+        one, other = lines[first // 2], lines[second // 2]
+        made = judge(_chained([(one, first % 2 == 0), (other, second % 2 == 1)]))
+        if made >= _STILL_OUT * max(judge(one), judge(other)):
+            kept.append((made, (first, second)))
+    return [pair for _, pair in sorted(kept, key=lambda one: -one[0])]
 
 
 def _end(line: TracedLine, last: bool) -> tuple[Float64Array, Float64Array]:
@@ -108,12 +143,18 @@ def _chained(parts: list[tuple[TracedLine, bool]]) -> TracedLine:
 
 
 def fuse_lines(
-    lines: list[TracedLine], *, near: float, share: float = 0.25, turn_deg: float = 20.0
+    lines: list[TracedLine],
+    *,
+    near: float,
+    share: float = 0.25,
+    turn_deg: float = 20.0,
+    judge: Callable[[TracedLine], float] | None = None,
 ) -> list[TracedLine]:
     """Fuse lines that run beside each other, of other kinds and levels, into one; most significant first.
 
     Slope, hollow and their scales see one fault at places a little apart and over parts of its length. The most
-    significant line takes up those that lie beside it, and goes on as far as they do.
+    significant line takes up those that lie beside it, and goes on as far as they do, unless it then stands out much
+    less than its parts: it would leave a fault for a slope that meets it.
 
     Parameters
     ----------
@@ -124,23 +165,40 @@ def fuse_lines(
         Share of a line that must.
     turn_deg : float
         Largest angle between them.
+    judge : callable, optional
+        How far a line stands out; without it all that lie beside each other are one.
     """
-    rest = sorted(lines, key=lambda one: -one.strength)
+    rest = sorted(lines, key=lambda one: -(one.strength if judge is None else judge(one)))
     out = []
     cosine = np.cos(np.radians(turn_deg))
     while rest:
         group, fused = [rest[0]], rest[0]
         rest = rest[1:]
+        refused: set[int] = set()
         while True:
             tree = cKDTree(fused.places)
-            taken = [_is_beside(line, fused, tree, near, share, cosine) for line in rest]
-            if not any(taken):
+            taken = [
+                line for line in rest if id(line) not in refused and _is_beside(line, fused, tree, near, share, cosine)
+            ]
+            if not taken:
                 break
-            group += [line for line, is_taken in zip(rest, taken, strict=True) if is_taken]
-            rest = [line for line, is_taken in zip(rest, taken, strict=True) if not is_taken]
-            fused = _fused(group)
+            for line in taken:
+                made = _fused([*group, line])
+                if judge is not None and _is_worse(made, fused, line, judge):
+                    refused.add(id(line))
+                else:
+                    group, fused = [*group, line], made
+            gone = {id(line) for line in group}
+            rest = [line for line in rest if id(line) not in gone]
         out.append(fused)
     return out
+
+
+def _is_worse(made: TracedLine, fused: TracedLine, line: TracedLine, judge: Callable[[TracedLine], float]) -> bool:
+    """Return whether a fused line that goes on by much stands out much less than one of its two parts."""
+    if made.length < fused.length + _GOES_ON * line.factor:
+        return False
+    return judge(made) < _STILL_OUT * max(judge(fused), judge(line))
 
 
 def _is_beside(line: TracedLine, other: TracedLine, tree: cKDTree, near: float, share: float, cosine: float) -> bool:
@@ -179,7 +237,12 @@ def _fused(group: list[TracedLine]) -> TracedLine:
 
 
 def drop_echoes(
-    lines: list[TracedLine], *, near: float, share: float = 0.6, turn_deg: float = 20.0
+    lines: list[TracedLine],
+    *,
+    near: float,
+    share: float = 0.6,
+    turn_deg: float = 20.0,
+    judge: Callable[[TracedLine], float] | None = None,
 ) -> list[TracedLine]:
     """Drop lines beside a stronger one that are nearer than the regional surface can follow: their own side lobes.
 
@@ -192,10 +255,12 @@ def drop_echoes(
         Share of a line that lies beside a stronger one.
     turn_deg : float
         Largest angle between them.
+    judge : callable, optional
+        How far a line stands out, which then is what makes it stronger.
     """
     cosine = np.cos(np.radians(turn_deg))
     kept: list[TracedLine] = []
-    for line in sorted(lines, key=lambda one: -one.strength):
+    for line in sorted(lines, key=lambda one: -(one.strength if judge is None else judge(one))):
         if not any(_is_beside(line, one, cKDTree(one.places), near, share, cosine) for one in kept):
             kept.append(line)
     return kept

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,9 +14,11 @@ from seismo3d._typing import Float32Array, Float64Array, Progress
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
-from seismo3d.terrain.evidence import REGION, SCALE, fill_smoothly, measure_levels, square_map
+from seismo3d.terrain.evidence import REGION, SCALE, TerrainEvidence, fill_smoothly, measure_levels, square_map
+from seismo3d.terrain.extending import extend_line
 from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines
 from seismo3d.terrain.placing import snap_line
+from seismo3d.terrain.prominence import measure_prominence
 from seismo3d.terrain.support import LineSupport, scan_lines
 from seismo3d.terrain.tracing import TracedLine, trace_lines
 
@@ -49,6 +53,10 @@ class LineamentSettings:
         Shortest lineament, in windows, of the map's own cells: a line as short as the window is the window's own.
     least_strength : float
         Mean score times the root of the length in cells that a lineament needs.
+    least_prominence : float
+        Mean evidence of a lineament over that of the same path laid beside it, which is what the terrain's own texture
+        draws by chance at that strike, see :mod:`seismo3d.terrain.prominence`. For the shortest lineament; it falls
+        with the root of the length, as every part of a line must hold a crest, and long ones by chance are rare.
     drainage : float
         Largest share of the surrounding slope that may run along a lineament: what runs down the slope is a valley or a
         spur between valleys, which running water makes straight by itself.
@@ -64,7 +72,8 @@ class LineamentSettings:
     gap: float = 1.5
     near: float = 4.0
     least_length: float = 3.0
-    least_strength: float = 45.0
+    least_strength: float = 40.0
+    least_prominence: float = 9.0
     drainage: float = 0.45
 
 
@@ -88,6 +97,8 @@ class Lineament:
         Mean strike, 0 to 180 degrees clockwise from north.
     confidence : float
         0 to 1; one half at the least score of a crest.
+    prominence : float
+        Its evidence over that of the same path laid beside it, whose texture is what chance draws here.
     """
 
     points: Float64Array
@@ -97,6 +108,7 @@ class Lineament:
     length: float
     strike_deg: float
     confidence: float
+    prominence: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,11 +188,12 @@ def lineaments(
     steps = tuple(float(np.hypot(*column)) for column in grid.steps_m.T)
     square, stretch = square_map(z, (steps[0], steps[1]))
     report = progress or _unheard
-    supports, lines = _search(square, settings, report)
+    levels = measure_levels(square, settings.n_levels, 2.0 * settings.length)
+    supports, lines = _search(square, levels, settings, report)
     report("fuse", 0.0)
-    lines = _choose(lines, supports, square, settings)
+    chosen = _choose(lines, supports, square, levels, settings)
     report("fuse", 1.0)
-    made = tuple(make_lineament(line, grid, stretch, settings.least_score) for line in lines)
+    made = tuple(make_lineament(line, grid, stretch, settings.least_score, prominence) for line, prominence in chosen)
     likelihood = to_likelihood(supports[2].score, settings.least_score)
     return LineamentSet(made, _like(elevation, likelihood, z, stretch), grid, asdict(settings))
 
@@ -195,12 +208,11 @@ def _unheard(stage: str, share: float) -> None:
 
 
 def _search(
-    z: Float64Array, settings: LineamentSettings, report: Progress
+    z: Float64Array, levels: list[TerrainEvidence], settings: LineamentSettings, report: Progress
 ) -> tuple[list[LineSupport], list[TracedLine]]:
     """Return the supports of the finest level, and the pieces of all levels that do not run along the slope."""
     first: list[LineSupport] = []
     pieces: list[TracedLine] = []
-    levels = measure_levels(z, settings.n_levels, 2.0 * settings.length)
     filled = fill_smoothly(z, np.isfinite(z))
     for number, evidence in enumerate(levels):
         report("scan", number / len(levels))
@@ -220,40 +232,83 @@ def _search(
 
 
 def _choose(
-    pieces: list[TracedLine], supports: list[LineSupport], z: Float64Array, settings: LineamentSettings
-) -> list[TracedLine]:
-    """Fuse and join pieces, bring them to the crest, and keep the lines that are long and significant enough."""
+    pieces: list[TracedLine],
+    supports: list[LineSupport],
+    z: Float64Array,
+    levels: list[TerrainEvidence],
+    settings: LineamentSettings,
+) -> list[tuple[TracedLine, float]]:
+    """Fuse and join pieces, bring them to the crest, and keep long, significant lines with their prominence."""
     gap = settings.gap * settings.length
-    crest = _crest(supports, by_contrast=False)
-    lines = join_lines(fuse_lines(join_lines(pieces, gap=0.5 * gap), near=settings.near), gap=gap)
+    crest = _crest(supports)
+
+    @cache
+    def judge(line: TracedLine) -> float:
+        value = measure_prominence(line, levels)
+        return value if np.isfinite(value) else 0.0
+
+    lines = join_lines(
+        fuse_lines(join_lines(pieces, gap=0.5 * gap), near=settings.near, judge=judge), gap=gap, judge=judge
+    )
     # on the crest, pieces of other levels and kinds that looked apart come together
     lines = [snap_line(line, crest, stiffness=SCALE, reach=settings.near) for line in lines]
-    lines = join_lines(fuse_lines(lines, near=settings.near), gap=gap)
-    # the line that is reported is straight over two windows, and over an eighth of its length
-    crest = _crest(supports, by_contrast=True)
+    best = np.maximum.reduce([support.score for support in supports])
     lines = [
-        snap_line(line, crest, stiffness=max(2.0 * settings.length, line.length / 8.0), reach=3.0 * settings.near)
+        extend_line(line, crest, best, window=settings.length, reach=1.5 * settings.near, judge=judge)
+        if line.length >= 2.0 * settings.length and _stands_out(line, judge(line), settings)
+        else line
         for line in lines
     ]
+    lines = join_lines(fuse_lines(lines, near=settings.near, judge=judge), gap=gap, judge=judge)
+    # the line that is reported is straight over two windows, and over an eighth of its length
+    lines = _placed(lines, supports, settings, judge)
     # the regional surface answers to a line with two of the other sign beside it
-    lines = drop_echoes(lines, near=REGION * SCALE + SCALE)
+    lines = drop_echoes(lines, near=REGION * SCALE + SCALE, judge=judge)
     slope = regional_slope(fill_smoothly(z, np.isfinite(z)), 0.5 * settings.length)
     kept = [
-        line
+        (line, judge(line))
         for line in lines
         if line.length >= settings.least_length * settings.length
         and line.strength >= settings.least_strength
+        and _stands_out(line, judge(line), settings)
         and share_along(line.places, slope) < settings.drainage
     ]
-    return sorted(kept, key=lambda line: -line.strength)
+    return sorted(kept, key=lambda pair: -pair[0].strength)
 
 
-def _crest(supports: list[LineSupport], *, by_contrast: bool) -> Float32Array:
-    """Return where a line belongs: between a scarp's steepest part and the hollow at its foot."""
-    # a certain line's score is flat across it: there the contrast tells where it is
-    chosen = [support for support in supports if support.kind != "both"]
-    parts = [one.score * one.contrast if by_contrast else one.score for one in chosen]
-    blur = SCALE if by_contrast else 2.0 * SCALE
+def _stands_out(line: TracedLine, prominence: float, settings: LineamentSettings) -> bool:
+    shortest = settings.least_length * settings.length
+    return prominence * float(np.sqrt(line.length / shortest)) >= settings.least_prominence
+
+
+def _placed(
+    lines: list[TracedLine],
+    supports: list[LineSupport],
+    settings: LineamentSettings,
+    judge: Callable[[TracedLine], float],
+) -> list[TracedLine]:
+    """Return lines brought to the scarp's middle, or to the hollow at its foot where only there they stand out."""
+    middle, foot = (_crest(supports, trough=weight) for weight in (0.5, 1.0))
+    out = []
+    for line in lines:
+        stiffness, reach = max(2.0 * settings.length, line.length / 8.0), 3.0 * settings.near
+        made = snap_line(line, middle, stiffness=stiffness, reach=reach)
+        if not _stands_out(made, judge(made), settings):
+            other = snap_line(line, foot, stiffness=stiffness, reach=reach)
+            made = other if judge(other) > judge(made) else made
+        out.append(made)
+    return out
+
+
+def _crest(supports: list[LineSupport], *, trough: float | None = None) -> Float32Array:
+    """Return where a line belongs: by score, or by contrast as well with a weight for troughs beside steps."""
+    step, hollow = (next(one for one in supports if one.kind == kind) for kind in ("step", "trough"))
+    if trough is None:
+        parts, blur = [step.score, hollow.score], 2.0 * SCALE
+    else:
+        # a certain line's score is flat across it: there the contrast tells where it is; a scarp wears about its
+        # middle, which stays on the fault, and the hollow at its foot lies aside
+        parts, blur = [step.score * step.contrast, trough * hollow.score * hollow.contrast], SCALE
     return np.asarray(sum(ndimage.gaussian_filter(part, blur) for part in parts), np.float32)
 
 
@@ -272,7 +327,9 @@ def share_along(places: Float64Array, slope: tuple[Float64Array, Float64Array]) 
     return float(np.abs((g * way).sum(axis=1)).sum() / max(np.linalg.norm(g, axis=1).sum(), 1e-12))
 
 
-def make_lineament(line: TracedLine, grid: MapGrid, stretch: tuple[float, float], least_score: float) -> Lineament:
+def make_lineament(
+    line: TracedLine, grid: MapGrid, stretch: tuple[float, float], least_score: float, prominence: float
+) -> Lineament:
     """Return a traced line with its place on the map."""
     places = line.places[:, ::-1] / np.array(stretch)
     places = np.clip(places, 0.0, np.array(grid.shape[::-1]) - 1.0)
@@ -289,6 +346,7 @@ def make_lineament(line: TracedLine, grid: MapGrid, stretch: tuple[float, float]
         length=float(np.linalg.norm(np.diff(metres, axis=0), axis=1).sum()),
         strike_deg=float(np.degrees(np.arctan2(way[0], north)) % 180.0),
         confidence=float(to_likelihood(line.score.mean(), least_score)),
+        prominence=prominence,
     )
 
 

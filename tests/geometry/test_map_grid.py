@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from seismo3d.errors import GeometryError, ParameterError
-from seismo3d.geometry.map_grid import MapGrid, as_six, elevation_values, is_geographic, refuse_other_systems
+from seismo3d.geometry.map_grid import (
+    MapGrid,
+    as_six,
+    elevation_values,
+    is_geographic,
+    refuse_apart,
+    refuse_other_systems,
+)
 
 
 def test_places_and_map_are_inverse():
@@ -37,3 +44,14 @@ def test_refusals():
         refuse_other_systems(here, there, ("a", "b"))
     with pytest.raises(GeometryError, match="b has no georeference and a has one"):
         refuse_other_systems(here, MapGrid.from_elevation(np.ones((9, 9))), ("a", "b"))
+
+
+def test_maps_that_touch_do_not_overlap():
+    here = MapGrid((10, 20), (2.0, 0, 100.0, 0, -2.0, 50.0), "EPSG:32611", "metre")
+    beside = MapGrid((10, 20), (2.0, 0, 140.0, 0, -2.0, 50.0), "EPSG:32611", "metre")
+    # rows that run south to north cover the same ground
+    mirrored = MapGrid((10, 20), (2.0, 0, 139.0, 0, 2.0, 30.0), "EPSG:32611", "metre")
+    with pytest.raises(GeometryError, match="a covers x 100 to 140, y 30 to 50; b covers x 140 to 180"):
+        refuse_apart(here, beside, ("a", "b"))
+    refuse_apart(here, mirrored, ("a", "b"))
+    refuse_apart(here, MapGrid.from_elevation(np.ones((9, 9))), ("a", "b"))

@@ -125,7 +125,12 @@ def test_refusals(hills):
         register(place(hills), hills)
     with pytest.raises(GeometryError, match="source holds no elevation"):
         register(hills, np.full_like(hills, np.nan))
-    far = place(np.random.default_rng(1).normal(size=hills.shape))
+    # the same relief: a georeference that puts it elsewhere is not passed over
+    far = place(hills)
     far.attrs["transform"] = (CELL, 0.0, 900_000.0, 0.0, -CELL, 3_800_000.0)
-    with pytest.raises(GeometryError, match="no common area"):
+    with pytest.raises(GeometryError, match="no common area: target covers x 400000 to 403000"):
         register(place(hills), far)
+    corner = np.full_like(hills, np.nan)
+    corner[:12, :12] = hills[:12, :12]
+    with pytest.raises(GeometryError, match="no common area with elevations"):
+        register(place(np.where(np.isfinite(corner), np.nan, hills)), place(corner))

@@ -63,5 +63,7 @@ def test_refusals(hills):
     far.attrs["transform"] = (CELL, 0.0, 0.0, 0.0, -CELL, 0.0)
     with pytest.raises(GeometryError, match="no common area"):
         compare(place(hills), far)
+    with pytest.raises(GeometryError, match="after holds no elevation"):
+        compare(hills, np.full_like(hills, np.nan))
     with pytest.raises(GeometryError, match="no place with a surface"):
         compare_points(np.eye(3), np.eye(3), spacing=0.1)

@@ -110,6 +110,28 @@ def test_lines_beside_each_other_are_fused_and_crossing_ones_are_not():
     assert len(drop_echoes([lines[0], line((6, 10), (6, 60))], near=8.0)) == 1
 
 
+def test_a_line_does_not_go_on_where_it_would_stand_out_less():
+    fault, slope = line((0, 0), (0, 80), score=9.0), line((3, 50), (3, 150))
+    onwards = line((0, 90), (0, 150))
+
+    def judge(one):
+        # what leaves the row of the fault does not stand out
+        return 10.0 if np.abs(one.places[:, 0]).max() < 0.5 else 1.0
+
+    assert [round(one.length, -1) for one in fuse_lines([fault, slope], near=4.0, judge=judge)] == [80, 100]
+    joined = join_lines([fault, line((4, 84), (9, 140)), onwards], gap=15.0, judge=judge)
+    assert [round(one.length, -1) for one in joined] == [150, 60]
+    kept = drop_echoes([slope, line((0, 60), (0, 140), score=2.0)], near=8.0, judge=judge)
+    assert np.abs(kept[0].places[:, 0]).max() == 0.0
+    assert len(kept) == 1
+
+
+def test_the_place_is_the_middle_of_the_scarp(found):
+    a = np.radians(20.0)
+    off = (found.lines[0].places - 99.5) @ [np.cos(a), np.sin(a)]
+    assert abs(np.median(off)) < 1.5
+
+
 def test_share_along_tells_rivers_from_scarps():
     i, j = np.mgrid[:50, :50].astype(float)
     slope = (np.ones_like(i), np.zeros_like(j))
