@@ -16,7 +16,7 @@ from seismo3d.robot.keyframes import make_keyframe
 from seismo3d.robot.landmarks import Sightings, sight_landmarks, time_sightings
 from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.state import MapState
-from seismo3d.robot.tracking import Located, locate
+from seismo3d.robot.tracking import Located, fine_step, locate
 from seismo3d.robot.tsdf import Prediction, SurfaceMap
 
 _FAIR = 0.4
@@ -73,7 +73,7 @@ class Locator:
 
     def locate(self, state: MapState, measured: Measured, number: int, T: Float64Array, seen: Sightings) -> Located:
         """Fit a frame of a camera, with landmarks seen in it, to a map from a pose."""
-        prediction = self.cast(state.surface, measured, number, T, coarser=3)
+        prediction = self.cast(state.surface, measured, number, T, coarser=fine_step(measured))
         return locate(measured, prediction, seen, T, self._cameras[number].lens, terms=self._terms)
 
     def places(
