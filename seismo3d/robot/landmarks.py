@@ -278,7 +278,7 @@ def _follow(
         "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.03),
         "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
     }
-    there, found, _ = cv2.calcOpticalFlowPyrLK(before, now, start, guess.copy(), maxLevel=2, **options)
+    there, found, _ = cv2.calcOpticalFlowPyrLK(before, now, start, guess.copy(), maxLevel=3, **options)
     # where the way back should end is known, so that it needs no pyramid
     back, returned, _ = cv2.calcOpticalFlowPyrLK(now, before, there, start.copy(), maxLevel=0, **options)
     miss = np.linalg.norm((back - start).reshape(-1, 2), axis=1)

@@ -33,6 +33,8 @@ _NEARLY = 1e-3
 _COARSE, _FINE = (4, 2000), (3, 4000)
 """Every so many vertices of a row and rows are paired far from the solution and near it, of large images as few as make
 so many pairs: neighbours share their errors."""
+_LEADING, _MANY, _FAR_OFF = 2, 30, 4.0
+"""Steps that landmarks take alone at first where at least so many of them are off by so many pixels."""
 _PER_PLANE = 8.0
 """Pixels of the half image (every second one of it) that carry as much as one independent measurement: neighbours
 share the sensor's and the map's errors."""
@@ -108,6 +110,7 @@ def locate(
     lens: PinholeCamera,
     *,
     terms: str = "fused",
+    loose: bool = False,
     max_steps: int = 10,
 ) -> Located:
     """Find the pose at which a frame fits the map.
@@ -124,6 +127,8 @@ def locate(
     lens : PinholeCamera
     terms : str
         One of ``TERMS``.
+    loose : bool
+        Whether the start may be far off: then landmarks take the first steps alone.
     max_steps : int
 
     Returns
@@ -140,8 +145,10 @@ def locate(
         use_planes = terms in ("fused", "planes") or (terms == "two_stage" and fine)
         use_landmarks = terms in ("fused", "features") or (terms == "two_stage" and not fine)
         reach = (0.1, 0.1, 0.06, 0.04)[min(step, 3)]
-        pairs = _pair_planes(measured, prediction, T, steps[fine], reach) if use_planes else None
         rays = _weigh_landmarks(sightings, T, lens) if use_landmarks and len(sightings) >= 4 else None
+        if loose and terms == "fused" and step < _LEADING and rays is not None and rays.lead:
+            use_planes = False
+        pairs = _pair_planes(measured, prediction, T, steps[fine], reach) if use_planes else None
         if pairs is None and rays is None:
             break
         frame = frame or _frame_of(pairs, rays, sightings)
@@ -176,6 +183,11 @@ class _Rays:
     weights: Float64Array
     spread: float
     n_agreeing: int
+
+    @property
+    def lead(self) -> bool:
+        """Whether so many are so far off that planes would pair with the wrong parts of the surface."""
+        return self.n_agreeing >= _MANY and self.spread > _FAR_OFF
 
 
 @dataclass(frozen=True, slots=True, eq=False)
