@@ -42,15 +42,15 @@ def halve(
             reach[c] = f4(4.0) * (f4(0.0012) + f4(0.0019) * off * off) if middle[c] > f4(0.0) else f4(-1.0)
             x[c] = y[c] = z[c] = n[c] = f4(0.0)
         for rr in range(max(2 * r - 1, 0), min(2 * r + 3, depth.shape[0])):
-            row, ray = depth[rr], rays[rr]
+            row, ray = depth[rr], rays[rr].reshape(-1)
             for dc in range(-1, 3):
                 start = 1 if dc < 0 else 0
                 stop = columns if 2 * (columns - 1) + dc < depth.shape[1] else columns - 1
                 for c in range(start, stop):
                     value = row[2 * c + dc]
                     kept = value if abs(value - middle[c]) < reach[c] else f4(0.0)
-                    x[c] += kept * ray[2 * c + dc, 0]
-                    y[c] += kept * ray[2 * c + dc, 1]
+                    x[c] += kept * ray[4 * c + 2 * dc]
+                    y[c] += kept * ray[4 * c + 2 * dc + 1]
                     z[c] += kept
                     n[c] += f4(1.0) if kept > f4(0.0) else f4(0.0)
         for c in range(columns):

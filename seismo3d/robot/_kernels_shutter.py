@@ -53,9 +53,10 @@ def move_rows(
     fx, fy, zero, half = focal[0], focal[1], f4(0.0), f4(0.5)
     width, height, stride = f4(columns), f4(rows), i4(columns)
     for r in range(first, last):
-        row, ray, to, at_depth, t = depth[r], rays[r], place[r], moved[r], f4(start + r * spacing)
+        # rays in one row: a step of two numbers, known beforehand, lets vectors take many
+        row, ray, to, at_depth, t = depth[r], rays[r].reshape(-1), place[r], moved[r], f4(start + r * spacing)
         for c in range(columns):
-            z, a, b = row[c], ray[c, 0], ray[c, 1]
+            z, a, b = row[c], ray[2 * c], ray[2 * c + 1]
             nx, ny, nz = _carried(w, v, z * a, z * b, z, t)
             inverse = f4(1.0) / nz
             u = f4(i4(c)) + fx * (nx * inverse - a) + half
@@ -106,9 +107,9 @@ def colour_at_depth(
     fx, fy, zero, half, near, none = focal[0], focal[1], f4(0.0), f4(0.5), f4(0.05), i4(-(1 << 20))
     t0, dt, most = f4(start), f4(spacing), f4(1 << 15)
     for hr in range(first, last):
-        points, own = vertices[hr], f4(i4(2 * hr)) + half
+        points, own = vertices[hr].reshape(-1), f4(i4(2 * hr)) + half
         for c in range(vertices.shape[1]):
-            x, y, z = points[c, 0], points[c, 1], points[c, 2]
+            x, y, z = points[3 * c], points[3 * c + 1], points[3 * c + 2]
             inverse = f4(1.0) / max(z, near)
             a, b = x * inverse, y * inverse
             nx, ny, nz = _carried(w, v, x, y, z, t0 + own * dt)
