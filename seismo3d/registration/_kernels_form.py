@@ -1,6 +1,6 @@
 """Kernels that gather residuals into the quadratic form; see :mod:`seismo3d.registration.quadratic`.
 
-Sums run over fixed blocks of pairs and the blocks are added in order, so that the result does not depend on threads.
+Sums run over fixed blocks or lanes of pairs, which are added in order, so that the result does not depend on threads.
 """
 
 from __future__ import annotations
@@ -8,9 +8,12 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+from seismo3d._multiply_add import multiply_add
 from seismo3d._typing import Float64Array
 
 BLOCK = 4096
+LANES = 8
+"""Pairs that are added side by side, so that the processor's vectors take them in a step."""
 
 
 @nb.njit(cache=True, nogil=True)
@@ -69,6 +72,8 @@ def unpack_planes(sums: Float64Array, d: int) -> Float64Array:
 def plane_form(p: Float64Array, q: Float64Array, n: Float64Array, w: Float64Array) -> Float64Array:
     """Return Q of plane pairs: source points, target points, target normals, weights."""
     d = p.shape[1]
+    if d == 3:
+        return unpack_planes(_sum_planes_in_space(p, q, n, w), d)
     size = (d + 1) * (d + 2) // 2 * (d * (d + 1) // 2) + (d + 1) * d + 1
     total = np.zeros(size)
     for start in range(0, p.shape[0], BLOCK):
@@ -77,6 +82,50 @@ def plane_form(p: Float64Array, q: Float64Array, n: Float64Array, w: Float64Arra
             add_plane_pair(sums, p[i], q[i], n[i], w[i], d)
         total += sums
     return unpack_planes(total, d)
+
+
+@nb.njit(cache=True, nogil=True)
+def _sum_planes_in_space(p: Float64Array, q: Float64Array, n: Float64Array, w: Float64Array) -> Float64Array:
+    """Return the sums of :func:`add_plane_pair` over all pairs; pair i goes to lane i % 8 of each sum."""
+    sums = np.zeros((73, LANES))
+    h, c = np.zeros((4, LANES)), np.zeros(LANES)
+    normal, products = np.zeros((3, LANES)), np.zeros((6, LANES))
+    h[3, :] = 1.0
+    weighted, both = np.zeros(LANES), np.zeros(LANES)
+    for start in range(0, p.shape[0], LANES):
+        for lane in range(LANES):
+            i = min(start + lane, p.shape[0] - 1)
+            weight = w[i] if start + lane < p.shape[0] else 0.0
+            h[0, lane], h[1, lane], h[2, lane] = p[i, 0], p[i, 1], p[i, 2]
+            x, y, z = n[i, 0], n[i, 1], n[i, 2]
+            normal[0, lane], normal[1, lane], normal[2, lane] = weight * x, weight * y, weight * z
+            products[0, lane], products[1, lane], products[2, lane] = weight * x * x, weight * x * y, weight * x * z
+            products[3, lane], products[4, lane], products[5, lane] = weight * y * y, weight * y * z, weight * z * z
+            c[lane] = x * q[i, 0] + y * q[i, 1] + z * q[i, 2]
+            weighted[lane] = weight
+        k = 0
+        for a in range(4):
+            for b in range(a, 4):
+                for lane in range(LANES):
+                    both[lane] = h[a, lane] * h[b, lane]
+                for j in range(6):
+                    for lane in range(LANES):
+                        sums[k + j, lane] = multiply_add(both[lane], products[j, lane], sums[k + j, lane])
+                k += 6
+        for a in range(4):
+            for lane in range(LANES):
+                both[lane] = h[a, lane] * c[lane]
+            for j in range(3):
+                for lane in range(LANES):
+                    sums[k + j, lane] = multiply_add(both[lane], normal[j, lane], sums[k + j, lane])
+            k += 3
+        for lane in range(LANES):
+            sums[k, lane] += weighted[lane] * c[lane] * c[lane]
+    out = np.zeros(73)
+    for k in range(73):
+        for lane in range(LANES):
+            out[k] += sums[k, lane]
+    return out
 
 
 @nb.njit(cache=True, nogil=True)

@@ -79,17 +79,10 @@ def unpack(keys: Int64Array) -> Int32Array:
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def touched_blocks(
-    first: int,
-    last_row: int,
-    vertices: Float32Array,
-    step: int,
-    R: Float64Array,
-    t: Float64Array,
-    block: float,
-    band: float,
+    vertices: Float32Array, step: int, R: Float64Array, t: Float64Array, block: float, band: float
 ) -> Int64Array:
-    """Keys (distinct) of the blocks within ``band`` metres along the ray of every ``step``-th vertex of some rows."""
-    columns = vertices.shape[1]
+    """Keys (distinct) of the blocks within ``band`` metres along the ray of every ``step``-th vertex, as they come."""
+    rows, columns, _ = vertices.shape
     bits = 14
     shift = 64 - bits
     table = np.full(1 << bits, -1, dtype=np.int32)
@@ -98,28 +91,36 @@ def touched_blocks(
     count = 0
     tx, ty, tz = t[0] / block, t[1] / block, t[2] / block
     n_samples = math.ceil(2.0 * band / (0.6 * block)) + 1
+    # keys of the vertex before and of the one above: mostly those of the next one, too
+    before, upper = np.full(n_samples, -1, dtype=np.int64), np.full((columns, n_samples), -1, dtype=np.int64)
     inverse, spacing = 1.0 / block, 2.0 * band / (n_samples - 1)
-    for r in range(first, min(last_row, vertices.shape[0]), step):
+    for r in range(0, rows, step):
         for c in range(0, columns, step):
             z = vertices[r, c, 2]
             if not z > 0.0:
                 continue
             x, y = vertices[r, c, 0], vertices[r, c, 1]
+            if (r // step) & 1 or (c // step) & 1:
+                # every second one is enough where they lie close on a surface
+                left, above = vertices[r, max(c - step, 0)], vertices[max(r - step, 0), c]
+                level = abs(left[2] - z) < 0.25 * block and abs(above[2] - z) < 0.25 * block
+                if level and abs(left[0] - x) < 0.3 * block:
+                    continue
             length = math.sqrt(x * x + y * y + z * z)
             px = (R[0, 0] * x + R[0, 1] * y + R[0, 2] * z) * inverse
             py = (R[1, 0] * x + R[1, 1] * y + R[1, 2] * z) * inverse
             pz = (R[2, 0] * x + R[2, 1] * y + R[2, 2] * z) * inverse
             f, step_f = 1.0 - band / length, spacing / length
-            last = np.int64(-1)
-            for _ in range(n_samples):
+            for k in range(n_samples):
                 bx = np.int64(math.floor(f * px + tx))
                 by = np.int64(math.floor(f * py + ty))
                 bz = np.int64(math.floor(f * pz + tz))
                 f += step_f
                 key = pack(bx, by, bz)
-                if key == last:
+                known = key == before[k] or key == upper[c, k]
+                before[k] = upper[c, k] = key
+                if known:
                     continue
-                last = key
                 if insert_block(key, count, table_keys, table, shift):
                     found[count] = key
                     count += 1

@@ -13,7 +13,7 @@ from seismo3d.robot._kernels_frame import depth_sigma
 from seismo3d.robot._kernels_fuse import VOXELS, project_block, voxel_offsets
 
 TILE = 8
-_CARVED = 0.4
+_CARVED = 0.64
 """How far a voxel that is seen through goes towards being free, whatever its weight."""
 
 
@@ -103,7 +103,7 @@ def carve_blocks(
     free: Float32Array,
     band: float,
 ) -> None:
-    """Make free what a frame sees through: two or three frames do away with what is no longer there.
+    """Make free what a frame sees through: two frames do away with what is no longer there.
 
     ``free`` (n + 1) is, in the image without distortion, the depth up to which all of a pixel's surroundings see
     nothing, 0 where that isn't known; the rest is as in :func:`seismo3d.robot._kernels_fuse.fuse_blocks`. Nearer to it
@@ -147,30 +147,30 @@ def carve_blocks(
 def straighten_depth(table: Int32Array, depth: Float32Array) -> Float32Array:
     """Depth (n + 1) of each pixel of an image without distortion, by a table of pixels; 0 last and where it is none."""
     rows, columns = table.shape
-    out = np.zeros(rows * columns + 1, dtype=np.float32)
+    out, flat = np.zeros(rows * columns + 1, dtype=np.float32), depth.reshape(-1)
     for r in range(rows):
         for c in range(columns):
             if table[r, c] >= 0:
-                out[r * columns + c] = depth[table[r, c]]
+                out[r * columns + c] = flat[np.uint64(table[r, c])]
     return out
 
 
 @nb.njit(cache=True, nogil=True)
-def nearest_around(depth: Float32Array, reach: int) -> Float32Array:
-    """Least depth (n_pixels) within some pixels of each; 0 where one of them has none."""
-    rows, columns = depth.shape
-    across = np.zeros((rows, columns), dtype=np.float32)
+def nearest_around(depth: Float32Array) -> Float32Array:
+    """Least depth (rows / 2, columns / 2) of 6 x 6 pixels, the two by two of each and those around; 0 for none in one.
+
+    Also 0 at the image's rim.
+    """
+    rows, columns = depth.shape[0] // 2, depth.shape[1] // 2
+    least, across = np.empty((rows, columns), dtype=np.float32), np.zeros((rows, columns), dtype=np.float32)
     for r in range(rows):
-        for c in range(reach, columns - reach):
-            least = depth[r, c]
-            for k in range(c - reach, c + reach + 1):
-                least = min(least, depth[r, k])
-            across[r, c] = least
-    out = np.zeros(rows * columns, dtype=np.float32)
-    for r in range(reach, rows - reach):
+        upper, lower = depth[2 * r], depth[2 * r + 1]
         for c in range(columns):
-            least = across[r, c]
-            for k in range(r - reach, r + reach + 1):
-                least = min(least, across[k, c])
-            out[r * columns + c] = least
+            least[r, c] = min(upper[2 * c], upper[2 * c + 1], lower[2 * c], lower[2 * c + 1])
+        for c in range(1, columns - 1):
+            across[r, c] = min(least[r, c - 1], least[r, c + 1], least[r, c])
+    out = np.zeros((rows, columns), dtype=np.float32)
+    for r in range(1, rows - 1):
+        for c in range(columns):
+            out[r, c] = min(across[r - 1, c], across[r + 1, c], across[r, c])
     return out

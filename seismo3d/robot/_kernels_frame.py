@@ -7,7 +7,14 @@ import math
 import numba as nb
 import numpy as np
 
-from seismo3d._typing import Float32Array
+from seismo3d._typing import AnyArray, Float32Array
+
+DEPTH_BIT, SLOPE_BIT, ROOT_BIT = 44, 34, 24
+"""Where a packed pixel's parts begin: 20 bits of depth, 10 of slope, 10 of the weight's root, 24 for a colour."""
+DEPTH_UNIT, SLOPE_UNIT, ROOT_UNIT = 2.0**-14, 2.0**-9, 2.0**-9
+TEN_BITS = np.uint32(1023)
+FARTHEST = 60.0
+"""Depths up to this can be packed, metres."""
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -35,15 +42,15 @@ def halve(
             reach[c] = f4(4.0) * (f4(0.0012) + f4(0.0019) * off * off) if middle[c] > f4(0.0) else f4(-1.0)
             x[c] = y[c] = z[c] = n[c] = f4(0.0)
         for rr in range(max(2 * r - 1, 0), min(2 * r + 3, depth.shape[0])):
-            row, ray = depth[rr], rays[rr]
+            row, ray = depth[rr], rays[rr].reshape(-1)
             for dc in range(-1, 3):
                 start = 1 if dc < 0 else 0
                 stop = columns if 2 * (columns - 1) + dc < depth.shape[1] else columns - 1
                 for c in range(start, stop):
                     value = row[2 * c + dc]
                     kept = value if abs(value - middle[c]) < reach[c] else f4(0.0)
-                    x[c] += kept * ray[2 * c + dc, 0]
-                    y[c] += kept * ray[2 * c + dc, 1]
+                    x[c] += kept * ray[4 * c + 2 * dc]
+                    y[c] += kept * ray[4 * c + 2 * dc + 1]
                     z[c] += kept
                     n[c] += f4(1.0) if kept > f4(0.0) else f4(0.0)
         for c in range(columns):
@@ -106,18 +113,18 @@ def grid_normals(first: int, last: int, vertices: Float32Array, reach: int, out:
 
 
 @nb.njit(cache=True, nogil=True)
-def weigh_pixels(
+def pack_pixels(
     first: int,
     last: int,
     depth: Float32Array,
     vertices: Float32Array,
     normals: Float32Array,
     far: float,
-    out: Float32Array,
+    out: AnyArray,
 ) -> None:
-    """Fill depth, cosine between ray and normal, and weight for fusion of pixels of the full image, (n_pixels, 3).
+    """Pack pixels of the full image (n_pixels), those under some rows of the half image; ``out`` is zero before.
 
-    Those under some rows of the half image; ``out`` is zero before.
+    Depth, how far along the surface's normal a metre before it in depth is, root of the weight for fusion.
     """
     columns = depth.shape[1]
     at_metre = depth_sigma(1.0) ** 2
@@ -127,14 +134,23 @@ def weigh_pixels(
             if nx == 0.0 and ny == 0.0 and nz == 0.0:
                 continue
             x, y, w = vertices[hr, hc, 0], vertices[hr, hc, 1], vertices[hr, hc, 2]
-            cosine = -(x * nx + y * ny + w * nz) / math.sqrt(x * x + y * y + w * w)
+            along = -(x * nx + y * ny + w * nz)
+            cosine = along / math.sqrt(x * x + y * y + w * w)
             if cosine < 0.15:
                 continue
             sigma = depth_sigma(w)
-            trust = cosine * at_metre / (sigma * sigma)
+            root = min(max(math.sqrt(cosine * at_metre) / (sigma * ROOT_UNIT) + 0.5, 1.0), 1023.0)
+            slope = min(along / (w * SLOPE_UNIT) + 0.5, 1023.0)
+            code = (np.uint64(slope) << np.uint64(SLOPE_BIT)) | (np.uint64(root) << np.uint64(ROOT_BIT))
             for k in range(4):
                 r, c = 2 * hr + (k >> 1), 2 * hc + (k & 1)
                 z = depth[r, c]
                 if 0.0 < z < far and abs(w - z) < 6.0 * sigma + 0.02 * z:
-                    i = r * columns + c
-                    out[i, 0], out[i, 1], out[i, 2] = z, cosine, trust
+                    out[r * columns + c] = code | (np.uint64(z / DEPTH_UNIT + 0.5) << np.uint64(DEPTH_BIT))
+
+
+def unpack_pixels(pixels: AnyArray) -> tuple[Float32Array, Float32Array, Float32Array]:
+    """Return depth, slope and weight of packed pixels, each of their shape."""
+    depth = (pixels >> np.uint64(DEPTH_BIT)).astype(np.float32) * np.float32(DEPTH_UNIT)
+    slope, root = ((pixels >> np.uint64(bit) & np.uint64(1023)).astype(np.float32) for bit in (SLOPE_BIT, ROOT_BIT))
+    return depth, slope * np.float32(SLOPE_UNIT), (root * np.float32(ROOT_UNIT)) ** 2

@@ -7,55 +7,36 @@ distortion and with a margin, and a last pixel without weight for what falls out
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
 import numba as nb
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.robot._kernels_blocks import SIDE
+from seismo3d.robot._kernels_frame import DEPTH_BIT, DEPTH_UNIT, ROOT_UNIT, SLOPE_UNIT, TEN_BITS
 
 VOXELS = SIDE * SIDE * SIDE
-_BYTE = np.uint32(255)
-_EIGHT, _SIXTEEN = np.uint32(8), np.uint32(16)
+_SIDES, _GREEN = np.uint32(0xFF00FF), np.uint32(0x00FF00)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def straighten(
-    first: int,
-    last: int,
-    table: Int32Array,
-    lens: Float64Array,
-    margin: int,
-    pixels: Float32Array,
-    rgb: AnyArray,
-    image: Float32Array,
-    tints: AnyArray,
-) -> None:
-    """Fill some rows of a frame's image without distortion, by a table of pixels with its margin.
+@nb.njit(cache=True, nogil=True)
+def straighten(first: int, last: int, table: Int32Array, pixels: AnyArray, rgb: AnyArray, image: AnyArray) -> None:
+    """Fill some rows of a frame's image without distortion, by a table of pixels.
 
-    ``image`` (n + 1, 4) receives depth, how far along the surface's normal a metre before it in depth is, and weight;
-    ``tints`` is the same memory as whole numbers, and receives red, green and blue in its last column, from the low
-    byte on; 0 without colour.
+    ``image`` (n + 1) receives the packed pixels, with red, green and blue in their lowest bytes, from the low one on;
+    0 without colour.
     """
     columns = table.shape[1]
+    has_colour = rgb.shape[0] > 0
     for r in range(first, last):
-        y = (r - margin - lens[3]) / lens[1]
         for c in range(columns):
-            place = r * columns + c
-            pixel = table[r, c]
-            image[place, 2] = 0.0
-            tints[place, 3] = 0
-            if pixel < 0 or not pixels[pixel, 2] > 0.0:
-                continue
-            x = (c - margin - lens[2]) / lens[0]
-            image[place, 0] = pixels[pixel, 0]
-            image[place, 1] = pixels[pixel, 1] * math.sqrt(1.0 + x * x + y * y)
-            image[place, 2] = pixels[pixel, 2]
-            if rgb.shape[0] > 0:
-                red, green, blue = np.uint32(rgb[pixel, 0]), np.uint32(rgb[pixel, 1]), np.uint32(rgb[pixel, 2])
-                tints[place, 3] = red | (green << _EIGHT) | (blue << _SIXTEEN)
+            code = np.uint64(0)
+            if table[r, c] >= 0:
+                pixel = np.uint64(table[r, c])
+                code = pixels[pixel]
+                if has_colour and code > np.uint64(0):
+                    red, green, blue = np.uint64(rgb[pixel, 0]), np.uint64(rgb[pixel, 1]), np.uint64(rgb[pixel, 2])
+                    code |= red | (green << np.uint64(8)) | (blue << np.uint64(16))
+            image[r * columns + c] = code
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -124,7 +105,6 @@ def fuse_blocks(
     shape: tuple[int, int],
     margin: int,
     image: AnyArray,
-    has_colour: bool,
     times: Float32Array,
     band: float,
     heaviest: float,
@@ -133,37 +113,36 @@ def fuse_blocks(
 
     Parameters are the blocks' rows, all blocks' coordinates (n, 3), distances (n, 512; NaN where unknown), weights and
     colours (as whole numbers) of the same shape, the voxel's size, the pose, the lens, the shape and the margin of the
-    image without distortion, that image as :func:`straighten` fills it, two 64-bit numbers a pixel, whether it has
-    colours, how many times the frame's weight each of the blocks takes, the band in metres and the largest weight.
+    image without distortion, that image as :func:`straighten` fills it, how many times the frame's weight each of the
+    blocks takes, the band in metres and the largest weight.
     """
-    f4, u8, i4 = np.float32, np.uint64, np.int32
+    f4, u8, i4, u4 = np.float32, np.uint64, np.int32, np.uint32
     zero, least, band4, heaviest4, close = f4(0.0), f4(1e-30), f4(band), f4(heaviest), f4(2.0 * voxel)
     offsets = voxel_offsets(R, voxel)
     place, depth = np.empty(VOXELS, dtype=np.int32), np.empty(VOXELS, dtype=np.float32)
     ahead, fresh = np.empty(VOXELS, dtype=np.float32), np.empty(VOXELS, dtype=np.float32)
-    tint = np.empty(VOXELS, dtype=np.uint32)
-    seen = np.empty((VOXELS, 2), dtype=np.uint64)
-    values, tints = seen.view(np.float32), seen.view(np.uint32)
+    tint, seen = np.empty(VOXELS, dtype=np.uint32), np.empty(VOXELS, dtype=np.uint64)
     for n in range(numbers.shape[0]):
         number = numbers[n]
         project_block(coordinates[number], voxel, R, t, offsets, lens, shape, margin, place, depth)
         for q in range(VOXELS):
-            pixel = u8(place[q])
-            seen[q, 0] = image[pixel, 0]
-            seen[q, 1] = image[pixel, 1]
-        n_near, n_coloured = i4(0), i4(0)
+            seen[q] = image[u8(place[q])]
+        n_near, n_coloured, often = i4(0), i4(0), times[n] * f4(ROOT_UNIT * ROOT_UNIT)
         for q in range(VOXELS):
-            before = values[q, 0] - depth[q]
-            along = before * values[q, 1]
-            w = values[q, 2] * times[n]
+            upper = u4(seen[q] >> u8(24))
+            lower = u4(seen[q])
+            root = f4(i4(upper & TEN_BITS))
+            before = f4(i4(u4(seen[q] >> u8(DEPTH_BIT)))) * f4(DEPTH_UNIT) - depth[q]
+            along = before * (f4(i4((upper >> u4(10)) & TEN_BITS)) * f4(SLOPE_UNIT))
+            w = root * root * often
             w = w if (along >= -band4) & (before >= -(band4 + band4)) else zero
             fresh[q] = w
             ahead[q] = min(along, band4)
             n_near += i4(w > zero)
-            shade = tints[q, 3]
-            shade = shade if (w > zero) & (abs(along) < close) else np.uint32(0)
+            shade = lower & u4(0xFFFFFF)
+            shade = shade if (w > zero) & (abs(along) < close) else u4(0)
             tint[q] = shade
-            n_coloured += i4(shade > np.uint32(0))
+            n_coloured += i4(shade > u4(0))
         if n_near == 0:
             continue
         d, held = distance[number], weight[number]
@@ -174,7 +153,7 @@ def fuse_blocks(
             new = was + share * (ahead[q] - was) if had > zero else ahead[q]
             d[q] = new if fresh[q] > zero else was
             held[q] = min(total, heaviest4)
-        if has_colour and n_coloured > 0:
+        if n_coloured > 0:
             blend_colours(fresh, held, tint, colour[number])
 
 
@@ -185,21 +164,14 @@ def blend_colours(fresh: Float32Array, held: Float32Array, tint: AnyArray, colou
     A voxel without colour takes the new one as it is; 0 is no colour, and no channel of one is.
     """
     f4, i4, u4 = np.float32, np.int32, np.uint32
-    one, half = f4(1.0), f4(0.5)
+    one, whole = f4(1.0), f4(256.0)
     for q in range(VOXELS):
         old, new = colour[q], tint[q]
-        share = one if old == u4(0) else fresh[q] / held[q]
-        red, green, blue = f4(i4(old & _BYTE)), f4(i4((old >> _EIGHT) & _BYTE)), f4(i4((old >> _SIXTEEN) & _BYTE))
-        red += share * (f4(i4(new & _BYTE)) - red)
-        green += share * (f4(i4((new >> _EIGHT) & _BYTE)) - green)
-        blue += share * (f4(i4((new >> _SIXTEEN) & _BYTE)) - blue)
-        mixed = (
-            channel(red + half, one) | (channel(green + half, one) << _EIGHT) | (channel(blue + half, one) << _SIXTEEN)
-        )
+        # red and blue side by side, two bytes each, so that both are mixed in one product
+        share = u4(i4(min(fresh[q] / held[q], one) * whole + f4(0.5)))
+        rest = u4(256) - share
+        sides = ((old & _SIDES) * rest + (new & _SIDES) * share + u4(0x800080)) >> u4(8)
+        green = ((old & _GREEN) * rest + (new & _GREEN) * share + u4(0x8000)) >> u4(8)
+        mixed = (sides & _SIDES) | (green & _GREEN)
+        mixed = new if old == u4(0) else mixed
         colour[q] = mixed if new > u4(0) else old
-
-
-@nb.njit(cache=True, nogil=True, inline="always")
-def channel(value: Any, least: Any) -> Any:
-    """Whole part of a number, at least some value."""
-    return np.uint32(np.int32(max(value, least)))

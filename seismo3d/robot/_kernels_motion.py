@@ -7,7 +7,7 @@ import math
 import numba as nb
 import numpy as np
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
 from seismo3d.robot._kernels_frame import depth_sigma
 
 
@@ -111,16 +111,20 @@ def grow_marked(vertices: Float32Array, hints: BoolArray, share: float, largest:
 
 
 @nb.njit(cache=True, nogil=True)
-def veto_pixels(marked: BoolArray, reach: int, columns: int, pixels: Float32Array) -> None:
-    """Take the weight from the pixels of the full image around marked ones of the half image."""
+def veto_pixels(marked: BoolArray, reach: int, columns: int, pixels: AnyArray) -> None:
+    """Clear the packed pixels of the full image around marked ones of the half image."""
     rows, half_columns = marked.shape
+    near = np.zeros(half_columns, dtype=np.bool_)
     for r in range(rows):
+        near[:] = False
+        for i in range(max(0, r - reach), min(rows, r + reach + 1)):
+            near |= marked[i]
+        last = -reach - 1  # the last column that is marked
+        for c in range(min(reach, half_columns)):
+            last = c if near[c] else last
         for c in range(half_columns):
-            near = False
-            for i in range(max(0, r - reach), min(rows, r + reach + 1)):
-                for j in range(max(0, c - reach), min(half_columns, c + reach + 1)):
-                    if marked[i, j]:
-                        near = True
-            if near:
+            if c + reach < half_columns and near[c + reach]:
+                last = c + reach
+            if c - last <= reach:
                 for k in range(4):
-                    pixels[(2 * r + (k >> 1)) * columns + 2 * c + (k & 1), 2] = 0.0
+                    pixels[(2 * r + (k >> 1)) * columns + 2 * c + (k & 1)] = 0

@@ -39,23 +39,32 @@ def sample_cell(
     i0, j0, k0 = math.floor(x), math.floor(y), math.floor(z)
     fx, fy, fz = x - i0, y - j0, z - k0
     i, j, k = np.int64(i0), np.int64(j0), np.int64(k0)
+    number = find(pack(i >> 3, j >> 3, k >> 3), table_keys, table, shift)
+    if number < 0:
+        return False
+    at = ((i & 7) * SIDE + (j & 7)) * SIDE + (k & 7)
     if (i & 7) < 7 and (j & 7) < 7 and (k & 7) < 7:
-        number = find(pack(i >> 3, j >> 3, k >> 3), table_keys, table, shift)
-        if number < 0:
-            return False
-        at = ((i & 7) * SIDE + (j & 7)) * SIDE + (k & 7)
         d = distance[number]
         v0, v1, v2, v3 = d[at], d[at + 1], d[at + 8], d[at + 9]
         v4, v5, v6, v7 = d[at + 64], d[at + 65], d[at + 72], d[at + 73]
     else:
-        v0 = _voxel(i, j, k, distance, table_keys, table, shift)
-        v1 = _voxel(i, j, k + 1, distance, table_keys, table, shift)
-        v2 = _voxel(i, j + 1, k, distance, table_keys, table, shift)
-        v3 = _voxel(i, j + 1, k + 1, distance, table_keys, table, shift)
-        v4 = _voxel(i + 1, j, k, distance, table_keys, table, shift)
-        v5 = _voxel(i + 1, j, k + 1, distance, table_keys, table, shift)
-        v6 = _voxel(i + 1, j + 1, k, distance, table_keys, table, shift)
-        v7 = _voxel(i + 1, j + 1, k + 1, distance, table_keys, table, shift)
+        b4 = number if (i & 7) < 7 else find(pack((i >> 3) + 1, j >> 3, k >> 3), table_keys, table, shift)
+        b1, b5 = _beyond(i, j, k + 1, (k & 7) < 7, (i & 7) < 7, number, b4, table_keys, table, shift)
+        b2, b6 = _beyond(i, j + 1, k, (j & 7) < 7, (i & 7) < 7, number, b4, table_keys, table, shift)
+        if (j & 7) < 7:
+            b3, b7 = b1, b5
+        else:
+            b3, b7 = _beyond(i, j + 1, k + 1, (k & 7) < 7, (i & 7) < 7, b2, b6, table_keys, table, shift)
+        if min(b1, b2, b3, b4, b5, b6, b7) < 0:
+            return False
+        # within a block the next voxel is one step on; in the block after it, seven back
+        di = np.int64(64) if (i & 7) < 7 else np.int64(-448)
+        dj = np.int64(8) if (j & 7) < 7 else np.int64(-56)
+        dk = np.int64(1) if (k & 7) < 7 else np.int64(-7)
+        v0, v1 = distance[number, at], distance[b1, at + dk]
+        v2, v3 = distance[b2, at + dj], distance[b3, at + dj + dk]
+        v4, v5 = distance[b4, at + di], distance[b5, at + di + dk]
+        v6, v7 = distance[b6, at + di + dj], distance[b7, at + di + dj + dk]
     if not math.isfinite(v0 + v1 + v2 + v3 + v4 + v5 + v6 + v7):
         return False
     gx, gy, gz = 1.0 - fx, 1.0 - fy, 1.0 - fz
@@ -67,6 +76,21 @@ def sample_cell(
     out[2] = (c01 - c00) * gx + (c11 - c10) * fx
     out[3] = ((v1 - v0) * gy + (v3 - v2) * fy) * gx + ((v5 - v4) * gy + (v7 - v6) * fy) * fx
     return True
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _beyond(
+    i: Any, j: Any, k: Any, inside: Any, level: Any, near: Any, far: Any, table_keys: Any, table: Any, shift: Any
+) -> Any:
+    """Blocks of a voxel and of the one after it along the first axis.
+
+    They are ``near`` and ``far`` where the voxel lies ``inside`` of the block that these belong to, and one block where
+    the two are ``level``.
+    """
+    if inside:
+        return near, far
+    found = find(pack(i >> 3, j >> 3, k >> 3), table_keys, table, shift)
+    return found, (found if level else find(pack((i >> 3) + 1, j >> 3, k >> 3), table_keys, table, shift))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -107,14 +131,17 @@ def cast_rows(
             length = math.sqrt(dx * dx + dy * dy + 1.0)
             for a in range(3):
                 ray[3 + a] = (R[a, 0] * dx + R[a, 1] * dy + R[a, 2]) / length * inverse
-            s, end = max(0.1, expected[r, c] - reach) * length, (expected[r, c] + reach) * length
-            # where the space some bands before the expected surface is known to be free, the ray starts there
-            for bands in (1.0, 3.0):
-                close = (expected[r, c] - bands * band) * length
-                if close > s and _nearest(close, ray, distance, table_keys, table, shift) > 0.0:
-                    s = close
-                    break
-            hit = _march(s, end, ray, voxel, band, distance, table_keys, table, shift, out)
+            middle = expected[r, c] * length
+            hit = _descend(middle, middle - band, middle + band, ray, voxel, distance, table_keys, table, shift, out)
+            if hit < 0.0:
+                s, end = max(0.1, expected[r, c] - reach) * length, (expected[r, c] + reach) * length
+                # where the space some bands before the expected surface is known to be free, the ray starts there
+                for bands in (1.0, 3.0):
+                    close = (expected[r, c] - bands * band) * length
+                    if close > s and _nearest(close, ray, distance, table_keys, table, shift) > 0.0:
+                        s = close
+                        break
+                hit = _march(s, end, ray, voxel, band, distance, table_keys, table, shift, out)
             size = math.sqrt(out[1] ** 2 + out[2] ** 2 + out[3] ** 2)
             if hit > 0.0 and size > 1e-9:
                 for a in range(3):
@@ -200,10 +227,30 @@ def _refine(
     shift: int,
     out: Float64Array,
 ) -> Any:
-    """Find the zero of the interpolated distance between two places on a ray by Newton's steps; -1 where none is."""
+    """Find the zero of the interpolated distance between two places on a ray; -1 where none is."""
     half = 0.5 * voxel
     s = low + (high - low) * f_low / (f_low - f_high)
-    low, high = low - half, high + half
+    return _descend(s, low - half, high + half, ray, voxel, distance, table_keys, table, shift, out)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _descend(
+    s: float,
+    low: float,
+    high: float,
+    ray: Float64Array,
+    voxel: float,
+    distance: Float32Array,
+    table_keys: Int64Array,
+    table: Int32Array,
+    shift: int,
+    out: Float64Array,
+) -> Any:
+    """Find the zero of the interpolated distance near a place on a ray by Newton's steps, the last one taken on trust.
+
+    Returns -1 where none is between two places.
+    """
+    half, near = 0.5 * voxel, 0.25 * voxel
     for _ in range(4):
         x, y, z = ray[0] + s * ray[3], ray[1] + s * ray[4], ray[2] + s * ray[5]
         if not sample_cell(x, y, z, distance, table_keys, table, shift, out):
@@ -211,7 +258,10 @@ def _refine(
         slope = out[1] * ray[3] + out[2] * ray[4] + out[3] * ray[5]
         if not slope < 0.0:  # not what a ray that enters sees
             return -1.0
-        if abs(out[0]) < 0.05 * half:
-            break
-        s = min(max(s - out[0] / slope, low), high)
+        step = -out[0] / slope
+        s += step
+        if abs(step) < near:
+            return s
+        if not low <= s <= high:
+            s = min(max(s, low), high)
     return s if abs(out[0]) < half else -1.0

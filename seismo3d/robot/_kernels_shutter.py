@@ -53,9 +53,10 @@ def move_rows(
     fx, fy, zero, half = focal[0], focal[1], f4(0.0), f4(0.5)
     width, height, stride = f4(columns), f4(rows), i4(columns)
     for r in range(first, last):
-        row, ray, to, at_depth, t = depth[r], rays[r], place[r], moved[r], f4(start + r * spacing)
+        # rays in one row: a step of two numbers, known beforehand, lets vectors take many
+        row, ray, to, at_depth, t = depth[r], rays[r].reshape(-1), place[r], moved[r], f4(start + r * spacing)
         for c in range(columns):
-            z, a, b = row[c], ray[c, 0], ray[c, 1]
+            z, a, b = row[c], ray[2 * c], ray[2 * c + 1]
             nx, ny, nz = _carried(w, v, z * a, z * b, z, t)
             inverse = f4(1.0) / nz
             u = f4(i4(c)) + fx * (nx * inverse - a) + half
@@ -85,41 +86,45 @@ def colour_at_depth(
     last: int,
     rgb: AnyArray,
     depth: Float32Array,
-    rays: Float32Array,
+    vertices: Float32Array,
     twist: Float64Array,
     start: float,
     spacing: float,
     focal: Float32Array,
     out: AnyArray,
 ) -> None:
-    """Colour of each pixel of some rows of a depth image taken at another time; zero where there is none.
+    """Colour of the pixels of a depth image taken at another time, of those under some rows of its half image.
 
-    ``twist`` is what carries points of the depth's camera frame into the frame of a row of the colour image, over
-    ``start`` seconds for its first row and ``spacing`` more for each one after it; the row is found from the
-    pixel's own first.
+    ``out`` is zero before, and stays so where there is no depth. ``vertices`` are those of the half image; the four
+    pixels under one are shifted alike. ``twist`` is what carries points of the depth's camera frame into the frame of
+    a row of the colour image, over ``start`` seconds for its first row and ``spacing`` more for each one after it; the
+    row is found from the pixel's own first.
     """
     f4, i4 = np.float32, np.int32
-    rows, columns = depth.shape
-    place = np.empty(columns, dtype=np.int32)
+    rows, columns, _ = rgb.shape
+    across, down = np.empty(vertices.shape[1], dtype=np.int32), np.empty(vertices.shape[1], dtype=np.int32)
     w, v = _halves(twist)
-    fx, fy, zero, half, near = focal[0], focal[1], f4(0.0), f4(0.5), f4(0.05)
-    width, height, stride, t0, dt = f4(columns), f4(rows), i4(columns), f4(start), f4(spacing)
-    colours, wanted = rgb.reshape(rows * columns, 3), out.reshape(rows * columns, 3)
-    for r in range(first, last):
-        row, ray, own = depth[r], rays[r], f4(i4(r))
-        for c in range(columns):
-            z, a, b = row[c], ray[c, 0], ray[c, 1]
-            nx, ny, nz = _carried(w, v, z * a, z * b, z, t0 + own * dt)
+    fx, fy, zero, half, near, none = focal[0], focal[1], f4(0.0), f4(0.5), f4(0.05), i4(-(1 << 20))
+    t0, dt, most = f4(start), f4(spacing), f4(1 << 15)
+    for hr in range(first, last):
+        points, own = vertices[hr].reshape(-1), f4(i4(2 * hr)) + half
+        for c in range(vertices.shape[1]):
+            x, y, z = points[3 * c], points[3 * c + 1], points[3 * c + 2]
+            inverse = f4(1.0) / max(z, near)
+            a, b = x * inverse, y * inverse
+            nx, ny, nz = _carried(w, v, x, y, z, t0 + own * dt)
             other = own + fy * (ny / nz - b)
-            nx, ny, nz = _carried(w, v, z * a, z * b, z, t0 + other * dt)
+            nx, ny, nz = _carried(w, v, x, y, z, t0 + other * dt)
             inverse = f4(1.0) / nz
-            u = f4(i4(c)) + fx * (nx * inverse - a) + half
-            q = own + fy * (ny * inverse - b) + half
-            inside = (z > zero) & (nz >= near) & (u >= zero) & (u < width) & (q >= zero) & (q < height)
-            at = i4(q) * stride + i4(u)
-            place[c] = at if inside else i4(-1)
-        for c in range(columns):
-            if place[c] >= 0:
-                source, target = np.uint64(place[c]), np.uint64(r * columns + c)
-                for k in range(3):
-                    wanted[target, np.uint64(k)] = max(colours[source, np.uint64(k)], np.uint8(1))
+            u, q = fx * (nx * inverse - a) + half, fy * (ny * inverse - b) + half
+            seen = (z > zero) & (nz >= near) & (abs(u) < most) & (abs(q) < most)
+            across[c] = i4(np.floor(u)) if seen else none
+            down[c] = i4(np.floor(q)) if seen else none
+        for k in range(4):
+            r = 2 * hr + (k >> 1)
+            for hc in range(vertices.shape[1]):
+                c = 2 * hc + (k & 1)
+                rr, cc = r + down[hc], c + across[hc]
+                if rr >= 0 and cc >= 0 and rr < rows and cc < columns and depth[r, c] > zero:
+                    for channel in range(3):
+                        out[r, c, channel] = max(rgb[rr, cc, channel], np.uint8(1))

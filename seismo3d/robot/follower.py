@@ -19,6 +19,8 @@ from seismo3d.robot.tracking import Located
 
 _LEAST_NORMALS = 300
 _RELOCATE_EVERY = 4
+_LOOSE = 0.01
+"""Standard deviation of the predicted turn from which on the prediction is but a guess, rad."""
 
 
 class Follower:
@@ -115,7 +117,8 @@ class Follower:
         """Locate a frame near the predicted pose, else at a place that looks like it, else begin a new local map."""
         if not self._maps.current.poses:
             return "started", None
-        located = self._locator.locate(self._maps.current, measured, number, T, seen)
+        loose = bool(self.motion.covariance.diagonal()[:3].max() > _LOOSE**2)
+        located = self._locator.locate(self._maps.current, measured, number, T, seen, loose=loose)
         sound = is_sound(located, T, n_lost=self.n_lost)
         if not (sound and is_certain(located)):
             found = self._place_elsewhere(measured, number, timing, located.share + 0.1 if sound else 0.0)

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float32Array, Float64Array
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int32Array
 from seismo3d._validate import as_number, as_real_array
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.camera import PinholeCamera
@@ -37,7 +37,7 @@ class MeasureSettings:
 
     def __post_init__(self) -> None:
         as_number(self.near, "near", low=0.0)
-        as_number(self.far, "far", low=self.near, strict=True)
+        as_number(self.far, "far", low=self.near, high=kernels.FARTHEST, strict=True)
         as_number(self.total_variation, "total_variation", low=0.0, high=1.0)
 
 
@@ -67,8 +67,9 @@ class Measured:
         Metres, 0 where there is none, as if all rows had been exposed at once.
     vertices, normals : ndarray of shape (rows / 2, columns / 2, 3), float32
         Points, and unit normals towards the camera; zero where there are none.
-    pixels : ndarray of shape (rows * columns, 3), float32
-        Depth, cosine between ray and normal, and weight for fusion: 1 for a surface seen frontally at a metre.
+    pixels : ndarray of shape (rows * columns,), uint64
+        Depth, slope and weight for fusion, packed, 0 for what is not fused; see
+        :func:`seismo3d.robot._kernels_frame.pack_pixels`. The weight is 1 for a surface seen frontally at a metre.
     colour : ndarray of shape (rows, columns, 3) or (0, 0, 3), uint8
         Colour of each depth pixel.
     grey : ndarray of shape (rows, columns), uint8, or None
@@ -78,7 +79,7 @@ class Measured:
     depth: Float32Array
     vertices: Float32Array
     normals: Float32Array
-    pixels: Float32Array
+    pixels: AnyArray
     colour: AnyArray
     grey: AnyArray | None
 
@@ -86,6 +87,11 @@ class Measured:
     def n_normals(self) -> int:
         """Number of vertices with a normal."""
         return int(np.count_nonzero(self.normals[:, :, 2]))
+
+    @property
+    def trusted(self) -> BoolArray:
+        """Which pixels (rows, columns) are fused."""
+        return np.asarray(self.pixels.reshape(self.depth.shape) > 0)
 
 
 class Measurer:
@@ -103,7 +109,9 @@ class Measurer:
         self.lens = lens
         self.settings = settings
         self._pool = pool
+        self._focal = np.array([lens.fx, lens.fy], dtype=np.float32)
         self._rays: Float32Array | None = None
+        self._moved: tuple[Int32Array, Float32Array] | None = None
 
     def rays(self, shape: tuple[int, ...]) -> Float32Array:
         """Return the ray (x, y at depth 1) of each pixel of an image of a shape."""
@@ -133,41 +141,62 @@ class Measurer:
             If depth and colour do not fit each other or the camera.
         """
         depth = self._metres(frame)
-        rays = self.rays(depth.shape)
-        focal = np.array([self.lens.fx, self.lens.fy], dtype=np.float32)
-        rows = depth.shape[0]
-        spacing = timing.readout / rows
-        start = -0.5 * timing.readout
-        if timing.readout > 0.0 and np.any(twist):
-            place, moved = np.empty(depth.shape, dtype=np.int32), np.empty(depth.shape, dtype=np.float32)
-            motion = (depth, rays, twist, start, spacing, focal)
-            self._by_rows(rows, lambda a, b: shutter.move_rows(a, b, *motion, place, moved))
-            depth = shutter.splat_rows(place, moved)
-        colour = np.zeros((0, 0, 3), dtype=np.uint8)
         grey = None
         if frame.rgb is not None:
             import cv2
 
             grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
-            colour = np.zeros(frame.rgb.shape, dtype=np.uint8)
-            rgb = np.ascontiguousarray(frame.rgb)
-            start += timing.colour_lead
-            self._by_rows(
-                rows,
-                lambda a, b: shutter.colour_at_depth(a, b, rgb, depth, rays, -twist, start, spacing, focal, colour),
-            )
-        return self.measured(depth, colour, grey)
+        if timing.readout > 0.0 and np.any(twist):
+            depth = self._frozen(depth, twist, timing)
+        vertices = self._halved(depth)
+        colour = np.zeros((0, 0, 3), dtype=np.uint8)
+        if frame.rgb is not None:
+            colour = self._coloured(frame.rgb, depth, vertices, twist, timing)
+        return self._packed(depth, vertices, colour, grey)
 
     def measured(self, depth: Float32Array, colour: AnyArray, grey: AnyArray | None = None) -> Measured:
         """Measure a depth image in metres, free of the shutter's effect, with the colour of each pixel."""
+        return self._packed(depth, self._halved(depth), colour, grey)
+
+    def _frozen(self, depth: Float32Array, twist: Float64Array, timing: Timing) -> Float32Array:
+        """Return a depth image as if all rows had been exposed at the time of the middle one."""
+        rays = self.rays(depth.shape)
+        spacing, focal = timing.readout / len(depth), self._focal
+        place, moved = self._buffers(depth.shape)
+        motion = (depth, rays, twist, -0.5 * timing.readout, spacing, focal)
+        self._by_rows(len(depth), lambda a, b: shutter.move_rows(a, b, *motion, place, moved))
+        return shutter.splat_rows(place, moved)
+
+    def _coloured(
+        self, rgb: AnyArray, depth: Float32Array, vertices: Float32Array, twist: Float64Array, timing: Timing
+    ) -> AnyArray:
+        """Return the colour of each depth pixel."""
+        colour, rgb = np.zeros(rgb.shape, dtype=np.uint8), np.ascontiguousarray(rgb)
+        spacing = timing.readout / len(depth)
+        start = timing.colour_lead - 0.5 * timing.readout
+        motion = (-twist, start, spacing, self._focal)
+        self._by_rows(len(vertices), lambda a, b: shutter.colour_at_depth(a, b, rgb, depth, vertices, *motion, colour))
+        return colour
+
+    def _halved(self, depth: Float32Array) -> Float32Array:
         rays, s = self.rays(depth.shape), self.settings
         vertices = np.empty((depth.shape[0] // 2, depth.shape[1] // 2, 3), dtype=np.float32)
         self._by_rows(len(vertices), lambda a, b: kernels.halve(a, b, depth, rays, s.near, s.far, vertices))
+        return vertices
+
+    def _packed(self, depth: Float32Array, vertices: Float32Array, colour: AnyArray, grey: AnyArray | None) -> Measured:
+        far = self.settings.far
         normals = np.zeros_like(vertices)
         self._by_rows(len(vertices), lambda a, b: kernels.grid_normals(a, b, vertices, 2, normals))
-        pixels = np.zeros((depth.size, 3), dtype=np.float32)
-        self._by_rows(len(vertices), lambda a, b: kernels.weigh_pixels(a, b, depth, vertices, normals, s.far, pixels))
+        pixels = np.zeros(depth.size, dtype=np.uint64)
+        self._by_rows(len(vertices), lambda a, b: kernels.pack_pixels(a, b, depth, vertices, normals, far, pixels))
         return Measured(depth, vertices, normals, pixels, colour, grey)
+
+    def _buffers(self, shape: tuple[int, ...]) -> tuple[Int32Array, Float32Array]:
+        """Return memory for places and depths that is kept from frame to frame."""
+        if self._moved is None or self._moved[0].shape != shape:
+            self._moved = np.empty(shape, dtype=np.int32), np.empty(shape, dtype=np.float32)
+        return self._moved
 
     def _by_rows(self, rows: int, work: Callable[[int, int], None]) -> None:
         """Do work on rows in parts on the pool."""
@@ -189,8 +218,9 @@ class Measurer:
                 f"depth has shape {raw.shape}; the camera says ({self.lens.height}, {self.lens.width}). "
                 "Give the intrinsics of these images."
             )
-        depth = raw.astype(np.float32) / np.float32(self.lens.depth_scale)
-        depth[~np.isfinite(depth) | (depth < 0.0)] = 0.0
+        depth = np.divide(raw, np.float32(self.lens.depth_scale), dtype=np.float32)
+        if raw.dtype.kind != "u":
+            depth[~np.isfinite(depth) | (depth < 0.0)] = 0.0
         if self.settings.total_variation > 0.0:
             depth = smooth_depth(depth, self.settings.total_variation)
         return depth

@@ -34,9 +34,9 @@ class KeptFrame:
     @classmethod
     def of(cls, measured: Measured, pose: int, camera: int) -> KeptFrame:
         """Pack a measured frame; pixels without weight are left out."""
-        trusted = measured.pixels[:, 2].reshape(measured.depth.shape) > 0.0
-        tenths = np.where(trusted, measured.depth * 1e4 + 0.5, 0.0)
-        depth = cv2.imencode(".png", np.clip(tenths, 0, 65535).astype(np.uint16))[1].ravel()
+        tenths = np.minimum(measured.depth * np.float32(1e4) + np.float32(0.5), np.float32(65535.0))
+        tenths *= measured.trusted
+        depth = cv2.imencode(".png", tenths.astype(np.uint16))[1].ravel()
         colour = np.empty(0, dtype=np.uint8)
         if measured.colour.size:
             colour = cv2.imencode(".jpg", measured.colour, [cv2.IMWRITE_JPEG_QUALITY, 92])[1].ravel()

@@ -22,6 +22,8 @@ from seismo3d.robot.tsdf import Prediction
 
 _FARTHEST = 0.9
 """Views that are farther, by ``View.apart``, are not searched."""
+_MOST = 200
+"""Landmarks of a view that are looked for at most, evenly from the most to the least distinct."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,10 +142,13 @@ def sight_landmarks(
         expected, visible = _expected(view, lens, T_colour, grey.shape)
         if wanted is not None:
             visible &= np.isin(np.arange(len(visible)), wanted)
-        if visible.sum() < (6 if wanted is None else 1):
+        sought = np.flatnonzero(visible)
+        if len(sought) < (6 if wanted is None else 1):
             return
-        pixels, good = _follow(view.grey, grey, view.pixels[visible], expected[visible], radius)
-        which = np.flatnonzero(visible)[good]
+        if len(sought) > _MOST:
+            sought = sought[np.linspace(0, len(sought) - 1, _MOST).astype(int)]
+        pixels, good = _follow(view.grey, grey, view.pixels[sought], expected[sought], radius)
+        which = sought[good]
         found_points.append(view.points[which])
         found_pixels.append(pixels[good])
         found_names.append(np.column_stack([np.full(len(which), number), which]))
@@ -274,8 +279,8 @@ def _follow(
         "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
     }
     there, found, _ = cv2.calcOpticalFlowPyrLK(before, now, start, guess.copy(), maxLevel=3, **options)
-    # where the way back should end is known, so that it needs not begin far up in the pyramid
-    back, returned, _ = cv2.calcOpticalFlowPyrLK(now, before, there, start.copy(), maxLevel=1, **options)
+    # where the way back should end is known, so that it needs no pyramid
+    back, returned, _ = cv2.calcOpticalFlowPyrLK(now, before, there, start.copy(), maxLevel=0, **options)
     miss = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
     good = (found.ravel() == 1) & (returned.ravel() == 1) & (miss < 0.7)
     return there.reshape(-1, 2).astype(np.float64), good

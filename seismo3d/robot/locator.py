@@ -16,7 +16,7 @@ from seismo3d.robot.keyframes import make_keyframe
 from seismo3d.robot.landmarks import Sightings, sight_landmarks, time_sightings
 from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.state import MapState
-from seismo3d.robot.tracking import Located, locate
+from seismo3d.robot.tracking import Located, fine_step, locate
 from seismo3d.robot.tsdf import Prediction, SurfaceMap
 
 _FAIR = 0.4
@@ -71,10 +71,19 @@ class Locator:
             return time_sightings(*nothing, lens, twist, timing, measured.depth.shape)
         return sight_landmarks(state.views, measured.grey, lens, T, twist, timing, also=also)
 
-    def locate(self, state: MapState, measured: Measured, number: int, T: Float64Array, seen: Sightings) -> Located:
-        """Fit a frame of a camera, with landmarks seen in it, to a map from a pose."""
-        prediction = self.cast(state.surface, measured, number, T, coarser=3)
-        return locate(measured, prediction, seen, T, self._cameras[number].lens, terms=self._terms)
+    def locate(
+        self,
+        state: MapState,
+        measured: Measured,
+        number: int,
+        T: Float64Array,
+        seen: Sightings,
+        *,
+        loose: bool = False,
+    ) -> Located:
+        """Fit a frame of a camera, with landmarks seen in it, to a map from a pose, which may be a ``loose`` guess."""
+        prediction = self.cast(state.surface, measured, number, T, coarser=fine_step(measured))
+        return locate(measured, prediction, seen, T, self._cameras[number].lens, terms=self._terms, loose=loose)
 
     def places(
         self, states: Iterable[MapState], measured: Measured, number: int

@@ -17,7 +17,7 @@ from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.state import MapState
 from seismo3d.robot.tsdf import SurfaceMap
 
-_CARVE_EVERY = 3
+_CARVE_EVERY = 6
 _STEADY = 0.1
 """Share of the view that may move in a frame that is remembered as a view."""
 
@@ -82,7 +82,7 @@ class Recorder:
         self._fuse(state.surface, measured, number, T, carve=frame % _CARVE_EVERY == 0)
         if new:
             state.memory.add(make_keyframe(frame, number, T, measured.grey, measured.depth, part=state.part))
-            prediction = self._locator.cast(state.surface, measured, number, T, coarser=1)
+            prediction = self._locator.cast(state.surface, measured, number, T, coarser=2)
             state.views.append(make_view(measured.grey, lens, prediction, twist, timing, camera=number))
         if packed is not None:
             state.kept.append(packed.result())

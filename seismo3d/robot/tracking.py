@@ -16,7 +16,7 @@ from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.registration.observability import assess
 from seismo3d.registration.quadratic import Frame, plane_form, point_form
 from seismo3d.registration.robust import TUKEY, robust_scale, tukey_weights
-from seismo3d.registration.solvers import Limits, Prior, Solution, solve_form
+from seismo3d.registration.solvers import Limits, Prior, Solution, walk
 from seismo3d.robot import _kernels_tracking as kernels
 from seismo3d.robot.ekf import log_motion
 from seismo3d.robot.frames import Measured
@@ -28,10 +28,13 @@ TERMS = ("fused", "planes", "features", "two_stage")
 _FREE = Limits(np.full(6, -np.inf), np.full(6, np.inf))
 _STILL = 2e-4
 """Steps below are the last, rad and m."""
-_COARSE, _FINE = 4, 3
-"""Every so many vertices of a row and rows are paired far from the solution and near it."""
-_ENOUGH = 2000
-"""Vertices that are enough far from the solution: of large images fewer than every ``_COARSE``-th one is paired."""
+_NEARLY = 1e-3
+"""Steps below which vertices are paired more finely, rad and m."""
+_COARSE, _FINE = (4, 2000), (3, 4000)
+"""Every so many vertices of a row and rows are paired far from the solution and near it, of large images as few as make
+so many pairs: neighbours share their errors."""
+_LEADING, _MANY, _FAR_OFF = 2, 30, 4.0
+"""Steps that landmarks take alone at first where at least so many of them are off by so many pixels."""
 _PER_PLANE = 8.0
 """Pixels of the half image (every second one of it) that carry as much as one independent measurement: neighbours
 share the sensor's and the map's errors."""
@@ -107,6 +110,7 @@ def locate(
     lens: PinholeCamera,
     *,
     terms: str = "fused",
+    loose: bool = False,
     max_steps: int = 10,
 ) -> Located:
     """Find the pose at which a frame fits the map.
@@ -123,6 +127,8 @@ def locate(
     lens : PinholeCamera
     terms : str
         One of ``TERMS``.
+    loose : bool
+        Whether the start may be far off: then landmarks take the first steps alone.
     max_steps : int
 
     Returns
@@ -132,16 +138,17 @@ def locate(
     T = T_world_camera
     found = Located(T, np.full((6, 6), np.inf), 0, 0, 0.0, np.inf, np.inf, False, None, np.zeros(len(sightings)))
     last: _Step | None = None
-    rows, columns, _ = measured.vertices.shape
-    coarse = max(_COARSE, int(np.sqrt(rows * columns / _ENOUGH)))
+    steps = _step_of(measured, _COARSE), fine_step(measured)
     frame: Frame | None = None
+    fine, n_left = False, max_steps // 2
     for step in range(max_steps):
-        fine = step >= max_steps // 2
         use_planes = terms in ("fused", "planes") or (terms == "two_stage" and fine)
         use_landmarks = terms in ("fused", "features") or (terms == "two_stage" and not fine)
-        reach = (0.1, 0.1, 0.06, 0.04)[min(step, 3)] if fine or step < 3 else 0.04
-        pairs = _pair_planes(measured, prediction, T, _FINE if fine else coarse, reach) if use_planes else None
+        reach = (0.1, 0.1, 0.06, 0.04)[min(step, 3)]
         rays = _weigh_landmarks(sightings, T, lens) if use_landmarks and len(sightings) >= 4 else None
+        if loose and terms == "fused" and step < _LEADING and rays is not None and rays.lead:
+            use_planes = False
+        pairs = _pair_planes(measured, prediction, T, steps[fine], reach) if use_planes else None
         if pairs is None and rays is None:
             break
         frame = frame or _frame_of(pairs, rays, sightings)
@@ -150,11 +157,23 @@ def locate(
             break
         move = log_motion(np.linalg.inv(T) @ new.T_world_camera)
         T, last = new.T_world_camera, new
-        if np.linalg.norm(move[:3]) < _STILL and np.linalg.norm(move[3:]) < _STILL:
+        n_left -= 1
+        least = _STILL if fine else _NEARLY
+        if n_left == 0 or (np.linalg.norm(move[:3]) < least and np.linalg.norm(move[3:]) < least):
             if fine:
                 break
-            max_steps = min(max_steps, step + 1 + max_steps // 2)
+            fine, n_left = True, max_steps - max_steps // 2
     return found if last is None else _concluded(last)
+
+
+def fine_step(measured: Measured) -> int:
+    """Return every how manieth vertex of a row, and row, is paired near the solution."""
+    return _step_of(measured, _FINE)
+
+
+def _step_of(measured: Measured, least: tuple[int, int]) -> int:
+    rows, columns, _ = measured.vertices.shape
+    return max(least[0], int(np.sqrt(rows * columns / least[1])))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,6 +183,11 @@ class _Rays:
     weights: Float64Array
     spread: float
     n_agreeing: int
+
+    @property
+    def lead(self) -> bool:
+        """Whether so many are so far off that planes would pair with the wrong parts of the surface."""
+        return self.n_agreeing >= _MANY and self.spread > _FAR_OFF
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,7 +247,7 @@ def _frame_of(pairs: PlanePairs | None, rays: _Rays | None, sightings: Sightings
 def _solve(
     T: Float64Array, frame: Frame, pairs: PlanePairs | None, rays: _Rays | None, sightings: Sightings
 ) -> _Step | None:
-    """Add both terms up in one form, and solve it."""
+    """Add both terms up in one form, and walk to its minimum from the pose before: the pairs hold near that alone."""
     Q = np.zeros((13, 13))
     if pairs is not None:
         Q += plane_form(frame.target(pairs.target), frame.source(pairs.source), pairs.normals, pairs.weights)
@@ -231,7 +255,8 @@ def _solve(
         Q += point_form(frame.target(sightings.points), frame.source(rays.source), rays.information)
     if not np.isfinite(Q).all() or not Q[:12, :12].any():
         return None
-    found: Solution = solve_form(Q, model="rigid", prior=Prior(*frame.enter(T)), limits=_FREE, ratio=1e-5)
+    A, t = frame.enter(T)
+    found = walk(Q, A, t, model="rigid", prior=Prior(A, t), limits=_FREE, ratio=1e-5)
     return _Step(frame.leave(found.A, found.t), frame, Q, found, pairs, rays, len(sightings))
 
 

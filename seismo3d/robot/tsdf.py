@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
+from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.geometry._kernels_voxel_keys import find
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import _kernels_blocks as blocks
@@ -31,11 +31,11 @@ from seismo3d.robot.frames import Measured
 
 REACH = 0.15
 """Metres from the expected depth within which a surface is looked for."""
+_ROOM = 1 << 15
+"""Blocks that there is room for from the beginning; the system gives the memory when it is written to."""
 _MARGIN = 40
-_STEADY = 10
-"""Frames that have shown a block before it takes only every second one."""
-_SEEN_THROUGH = 2
-"""Pixels around one that must see through a voxel, too."""
+_STEADY, _EVERY = np.array([10, 40, 100]), np.array([1, 2, 4, 8])
+"""Frames that have shown a block from which on it takes every second one, every fourth, every eighth."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,14 +78,14 @@ class SurfaceMap:
         self.band = band
         self.heaviest = heaviest
         self.n_blocks = self._n_fused = 0
-        self.keys = np.empty(1024, dtype=np.int64)
-        self.coordinates = np.empty((1024, 3), dtype=np.int32)
-        self.distance = np.empty((1024, 512), dtype=np.float32)
-        self.weight = np.zeros((1024, 512), dtype=np.float32)
-        self.colour = np.zeros((1024, 512, 4), dtype=np.uint8)
-        self.times_shown = np.zeros(1024, dtype=np.uint8)
+        self.keys = np.empty(_ROOM, dtype=np.int64)
+        self.coordinates = np.empty((_ROOM, 3), dtype=np.int32)
+        self.distance = np.empty((_ROOM, 512), dtype=np.float32)
+        self.weight = np.zeros((_ROOM, 512), dtype=np.float32)
+        self.colour = np.zeros((_ROOM, 512, 4), dtype=np.uint8)
+        self.times_shown = np.zeros(_ROOM, dtype=np.uint8)
         self._tables: dict[tuple[PinholeCamera, tuple[int, ...]], Int32Array] = {}
-        self._image = np.zeros((1, 4), dtype=np.float32)
+        self._image = np.zeros(1, dtype=np.uint64)
         self._make_table(12)
 
     @property
@@ -142,48 +142,47 @@ class SurfaceMap:
             self._carve(measured, camera, T_world_camera, pool, n_threads)
         R, t = _parts(T_world_camera)
         reach = self.band + self.voxel_size
-
-        def touch(pair: tuple[int, int]) -> Int64Array:
-            return blocks.touched_blocks(2 * pair[0], 2 * pair[1], measured.vertices, 2, R, t, self.block_size, reach)
-
-        touched = _spread(touch, _ranges((len(measured.vertices) + 1) // 2, 2 * n_threads), pool)
-        numbers, times = self._due(self.add_blocks(np.unique(np.concatenate(touched))))
-        lens = lens_numbers(camera)
-        table = self._pixel_table(camera, measured.depth.shape)
-        rgb = measured.colour.reshape(-1, 3)
-        image = self._image_of(table.size)
+        lens, table = lens_numbers(camera), self._pixel_table(camera, measured.depth.shape)
+        rgb, image = measured.colour.reshape(-1, 3), self._image_of(table.size)
 
         def straighten(pair: tuple[int, int]) -> None:
-            fusing.straighten(*pair, table, lens, _MARGIN, measured.pixels, rgb, image, image.view(np.uint32))
+            fusing.straighten(*pair, table, measured.pixels, rgb, image)
+
+        straightened = [pool.submit(straighten, pair) for pair in _ranges(len(table), n_threads)]
+        touched = blocks.touched_blocks(measured.vertices, 2, R, t, self.block_size, reach)
+        numbers, times = self._due(self.add_blocks(touched))
+        for part in straightened:
+            part.result()
 
         def work(pair: tuple[int, int]) -> None:
             part = slice(*pair)
             fusing.fuse_blocks(
                 numbers[part], self.coordinates, self.distance, self.weight, self.colour.view(np.uint32)[:, :, 0],
-                self.voxel_size, R, t, lens, table.shape, _MARGIN, image.view(np.uint64), len(rgb) > 0, times[part],
-                self.band, self.heaviest,
+                self.voxel_size, R, t, lens, table.shape, _MARGIN, image, times[part], self.band, self.heaviest,
             )  # fmt: skip
 
-        _spread(straighten, _ranges(len(table), n_threads), pool)
         _spread(work, _ranges(len(numbers), 8 * n_threads), pool)
 
     def _due(self, numbers: Int64Array) -> tuple[Int64Array, Float32Array]:
         """Return those of the blocks that a frame shows that it is put into, and how many times its weight each takes.
 
-        A block that was shown often takes every second frame, with twice the weight, half of the blocks in turn.
+        A block that was shown often takes every second frame with twice the weight, later every fourth and eighth, the
+        blocks in turn.
         """
         self._n_fused += 1
-        steady = self.times_shown[numbers] >= _STEADY
-        self.times_shown[numbers] += ~steady
-        due = ~steady | ((numbers + self._n_fused) % 2 == 0)
-        return numbers[due], np.where(steady[due], np.float32(2.0), np.float32(1.0))
+        shown = self.times_shown[numbers]
+        self.times_shown[numbers] += shown < _STEADY[-1]
+        every = _EVERY[np.searchsorted(_STEADY, shown, side="right")]
+        due = (numbers + self._n_fused) % every == 0
+        return numbers[due], every[due].astype(np.float32)
 
     def _carve(
         self, measured: Measured, camera: PinholeCamera, T: Float64Array, pool: ThreadPoolExecutor, n_threads: int
     ) -> None:
         R, t = _parts(T)
-        lens, table = lens_numbers(camera), self._pixel_table(camera, measured.depth.shape)
-        beyond = carving.straighten_depth(table, carving.nearest_around(measured.depth, _SEEN_THROUGH))
+        half, nearest = halved(camera), carving.nearest_around(measured.depth)
+        lens, table = lens_numbers(half), self._pixel_table(half, nearest.shape)
+        beyond = carving.straighten_depth(table, nearest)
         farthest = carving.farthest_tiles(beyond, *table.shape)
 
         def before(pair: tuple[int, int]) -> Int64Array:
@@ -240,10 +239,10 @@ class SurfaceMap:
         _spread(lambda pair: work(*pair), _ranges(rows, 4 * n_threads), pool)
         return Prediction(points, normals, T_world_camera, lens)
 
-    def _image_of(self, n_pixels: int) -> Float32Array:
+    def _image_of(self, n_pixels: int) -> AnyArray:
         """Return the memory of a frame's image without distortion, kept from frame to frame; its last row is zero."""
         if len(self._image) != n_pixels + 1:
-            self._image = np.zeros((n_pixels + 1, 4), dtype=np.float32)
+            self._image = np.zeros(n_pixels + 1, dtype=np.uint64)
         return self._image
 
     def _pixel_table(self, camera: PinholeCamera, shape: tuple[int, ...]) -> Int32Array:
@@ -273,6 +272,14 @@ def lens_numbers(camera: PinholeCamera) -> Float64Array:
     """Return fx, fy, cx, cy, k1, k2, p1, p2, k3 as kernels take them."""
     distortion = (*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
     return np.array([camera.fx, camera.fy, camera.cx, camera.cy, *distortion])
+
+
+def halved(camera: PinholeCamera) -> PinholeCamera:
+    """Return the camera of an image of half the size, each of its pixels two by two of the whole one."""
+    return PinholeCamera(
+        camera.fx / 2, camera.fy / 2, (camera.cx + 0.5) / 2 - 0.5, (camera.cy + 0.5) / 2 - 0.5, camera.distortion,
+        camera.depth_scale,
+    )  # fmt: skip
 
 
 def _parts(T: Float64Array) -> tuple[Float64Array, Float64Array]:

@@ -8,7 +8,7 @@ import pytest
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import RgbdFrame
-from seismo3d.robot._kernels_frame import depth_sigma
+from seismo3d.robot._kernels_frame import depth_sigma, unpack_pixels
 from seismo3d.robot.ekf import exp_motion
 from seismo3d.robot.frames import Measurer, MeasureSettings, Timing, smooth_depth
 from seismo3d.robot.landmarks import time_sightings
@@ -38,7 +38,7 @@ def test_vertices_and_normals_of_a_wall() -> None:
     np.testing.assert_allclose(inner @ np.array([-0.2, 0.1, 1.0]), 2.0, atol=2e-3)
     normal = np.array([0.2, -0.1, -1.0]) / np.sqrt(1.05)
     assert (measured.normals[4:-4, 4:-4] @ normal).min() > 0.999
-    trust = measured.pixels[:, 2].reshape(120, 160)[10:-10, 10:-10]
+    trust = unpack_pixels(measured.pixels)[2].reshape(120, 160)[10:-10, 10:-10]
     assert trust.max() < (depth_sigma(1.0) / depth_sigma(1.5)) ** 2
     assert trust.min() > 0.0
 
@@ -101,7 +101,7 @@ def test_what_moves_loses_its_weight_and_what_stays_keeps_it() -> None:
         frame = RgbdFrame.of(None, depth * 1000.0, 0.0)
         measured = measurer.measure(frame, np.zeros(6), Timing())
         marked = memory.watch(measured, LENS, np.eye(4))
-        return marked, measured.pixels[:, 2].reshape(120, 160)
+        return marked, unpack_pixels(measured.pixels)[2].reshape(120, 160)
 
     for _ in range(3):
         marked, _ = watch(background)
@@ -122,3 +122,5 @@ def test_what_moves_loses_its_weight_and_what_stays_keeps_it() -> None:
 def test_settings_are_checked() -> None:
     with pytest.raises(ParameterError, match="far"):
         MeasureSettings(near=1.0, far=0.5)
+    with pytest.raises(ParameterError, match="far"):
+        MeasureSettings(far=100.0)

@@ -72,6 +72,16 @@ def test_an_unseen_place_after_a_loss_becomes_a_new_local_map(away: tuple[Path, 
     assert (joined[:, 0] == joined[:, 1]).all()
 
 
+def test_a_new_map_begins_in_motion(sequence: RgbdSequence, away: tuple[Path, list[Tracked]]) -> None:
+    """Its second frame has turned by 3.7 degrees since the first one, and nothing foretold it."""
+    found, truth = away[1][25:35], sequence.poses[AWAY[25:35]]
+    assert found[0].state == "started"
+    for tracked, T in zip(found, truth):
+        between = invert_transform(truth[0]) @ T
+        since = invert_transform(found[0].T_world_camera) @ tracked.T_world_camera
+        assert np.linalg.norm((since - between)[:3, 3]) < 0.01
+
+
 def test_local_maps_become_one_when_the_old_place_is_seen_again(
     sequence: RgbdSequence, away: tuple[Path, list[Tracked]]
 ) -> None:

@@ -86,11 +86,12 @@ def test_a_thin_thing_is_not_seen_through_beside_it() -> None:
     depth = np.full((40, 50), 3.0, np.float32)
     depth[:, 25] = 1.0
     depth[7, 7] = 0.0
-    free = carving.nearest_around(depth, 2).reshape(40, 50)
-    np.testing.assert_array_equal(free[12:38, 23:28], 1.0)
-    np.testing.assert_array_equal(free[12:38, 28:48], 3.0)
-    np.testing.assert_array_equal(free[5:10, 5:10], 0.0)  # unknown is not free
-    np.testing.assert_array_equal(free[:, :2], 0.0)
+    free = carving.nearest_around(depth)
+    assert free.shape == (20, 25)
+    np.testing.assert_array_equal(free[6:19, 11:14], 1.0)  # columns 22 to 27
+    np.testing.assert_array_equal(free[6:19, 14:24], 3.0)
+    np.testing.assert_array_equal(free[2:5, 2:5], 0.0)  # unknown is not free
+    np.testing.assert_array_equal(free[:, :1], 0.0)
 
 
 def test_blocks_behind_the_surface_are_left_out() -> None:

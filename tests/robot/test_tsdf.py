@@ -37,7 +37,7 @@ def test_keys_unpack_to_their_coordinates(rng: np.random.Generator) -> None:
 
 def test_blocks_keep_their_numbers_while_the_table_grows(rng: np.random.Generator) -> None:
     surface = SurfaceMap(0.01, 0.04)
-    keys = np.unique([blocks.pack(*row) for row in rng.integers(-40, 40, size=(9000, 3))])
+    keys = np.unique([blocks.pack(*row) for row in rng.integers(-40, 40, size=(36000, 3))])
     numbers = np.concatenate([surface.add_blocks(part) for part in np.array_split(rng.permutation(keys), 7)])
     assert surface.n_blocks == len(keys)
     np.testing.assert_array_equal(np.sort(numbers), np.arange(len(keys)))
