@@ -5,6 +5,7 @@ slopes -> misfit -> planar support -> ridges -> sheets -> throws -> surfaces, la
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,16 +17,18 @@ from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
+from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence, refuse_in_blocks
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
 from seismo3d.seismic.misfit import NOISES, MisfitSettings
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
+from seismo3d.seismic.restored_throws import restore_throws
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface
-from seismo3d.seismic.throw import SheetThrow, ThrowSettings, measure_throw
+from seismo3d.seismic.throw import SheetThrow, ThrowSettings, gather_sides, measure_throw
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +42,7 @@ class FaultSettings:
         noise of a good survey, and in noise.
     end_score : tuple of (float, float, float)
         The same, averaged over the surface nearby, below which a surface ends.
-    dip, misfit, registration, scan, link, choice, throw
+    dip, misfit, registration, scan, link, choice, throw, history
         Settings of the stages.
     """
 
@@ -52,6 +55,7 @@ class FaultSettings:
     link: LinkSettings = field(default_factory=LinkSettings)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
     throw: ThrowSettings = field(default_factory=ThrowSettings)
+    history: HistorySettings = field(default_factory=HistorySettings)
 
     @classmethod
     def for_section(cls) -> FaultSettings:
@@ -91,7 +95,7 @@ def trace_faults(
     reflector slopes, which come from the structure tensor, and by the shifts that register neighbouring slices. Planes
     of all strikes and dips are scanned for the evidence [1]_. Its crests are thinned with sub-voxel position and grown
     into surfaces that pass through each other. At every place of a surface the throw is the shift that matches its two
-    sides.
+    sides; those of faults that others have offset are matched as they lay before these moved.
 
     Parameters
     ----------
@@ -177,8 +181,14 @@ def trace_faults(
         measured = measure_throw(volume, valid, slopes, sheet, settings=settings.throw)
         moving.append(end_where_still(sheet, measured, settings.choice))
     report("surfaces", 0.0)
-    chosen = choose_faults(moving, settings.choice)
-    sheets, throws = [sheet for sheet, _ in chosen], [throw for _, throw in chosen]
+    numbers = choose_faults(moving, settings.choice)
+    chosen = [sheets[number] for number in numbers]
+    sheets, throws = finish_throws(
+        [moving[number] for number in numbers],
+        lambda n: gather_sides(volume, valid, slopes, chosen[n], settings=settings.throw),
+        settings,
+        is_section=is_section,
+    )
     surfaces = build_surfaces(sheets, throws, geometry, sampling)
     labels, throw = draw_sheets(sheets, throws, volume.shape)
     likelihood = draw_ridges(ridges, found.step, volume.shape)
@@ -217,6 +227,20 @@ def find_candidates(
         end_score=score_at_noise(settings.end_score, noise), settings=settings.link, room=room,
     )  # fmt: skip
     return may_be_faults(sheets, 1 in shape[:2], settings.choice)
+
+
+def finish_throws(
+    faults: list[tuple[Sheet, SheetThrow]],
+    read_sides: Callable[[int], tuple[Float32Array, Float32Array]],
+    settings: FaultSettings,
+    *,
+    is_section: bool,
+) -> tuple[list[Sheet], list[SheetThrow]]:
+    """Return the sheets that are faults, and their throws when they moved; in a section, as they seem today."""
+    sheets, throws = [sheet for sheet, _ in faults], [throw for _, throw in faults]
+    if not is_section:
+        throws = restore_throws(sheets, throws, read_sides, settings=settings.throw, history=settings.history)
+    return sheets, throws
 
 
 def build_surfaces(

@@ -16,7 +16,7 @@ from seismo3d.seismic.blocks.ridges import gather_ridges
 from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.choosing import choose_faults, end_where_still
-from seismo3d.seismic.faults import draw_sheets, find_candidates
+from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.throw import SheetThrow, every_sample, gather_sides, match_sides
 
@@ -67,30 +67,38 @@ def sides_facts(run: BlockRun) -> None:
 def throw(run: BlockRun, number: int) -> None:
     """Find the throw of a sheet, and where it ends."""
     sheet = run_sheets(run)[number]
-    w = every_sample(sheet)
-    both, known = np.zeros((2, *w.shape), np.float32), np.zeros((2, *w.shape), np.float32)
+    both, known = _joined_sides(run, sheet, number)
+    measured = match_sides(sheet, both, known, settings=run.settings.throw)
+    ended = end_where_still(sheet, measured, run.settings.choice)
+    run.write_part("throw", number, {**_packed("sheet", [ended[0]]), **_packed("throw", [ended[1]])})
+
+
+def _joined_sides(run: BlockRun, sheet: Sheet, number: int) -> tuple[Float32Array, Float32Array]:
+    """Return both sides of a sheet, and where they are known, from the blocks that it passes through."""
+    shape = every_sample(sheet).shape
+    both, known = np.zeros((2, *shape), np.float32), np.zeros((2, *shape), np.float32)
     for block in run.fact("sides")["blocks"][number]:
         part, _ = run.read_part("sides", block, prefix=f"{number}.")
         (row, column), read = part[f"{number}.at"], part[f"{number}.known"]
         at = np.s_[:, row : row + read.shape[1], column : column + read.shape[2]]
         both[at][read] = part[f"{number}.both"][read]
         known[at][read] = 1.0
-    measured = match_sides(sheet, both, known, settings=run.settings.throw)
-    ended = end_where_still(sheet, measured, run.settings.choice)
-    run.write_part("throw", number, {**_packed("sheet", [ended[0]]), **_packed("throw", [ended[1]])})
+    return both, known
 
 
 def choice_facts(run: BlockRun) -> None:
-    """Choose the sheets that are faults."""
+    """Choose the sheets that are faults, and measure what they threw when they moved."""
     moving = []
     for number in range(run.fact("link")["n_sheets"]):
         part, _ = run.read_part("throw", number)
         moving.append((_unpacked("sheet", part, Sheet)[0], _unpacked("throw", part, SheetThrow)[0]))
-    chosen = choose_faults(moving, run.settings.choice)
-    run.write_fact(
-        "choice",
-        **_packed("sheet", [sheet for sheet, _ in chosen]), **_packed("throw", [measured for _, measured in chosen]),
+    numbers, candidates = choose_faults(moving, run.settings.choice), run_sheets(run)
+    sheets, throws = finish_throws(
+        [moving[number] for number in numbers],
+        lambda n: _joined_sides(run, candidates[numbers[n]], numbers[n]), run.settings,
+        is_section=1 in run.plan.shape[:2],
     )  # fmt: skip
+    run.write_fact("choice", **_packed("sheet", sheets), **_packed("throw", throws))
 
 
 def chosen_faults(run: BlockRun) -> tuple[list[Sheet], list[SheetThrow]]:
