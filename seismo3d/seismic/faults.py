@@ -183,13 +183,15 @@ def trace_faults(
     report("surfaces", 0.0)
     numbers = choose_faults(moving, settings.choice)
     chosen = [sheets[number] for number in numbers]
-    sheets, throws = finish_throws(
-        [moving[number] for number in numbers],
+    sheets, today = [moving[number][0] for number in numbers], [moving[number][1] for number in numbers]
+    throws = finish_throws(
+        sheets,
+        today,
         lambda n: gather_sides(volume, valid, slopes, chosen[n], settings=settings.throw),
         settings,
         is_section=is_section,
     )
-    surfaces = build_surfaces(sheets, throws, geometry, sampling)
+    surfaces = build_surfaces(sheets, throws, today, geometry, sampling)
     labels, throw = draw_sheets(sheets, throws, volume.shape)
     likelihood = draw_ridges(ridges, found.step, volume.shape)
     report("surfaces", 1.0)
@@ -230,26 +232,30 @@ def find_candidates(
 
 
 def finish_throws(
-    faults: list[tuple[Sheet, SheetThrow]],
+    sheets: list[Sheet],
+    today: list[SheetThrow],
     read_sides: Callable[[int], tuple[Float32Array, Float32Array]],
     settings: FaultSettings,
     *,
     is_section: bool,
-) -> tuple[list[Sheet], list[SheetThrow]]:
-    """Return the sheets that are faults, and their throws when they moved; in a section, as they seem today."""
-    sheets, throws = [sheet for sheet, _ in faults], [throw for _, throw in faults]
-    if not is_section:
-        throws = restore_throws(sheets, throws, read_sides, settings=settings.throw, history=settings.history)
-    return sheets, throws
+) -> list[SheetThrow]:
+    """Return the throws of faults when they moved; in a section, as they seem today."""
+    if is_section:
+        return today
+    return restore_throws(sheets, today, read_sides, settings=settings.throw, history=settings.history)
 
 
 def build_surfaces(
-    sheets: list[Sheet], throws: list[SheetThrow], geometry: SurveyGeometry | None, sampling: tuple[float, str]
+    sheets: list[Sheet],
+    throws: list[SheetThrow],
+    today: list[SheetThrow],
+    geometry: SurveyGeometry | None,
+    sampling: tuple[float, str],
 ) -> tuple[FaultSurface, ...]:
-    """Turn sheets, with their throws, into surfaces."""
+    """Turn sheets, with their throws when they moved and what lies apart today, into surfaces."""
     return tuple(
-        build_surface(sheet, throw, to_likelihood(sheet.score), geometry=geometry, sampling=sampling)
-        for sheet, throw in zip(sheets, throws, strict=True)
+        build_surface(sheet, throw, now, to_likelihood(sheet.score), geometry=geometry, sampling=sampling)
+        for sheet, throw, now in zip(sheets, throws, today, strict=True)
     )
 
 

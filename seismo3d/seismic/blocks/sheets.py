@@ -93,18 +93,20 @@ def choice_facts(run: BlockRun) -> None:
         part, _ = run.read_part("throw", number)
         moving.append((_unpacked("sheet", part, Sheet)[0], _unpacked("throw", part, SheetThrow)[0]))
     numbers, candidates = choose_faults(moving, run.settings.choice), run_sheets(run)
-    sheets, throws = finish_throws(
-        [moving[number] for number in numbers],
+    sheets, today = [moving[number][0] for number in numbers], [moving[number][1] for number in numbers]
+    throws = finish_throws(
+        sheets, today,
         lambda n: _joined_sides(run, candidates[numbers[n]], numbers[n]), run.settings,
         is_section=1 in run.plan.shape[:2],
     )  # fmt: skip
-    run.write_fact("choice", **_packed("sheet", sheets), **_packed("throw", throws))
+    run.write_fact("choice", **_packed("sheet", sheets), **_packed("throw", throws), **_packed("today", today))
 
 
-def chosen_faults(run: BlockRun) -> tuple[list[Sheet], list[SheetThrow]]:
-    """Return the sheets that are faults, and their throws."""
+def chosen_faults(run: BlockRun) -> tuple[list[Sheet], list[SheetThrow], list[SheetThrow]]:
+    """Return the sheets that are faults, their throws when they moved, and what lies apart today."""
     found = run.fact("choice")
-    return _unpacked("sheet", found, Sheet), _unpacked("throw", found, SheetThrow)
+    throws, today = (_unpacked(name, found, SheetThrow) for name in ("throw", "today"))
+    return _unpacked("sheet", found, Sheet), throws, today
 
 
 def run_sheets(run: BlockRun) -> list[Sheet]:
@@ -115,7 +117,7 @@ def run_sheets(run: BlockRun) -> list[Sheet]:
 def draw(run: BlockRun, number: int) -> None:
     """Draw the faults into a block."""
     box = run.plan.tiling("draw").box(number)
-    sheets, throws = chosen_faults(run)
+    sheets, throws, _ = chosen_faults(run)
     drawn: list[tuple[Sheet, SheetThrow]] = []
     for sheet, measured in zip(sheets, throws, strict=True):
         rows = _rows_near(sheet, box, run.plan.shape)
