@@ -45,6 +45,7 @@ def plane_surface(
         normals=np.tile(normal, (n, 1)).astype(np.float32),
         likelihood=np.linspace(0.4, 0.9, n).astype(np.float32),
         throw=throws.astype(np.float32),
+        separation=throws.astype(np.float32),
         throw_fit=np.linspace(0.0, 1.0, n).astype(np.float32),
         # dips to the right of the strike; towards growing inlines the dip's azimuth is 0, so strike 270
         strike_deg=np.full(n, 270.0 if axis == 0 else 0.0, dtype=np.float32),
@@ -117,6 +118,7 @@ def make_section() -> tuple[xr.DataArray, FaultSet]:
         normals=np.tile(np.array([0.894427, -0.447214], np.float32), (n, 1)),
         likelihood=np.full(n, 0.6, np.float32),
         throw=np.full(n, 3.0, np.float32),
+        separation=np.full(n, 3.0, np.float32),
         throw_fit=np.full(n, 0.9, np.float32),
         strike_deg=np.full(n, np.nan, np.float32),
         dip_deg=np.full(n, 63.43, np.float32),

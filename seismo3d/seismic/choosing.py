@@ -158,10 +158,8 @@ def end_where_still(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -
     )
 
 
-def choose_faults(
-    candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSettings
-) -> list[tuple[Sheet, SheetThrow]]:
-    """Keep the sheets that are faults, with their throws, in their order.
+def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSettings) -> list[int]:
+    """Tell which sheets are faults.
 
     A sheet stands by itself when it is large and strong. A weaker one is kept where it lies beside a strong fault, does
     not double one, and moves its sides: a fault that others have cut to pieces is found whole.
@@ -175,7 +173,8 @@ def choose_faults(
 
     Returns
     -------
-    list of (Sheet, SheetThrow)
+    list of int
+        Their numbers, increasing.
     """
     significance = np.array([strength(sheet) for sheet, _ in candidates])
     keep = np.array([_stands(*candidate, settings) for candidate in candidates], bool)
@@ -192,7 +191,7 @@ def choose_faults(
         keep[n] = not is_bend and (keep[n] or (bool(near) and _is_new(nodes[n], kept, settings)))
         if keep[n]:
             kept.append(cKDTree(nodes[n]))
-    return [candidates[n] for n in np.flatnonzero(keep)]
+    return [int(n) for n in np.flatnonzero(keep)]
 
 
 def _is_new(nodes: Float64Array, kept: Sequence[cKDTree], settings: ChoiceSettings) -> bool:

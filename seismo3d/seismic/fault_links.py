@@ -59,7 +59,7 @@ class SurfaceGrid:
     inside : ndarray of the same shape, bool
         Nodes on the surface itself.
     throw : ndarray of the same shape, float64
-        Throw in samples, of the nearest place where it is known; NaN where it is known nowhere.
+        What lies apart today, in samples, of the nearest place where it is known; NaN where it is known nowhere.
     """
 
     across: Float64Array
@@ -108,7 +108,7 @@ def grid_surface(surface: FaultSurface, *, beyond: int = 6) -> SurfaceGrid:
         kept = distance[:, 0] <= beyond + 2.0
         height[part][kept] = _fit_planes(at[part][kept], distance[kept], near[kept], s, w, z)
         nearest[part] = distance[:, 0]
-    throw = _nearest_known(surface.throw.astype(np.float64), np.column_stack([s, z]), at)
+    throw = _nearest_known(surface.separation.astype(np.float64), np.column_stack([s, z]), at)
     return SurfaceGrid(across, first, height.reshape(shape), (nearest <= 2.3).reshape(shape), throw.reshape(shape))
 
 

@@ -5,6 +5,7 @@ slopes -> misfit -> planar support -> ridges -> sheets -> throws -> surfaces, la
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,16 +18,18 @@ from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults, strength
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.extending import ExtendSettings, extend_sheet
+from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
 from seismo3d.seismic.misfit import NOISES, MisfitSettings
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
+from seismo3d.seismic.restored_throws import restore_throws
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface
-from seismo3d.seismic.throw import SheetThrow, ThrowSettings, measure_throw
+from seismo3d.seismic.throw import SheetThrow, ThrowSettings, gather_sides, measure_throw
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +45,7 @@ class FaultSettings:
         The same, averaged over the surface nearby, below which a surface ends.
     evidence : {"semblance", "registration", "both"}
         How the sides of a voxel are carried to it.
-    dip, misfit, registration, scan, link, extend, choice, throw
+    dip, misfit, registration, scan, link, extend, choice, throw, history
         Settings of the stages.
     """
 
@@ -57,6 +60,7 @@ class FaultSettings:
     extend: ExtendSettings = field(default_factory=ExtendSettings)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
     throw: ThrowSettings = field(default_factory=ThrowSettings)
+    history: HistorySettings = field(default_factory=HistorySettings)
 
     @classmethod
     def for_section(cls) -> FaultSettings:
@@ -97,7 +101,8 @@ def trace_faults(
     reflector slopes, which come from the structure tensor, and by the shifts that register neighbouring slices. Planes
     of all strikes and dips are scanned for the evidence [1]_. Its crests are thinned with sub-voxel position and grown
     into surfaces that pass through each other; certain ones are followed on along weaker crests. At every place of a
-    surface the throw is the shift that matches its two sides.
+    surface the throw is the shift that matches its two sides; those of faults that others have offset are matched as
+    they lay before these moved.
 
     Parameters
     ----------
@@ -179,9 +184,17 @@ def trace_faults(
         measured = measure_throw(volume, valid, slopes, sheet, settings=settings.throw)
         moving.append(end_where_still(sheet, measured, settings.choice))
     report("surfaces", 0.0)
-    chosen = choose_faults(moving, settings.choice)
-    sheets, throws = [sheet for sheet, _ in chosen], [throw for _, throw in chosen]
-    surfaces = build_surfaces(sheets, throws, geometry, sampling)
+    numbers = choose_faults(moving, settings.choice)
+    chosen = [sheets[number] for number in numbers]
+    sheets, today = [moving[number][0] for number in numbers], [moving[number][1] for number in numbers]
+    throws = finish_throws(
+        sheets,
+        today,
+        lambda n: gather_sides(volume, valid, slopes, chosen[n], settings=settings.throw),
+        settings,
+        is_section=is_section,
+    )
+    surfaces = build_surfaces(sheets, throws, today, geometry, sampling)
     labels, throw = draw_sheets(sheets, throws, volume.shape)
     likelihood = draw_ridges(ridges, found.step, volume.shape)
     report("surfaces", 1.0)
@@ -242,13 +255,31 @@ def find_candidates(
     return may_be_faults(sheets, 1 in shape[:2], settings.choice)
 
 
+def finish_throws(
+    sheets: list[Sheet],
+    today: list[SheetThrow],
+    read_sides: Callable[[int], tuple[Float32Array, Float32Array]],
+    settings: FaultSettings,
+    *,
+    is_section: bool,
+) -> list[SheetThrow]:
+    """Return the throws of faults when they moved; in a section, as they seem today."""
+    if is_section:
+        return today
+    return restore_throws(sheets, today, read_sides, settings=settings.throw, history=settings.history)
+
+
 def build_surfaces(
-    sheets: list[Sheet], throws: list[SheetThrow], geometry: SurveyGeometry | None, sampling: tuple[float, str]
+    sheets: list[Sheet],
+    throws: list[SheetThrow],
+    today: list[SheetThrow],
+    geometry: SurveyGeometry | None,
+    sampling: tuple[float, str],
 ) -> tuple[FaultSurface, ...]:
-    """Turn sheets, with their throws, into surfaces."""
+    """Turn sheets, with their throws when they moved and what lies apart today, into surfaces."""
     return tuple(
-        build_surface(sheet, throw, to_likelihood(sheet.score), geometry=geometry, sampling=sampling)
-        for sheet, throw in zip(sheets, throws, strict=True)
+        build_surface(sheet, throw, now, to_likelihood(sheet.score), geometry=geometry, sampling=sampling)
+        for sheet, throw, now in zip(sheets, throws, today, strict=True)
     )
 
 

@@ -27,7 +27,7 @@ from seismo3d._validate import freeze
 from seismo3d.errors import FileAccessError, FormatError, GeometryError
 
 _FILE = "faultset.npz"
-_VERSION = 3
+_VERSION = 4
 _VOLUMES = ("likelihood", "labels", "throw")
 
 
@@ -46,8 +46,11 @@ class FaultSurface:
     likelihood : ndarray of shape (n,), float32
         Fault likelihood at each vertex, 0 to 1.
     throw : ndarray of shape (n,), float32
-        How far the hanging wall at each vertex lies below the place of the footwall that it came from, in samples;
-        negative where it lies above; NaN where it is not known.
+        How far the hanging wall at each vertex came down when the fault moved, in samples; negative where it went up;
+        NaN where it is not known.
+    separation : ndarray of shape (n,), float32
+        How far it lies today below the place of the footwall that it came from, in samples. This differs from the throw
+        where faults that moved later have strained or parted the two.
     throw_fit : ndarray of shape (n,), float32
         How well the two match: 1 where they are equal, 0 where they are unrelated and where the throw is carried on
         from matched places around, because the other side lies outside the surface or the cube.
@@ -74,6 +77,7 @@ class FaultSurface:
     normals: Float32Array
     likelihood: Float32Array
     throw: Float32Array
+    separation: Float32Array
     throw_fit: Float32Array
     strike_deg: Float32Array
     dip_deg: Float32Array

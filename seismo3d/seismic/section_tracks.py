@@ -99,7 +99,7 @@ def _thicken_surface(line: FaultSurface) -> FaultSurface:
     cells = np.concatenate([np.stack([a, b, a + n], axis=-1), np.stack([b, b + n, a + n], axis=-1)])
     repeated: dict[str, Any] = {
         name: freeze(np.tile(getattr(line, name), _THICK))
-        for name in ("likelihood", "throw", "throw_fit", "strike_deg", "dip_deg")
+        for name in ("likelihood", "throw", "separation", "throw_fit", "strike_deg", "dip_deg")
     }
     return replace(
         line,

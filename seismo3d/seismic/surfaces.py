@@ -17,6 +17,7 @@ from seismo3d.seismic.throw import SheetThrow
 def build_surface(
     sheet: Sheet,
     throw: SheetThrow,
+    today: SheetThrow,
     likelihood: Float32Array,
     *,
     geometry: SurveyGeometry | None,
@@ -29,7 +30,9 @@ def build_surface(
     sheet : Sheet
         The fault as a height field.
     throw : SheetThrow
-        Its throw.
+        Its throw when it moved.
+    today : SheetThrow
+        What lies apart today.
     likelihood : ndarray of the sheet's shape, float32
         Fault likelihood at its nodes.
     geometry : SurveyGeometry or None
@@ -64,6 +67,7 @@ def build_surface(
         normals=_frozen32(normals),
         likelihood=_frozen32(at_nodes),
         throw=_frozen32(throw.throw[rows, columns]),
+        separation=_frozen32(today.throw[rows, columns]),
         throw_fit=_frozen32(throw.fit[rows, columns]),
         strike_deg=_frozen32(strike_deg),
         dip_deg=_frozen32(dip_deg),

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import filter_crosslines, filter_samples, gaussian_taps
@@ -17,9 +16,10 @@ from seismo3d.seismic._kernels_throw import (
     read_sides,
     sum_paths,
 )
+from seismo3d.seismic.fault_motion import enlarge
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
-from seismo3d.seismic.slip_fields import Sides, SlipSettings
+from seismo3d.seismic.slip_fields import Sides, SlipField, SlipSettings
 from seismo3d.seismic.throw_trends import fit_trend, local_trend
 
 # how far a throw may lie from those around it, before and after these are known well
@@ -165,14 +165,23 @@ def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settin
     if not (sides.in_hanging.any() and sides.in_foot.any()):
         return SheetThrow(np.full(sheet.w.shape, np.nan, np.float32), np.zeros_like(sheet.w), hanging_side)
     inside = np.isfinite(w)
-    rough = _match(sides, inside, settings)
-    thin = settings.thin
-    slip = refine_free_slip(sides, *rough, inside[::thin, ::thin], thin=thin, settings=settings.slip)
-    found = np.clip(slip.throw, -settings.longest, settings.longest)
-    fit = np.where(slip.misfit < _MISMATCH, 1.0 - slip.misfit, 0.0).astype(np.float32)
-    throw, fit = (_enlarge(part, w.shape, thin)[:, columns] for part in (found, fit))
+    slip = find_slip(sides, inside, settings=settings)
+    throw, fit = (enlarge(part, w.shape, settings.thin)[:, columns] for part in (slip.throw, fit_of(slip)))
     throw[~sheet.inside] = np.nan
     return SheetThrow(throw, fit, hanging_side, slip.share, slip.certainty)
+
+
+def find_slip(sides: Sides, inside: BoolArray, *, settings: ThrowSettings) -> SlipField:
+    """Match two sides read along a surface: throw, slip along strike and misfit at every `thin`-th place."""
+    rough, thin = _match(sides, inside, settings), settings.thin
+    slip = refine_free_slip(sides, *rough, inside[::thin, ::thin], thin=thin, settings=settings.slip)
+    found = np.clip(slip.throw, -settings.longest, settings.longest)
+    return replace(slip, throw=found)
+
+
+def fit_of(slip: SlipField) -> Float32Array:
+    """Return 1 where the sides are equal, 0 where they do not match and throw is carried on."""
+    return np.where(slip.misfit < _MISMATCH, 1.0 - slip.misfit, 0.0).astype(np.float32)
 
 
 def every_sample(sheet: Sheet) -> Float32Array:
@@ -236,10 +245,3 @@ def _cheapest(cost: Float32Array, trend: Float32Array, settings: ThrowSettings) 
     throw, fit = np.empty(cost.shape[:2], np.float32), np.empty(cost.shape[:2], np.float32)
     pick_shifts(total, cost, throw, fit)
     return throw, fit
-
-
-def _enlarge(values: Float32Array, shape: tuple[int, int], thin: int) -> Float32Array:
-    """Interpolate what is known at every `thin`-th place."""
-    rows, columns = (np.minimum(np.arange(n) / thin, m - 1) for n, m in zip(shape, values.shape, strict=True))
-    at = np.stack(np.meshgrid(rows, columns, indexing="ij"))
-    return np.asarray(ndimage.map_coordinates(values, at, order=1, mode="nearest"), np.float32)

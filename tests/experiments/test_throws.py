@@ -25,7 +25,16 @@ def cube_and_truth(throw, rake_deg):
     share = float(np.median(cube.slip[:, 0] / cube.slip[:, 2]))
     ones = np.ones(n, np.float32)
     surface = FaultSurface(
-        vertices, np.empty((0, 3), np.int32), normals, ones, throw * ones, ones, ones, ones, strike_share=share
+        vertices,
+        np.empty((0, 3), np.int32),
+        normals,
+        ones,
+        throw * ones,
+        throw * ones,
+        ones,
+        ones,
+        ones,
+        strike_share=share,
     )
     labels = (cube.faults > 0).astype(np.int32)
     return cube, FaultSet((surface,), labels.astype(np.float32), labels, np.where(labels > 0, cube.throw, np.nan))

@@ -28,7 +28,7 @@ def surface_of(sheet, *, geometry=BARE, hanging_side=None, sampling=(1.0, "sampl
     if hanging_side is None:
         hanging_side = 1 if np.nanmean(np.diff(sheet.w, axis=1)) >= 0 else -1
     throw = SheetThrow(np.where(sheet.inside, 3.0, np.nan).astype(np.float32), np.ones_like(sheet.w), hanging_side)
-    return build_surface(sheet, throw, 0.4 * sheet.score, geometry=geometry, sampling=sampling)
+    return build_surface(sheet, throw, throw, 0.4 * sheet.score, geometry=geometry, sampling=sampling)
 
 
 def apart(first, second):
@@ -164,7 +164,7 @@ def test_sheets_that_face_either_way_slip_alike(hanging_side):
     """What slides along the sheet's own `along` does so on the surface."""
     sheet = flat_sheet(30.0, 0.5 * hanging_side)
     throw = SheetThrow(np.where(sheet.inside, 3.0, np.nan).astype(np.float32), np.ones_like(sheet.w), hanging_side, 0.5)
-    surface = build_surface(sheet, throw, sheet.score, geometry=SurveyGeometry.from_cube(np.zeros((40, 40, 40))),
+    surface = build_surface(sheet, throw, throw, sheet.score, geometry=SurveyGeometry.from_cube(np.zeros((40, 40, 40))),
                             sampling=(1.0, "samples"))  # fmt: skip
     np.testing.assert_allclose(surface.slip[:, :2] @ sheet.along, 1.5, atol=1e-3)
 

@@ -19,7 +19,8 @@ SHAPE = (40, 48, 60)
 
 def even(surface: FaultSurface, throw: float) -> FaultSurface:
     n = len(surface.vertices)
-    return replace(surface, throw=np.full(n, throw, np.float32), throw_fit=np.full(n, 0.9, np.float32))
+    moved = np.full(n, throw, np.float32)
+    return replace(surface, throw=moved, separation=moved, throw_fit=np.full(n, 0.9, np.float32))
 
 
 def wide(*, axis: int, centre: float, dip_deg: float, throw: float) -> FaultSurface:
@@ -99,7 +100,7 @@ def _used(surface: FaultSurface, cells: np.ndarray) -> dict[str, Any]:
     used = np.unique(cells)
     number = np.full(len(surface.vertices), -1)
     number[used] = np.arange(len(used))
-    names = ("vertices", "normals", "likelihood", "throw", "throw_fit", "strike_deg", "dip_deg")
+    names = ("vertices", "normals", "likelihood", "throw", "separation", "throw_fit", "strike_deg", "dip_deg")
     return {name: getattr(surface, name)[used] for name in names} | {"cells": number[cells].astype(np.int32)}
 
 

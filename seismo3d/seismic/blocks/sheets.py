@@ -16,7 +16,7 @@ from seismo3d.seismic.blocks.ridges import gather_ridges, least_scores
 from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.choosing import choose_faults, end_where_still
-from seismo3d.seismic.faults import draw_sheets, find_candidates
+from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.throw import SheetThrow, every_sample, gather_sides, match_sides
 
@@ -68,36 +68,46 @@ def sides_facts(run: BlockRun) -> None:
 def throw(run: BlockRun, number: int) -> None:
     """Find the throw of a sheet, and where it ends."""
     sheet = run_sheets(run)[number]
-    w = every_sample(sheet)
-    both, known = np.zeros((2, *w.shape), np.float32), np.zeros((2, *w.shape), np.float32)
+    both, known = _joined_sides(run, sheet, number)
+    measured = match_sides(sheet, both, known, settings=run.settings.throw)
+    ended = end_where_still(sheet, measured, run.settings.choice)
+    run.write_part("throw", number, {**_packed("sheet", [ended[0]]), **_packed("throw", [ended[1]])})
+
+
+def _joined_sides(run: BlockRun, sheet: Sheet, number: int) -> tuple[Float32Array, Float32Array]:
+    """Return both sides of a sheet, and where they are known, from the blocks that it passes through."""
+    shape = every_sample(sheet).shape
+    both, known = np.zeros((2, *shape), np.float32), np.zeros((2, *shape), np.float32)
     for block in run.fact("sides")["blocks"][number]:
         part, _ = run.read_part("sides", block, prefix=f"{number}.")
         (row, column), read = part[f"{number}.at"], part[f"{number}.known"]
         at = np.s_[:, row : row + read.shape[1], column : column + read.shape[2]]
         both[at][read] = part[f"{number}.both"][read]
         known[at][read] = 1.0
-    measured = match_sides(sheet, both, known, settings=run.settings.throw)
-    ended = end_where_still(sheet, measured, run.settings.choice)
-    run.write_part("throw", number, {**_packed("sheet", [ended[0]]), **_packed("throw", [ended[1]])})
+    return both, known
 
 
 def choice_facts(run: BlockRun) -> None:
-    """Choose the sheets that are faults."""
+    """Choose the sheets that are faults, and measure what they threw when they moved."""
     moving = []
     for number in range(run.fact("link")["n_sheets"]):
         part, _ = run.read_part("throw", number)
         moving.append((_unpacked("sheet", part, Sheet)[0], _unpacked("throw", part, SheetThrow)[0]))
-    chosen = choose_faults(moving, run.settings.choice)
-    run.write_fact(
-        "choice",
-        **_packed("sheet", [sheet for sheet, _ in chosen]), **_packed("throw", [measured for _, measured in chosen]),
+    numbers, candidates = choose_faults(moving, run.settings.choice), run_sheets(run)
+    sheets, today = [moving[number][0] for number in numbers], [moving[number][1] for number in numbers]
+    throws = finish_throws(
+        sheets, today,
+        lambda n: _joined_sides(run, candidates[numbers[n]], numbers[n]), run.settings,
+        is_section=1 in run.plan.shape[:2],
     )  # fmt: skip
+    run.write_fact("choice", **_packed("sheet", sheets), **_packed("throw", throws), **_packed("today", today))
 
 
-def chosen_faults(run: BlockRun) -> tuple[list[Sheet], list[SheetThrow]]:
-    """Return the sheets that are faults, and their throws."""
+def chosen_faults(run: BlockRun) -> tuple[list[Sheet], list[SheetThrow], list[SheetThrow]]:
+    """Return the sheets that are faults, their throws when they moved, and what lies apart today."""
     found = run.fact("choice")
-    return _unpacked("sheet", found, Sheet), _unpacked("throw", found, SheetThrow)
+    throws, today = (_unpacked(name, found, SheetThrow) for name in ("throw", "today"))
+    return _unpacked("sheet", found, Sheet), throws, today
 
 
 def run_sheets(run: BlockRun) -> list[Sheet]:
@@ -108,7 +118,7 @@ def run_sheets(run: BlockRun) -> list[Sheet]:
 def draw(run: BlockRun, number: int) -> None:
     """Draw the faults into a block."""
     box = run.plan.tiling("draw").box(number)
-    sheets, throws = chosen_faults(run)
+    sheets, throws, _ = chosen_faults(run)
     drawn: list[tuple[Sheet, SheetThrow]] = []
     for sheet, measured in zip(sheets, throws, strict=True):
         rows = _rows_near(sheet, box, run.plan.shape)

@@ -121,11 +121,11 @@ def trace_in_blocks(
         for name in ("likelihood", "labels", "throw"):
             make_result(run, name, cube)
         Worker(run, scheduler or InThisProcess(), {"raw": find_piece(run, cube)}).run_all(progress)
-        sheets, throws = chosen_faults(run)
+        sheets, throws, today = chosen_faults(run)
     geometry = SurveyGeometry.from_cube(cube)
     progress("surfaces", 1.0)
     return FaultSet(
-        surfaces=build_surfaces(sheets, throws, geometry, sampling),
+        surfaces=build_surfaces(sheets, throws, today, geometry, sampling),
         likelihood=open_result(run, "likelihood", cube),
         labels=open_result(run, "labels", cube),
         throw=open_result(run, "throw", cube),

@@ -1,0 +1,176 @@
+"""Which of two faults that meet is the younger, told by how they offset each other; and which are parts of one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from seismo3d._typing import BoolArray, Float64Array
+from seismo3d.seismic.fault_motion import FaultMotion, Frame, fit_terms
+
+# a place's part of the roughness of a surface, in squared traces, is at most this
+_ROUGHEST = 25.0
+# roughness, in squared traces, that surfaces have anyway
+_SMOOTH = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class HistorySettings:
+    """How the ages of faults are told, and older ones measured as they lay before younger ones moved.
+
+    Attributes
+    ----------
+    reach, clear : float
+        Traces beside a fault, at most and at least, of the places by which another is compared on its two sides.
+    edge : float
+        How far beyond its edge a fault is taken to go on.
+    least_places : int
+        Places that it takes on either side.
+    least_gain : float
+        Logarithm of how many times smoother two faults must be in one order than in the other.
+    least_area : float
+        Smaller faults are not taken back for others' sake: their throw is too uncertain.
+    stiffness : float
+        Of the field of throw by which others are moved back.
+    turn_deg, gap, around, overlap, roughness : float
+        Two faults are parts of one where they strike alike within the first, lie no farther apart than the second, one
+        covers no more than the fourth of the other, and one quadratic surface through both, within the third of each
+        other, leaves no more than the last, in squared traces.
+    """
+
+    reach: float = 20.0
+    clear: float = 2.0
+    edge: float = 6.0
+    least_places: int = 60
+    least_gain: float = 0.65
+    least_area: float = 1500.0
+    stiffness: float = 300.0
+    turn_deg: float = 20.0
+    gap: float = 30.0
+    around: float = 25.0
+    overlap: float = 0.25
+    roughness: float = 0.6
+
+
+def order_faults(
+    motions: list[FaultMotion], nodes: list[Float64Array], areas: list[float], settings: HistorySettings
+) -> BoolArray:
+    """Tell which faults are younger than which.
+
+    The younger of two faults that cross has offset the older, and goes through unbroken. So the older is smoother where
+    the younger is taken back, and the younger would be broken where the older is. The order in which both together are
+    the smoother is taken, the clearest pairs first, so that no fault becomes younger than itself.
+
+    Parameters
+    ----------
+    motions : list of FaultMotion
+        The faults.
+    nodes : list of ndarray of shape (n, 3), float64
+        Places on each.
+    areas : list of float
+        Their areas, in traces times samples.
+    settings : HistorySettings
+        Limits.
+
+    Returns
+    -------
+    ndarray of shape (fault, fault), bool
+        True where the first is younger than the second; where neither is, it is not known.
+    """
+    n = len(motions)
+    gains: list[tuple[float, int, int]] = []
+    for i in range(n):
+        for j in range(i):
+            gain = _gain(motions[i], motions[j], nodes[i], nodes[j], settings)
+            if abs(gain) > settings.least_gain:
+                gains.append((abs(gain), i, j) if gain > 0 else (abs(gain), j, i))
+    younger = np.zeros((n, n), bool)
+    for _, i, j in sorted(gains, key=lambda item: (-item[0], item[1], item[2])):
+        if areas[i] < settings.least_area or younger[j, i]:
+            continue
+        above, below = np.append(np.flatnonzero(younger[:, i]), i), np.append(np.flatnonzero(younger[j]), j)
+        younger[np.ix_(above, below)] = True
+    return younger
+
+
+def are_one(
+    frame: Frame, one: Float64Array, across: Float64Array, other: Float64Array, settings: HistorySettings
+) -> bool:
+    """Tell whether places of two faults, as they lay when they moved, lie on one surface.
+
+    Parameters
+    ----------
+    frame : Frame
+        Of the one.
+    one : ndarray of shape (n, 3), float64
+        Places on it.
+    across : ndarray of shape (2,), float64
+        Horizontal normal of the other.
+    other : ndarray of shape (n, 3), float64
+        Places on that.
+    settings : HistorySettings
+        Limits.
+
+    Returns
+    -------
+    bool
+    """
+    alike = abs(float((frame.across * across).sum()))
+    if alike < np.cos(np.radians(settings.turn_deg)):
+        return False
+    s, samples, _ = frame.lay(one)
+    t, depths, _ = frame.lay(other)
+    here, there = np.column_stack([s, samples]), np.column_stack([t, depths])
+    if (here.min(axis=0) > there.max(axis=0) + settings.gap).any():
+        return False
+    if (there.min(axis=0) > here.max(axis=0) + settings.gap).any():
+        return False
+    to_one, to_other = np.asarray(cKDTree(here).query(there)[0]), np.asarray(cKDTree(there).query(here)[0])
+    gap = float(to_one.min())
+    if gap > settings.gap or max((to_one < 1.5).mean(), (to_other < 1.5).mean()) > settings.overlap:
+        return False
+    near, far = one[to_other < gap + settings.around], other[to_one < gap + settings.around]
+    count = min(len(near), len(far))
+    if count < settings.least_places // 2:
+        return False
+    both = [part[np.linspace(0, len(part) - 1, count).astype(np.int64)] for part in (near, far)]
+    return _roughness(frame, np.concatenate(both)) < settings.roughness
+
+
+def _gain(
+    one: FaultMotion, other: FaultMotion, nodes: Float64Array, others: Float64Array, settings: HistorySettings
+) -> float:
+    """Return the logarithm of how many times smoother both are if the first is the younger than if the other is."""
+    if (nodes.min(axis=0) > others.max(axis=0) + settings.reach).any():
+        return 0.0
+    if (others.min(axis=0) > nodes.max(axis=0) + settings.reach).any():
+        return 0.0
+    as_is, with_one = _roughness_across(one, other, others, settings)
+    other_as_is, with_other = _roughness_across(other, one, nodes, settings)
+    together = np.log((as_is + with_other + _SMOOTH) / (with_one + other_as_is + _SMOOTH))
+    each = np.log((as_is + _SMOOTH) / (with_one + _SMOOTH)) + np.log((with_other + _SMOOTH) / (other_as_is + _SMOOTH))
+    # the rougher of the two decides the one, each as it is the other
+    return float(0.5 * (together + each))
+
+
+def _roughness_across(
+    motion: FaultMotion, other: FaultMotion, nodes: Float64Array, settings: HistorySettings
+) -> tuple[float, float]:
+    """Return how rough another fault, of which these are places, is across this one: as it is, and with this undone."""
+    side = motion.side(nodes)
+    near = np.asarray((np.abs(side) < settings.reach) & (np.abs(side) > settings.clear))
+    near[near] = motion.apart_at(nodes[near]) <= settings.edge
+    beyond = int((side[near] > 0).sum())
+    if min(beyond, int(near.sum()) - beyond) < settings.least_places:
+        return 0.0, 0.0
+    return _roughness(other.frame, nodes[near]), _roughness(other.frame, motion.undo(nodes[near]))
+
+
+def _roughness(frame: Frame, points: Float64Array) -> float:
+    """Return the mean square, robust, that a quadratic surface leaves of points, in squared traces."""
+    s, samples, w = frame.lay(points)
+    a, b = ((at - at.mean()) / max(float(at.std()), 1.0) for at in (s, samples))
+    _, left = fit_terms((np.ones_like(a), a, b, a * a, a * b, b * b), w - w.mean())
+    return float(np.minimum(left * left, _ROUGHEST).mean())

@@ -1,0 +1,194 @@
+"""Faults as motions: a surface carried on through the cube, and the slip of what lies on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d.seismic.slip_fields import smooth_field
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """A vertical plane along a strike: s along it, w across it.
+
+    Attributes
+    ----------
+    origin : ndarray of shape (2,), float64
+        Inline and crossline of s = 0, w = 0.
+    across : ndarray of shape (2,), float64
+        Unit horizontal normal of the strike.
+    """
+
+    origin: Float64Array
+    across: Float64Array
+
+    @property
+    def along(self) -> Float64Array:
+        """Unit vector of the strike in the time slice."""
+        return np.array([-self.across[1], self.across[0]])
+
+    def lay(self, points: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """Return s, sample and w of points of shape (n, 3)."""
+        rest = points[:, :2] - self.origin
+        along = self.along
+        # sums of two products, not products of matrices, whose last bits depend on threads
+        s = rest[:, 0] * along[0] + rest[:, 1] * along[1]
+        w = rest[:, 0] * self.across[0] + rest[:, 1] * self.across[1]
+        return s, points[:, 2], w
+
+    def place(self, s: Float64Array, samples: Float64Array, w: Float64Array) -> Float64Array:
+        """Return points of shape (n, 3)."""
+        flat = self.origin + s[:, None] * self.along + w[:, None] * self.across
+        return np.column_stack([flat, samples])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaultMotion:
+    """What a fault did: all that lies on its surface slid down it.
+
+    Attributes
+    ----------
+    frame : Frame
+        Of the grid.
+    first : (float, float)
+        s and sample of the grid's first place; places are one apart.
+    height : ndarray of shape (rows, samples), float64
+        w of the surface, carried on over the whole grid.
+    apart : ndarray of the same shape, float64
+        Distance of each place from where the surface was found.
+    throw : ndarray of the same shape, float64
+        Samples, at places of the hanging wall after the motion.
+    slopes : (float, float)
+        Mean change of w along s and down, by which it goes on beyond the grid.
+    hanging_side : int
+        1 where the hanging wall lies along the frame's `across`, else -1.
+    share : float
+        Slip along strike over throw.
+    """
+
+    frame: Frame
+    first: tuple[float, float]
+    height: Float64Array
+    apart: Float64Array
+    throw: Float64Array
+    slopes: tuple[float, float]
+    hanging_side: int
+    share: float
+
+    def height_at(self, s: Float64Array, samples: Float64Array) -> Float64Array:
+        """Return w of the surface, straight on beyond the grid."""
+        rows, columns = s - self.first[0], samples - self.first[1]
+        r, c = (np.clip(at, 0, n - 1) for at, n in zip((rows, columns), self.height.shape, strict=True))
+        inner = ndimage.map_coordinates(self.height, [r, c], order=1)
+        return np.asarray(inner + self.slopes[0] * (rows - r) + self.slopes[1] * (columns - c))
+
+    def side(self, points: Float64Array) -> Float64Array:
+        """Return how far points of shape (n, 3) lie on the side of the hanging wall, across the strike."""
+        s, samples, w = self.frame.lay(points)
+        return self.hanging_side * (w - self.height_at(s, samples))
+
+    def apart_at(self, points: Float64Array) -> Float64Array:
+        """Return how far points, carried across the strike onto the surface, are from where it was found."""
+        s, samples, _ = self.frame.lay(points)
+        rows, columns = s - self.first[0], samples - self.first[1]
+        r, c = (np.clip(at, 0, n - 1) for at, n in zip((rows, columns), self.height.shape, strict=True))
+        return np.asarray(
+            ndimage.map_coordinates(self.apart, [r, c], order=1) + np.hypot(rows - r, columns - c), np.float64
+        )
+
+    def undo(self, points: Float64Array) -> Float64Array:
+        """Return where points of shape (n, 3) lay before the fault moved; the footwall stays where it is."""
+        s, samples, w = self.frame.lay(points)
+        off = w - self.height_at(s, samples)
+        rows, columns = (
+            np.clip(at - first, 0, n - 1)
+            for at, first, n in zip((s, samples), self.first, self.height.shape, strict=True)
+        )
+        throw = np.where(off * self.hanging_side > 0, ndimage.map_coordinates(self.throw, [rows, columns], order=1), 0)
+        s0, samples0 = s - self.share * throw, samples - throw
+        moved = self.frame.place(s0, samples0, self.height_at(s0, samples0) + off)
+        return np.where((off * self.hanging_side > 0)[:, None], moved, points)
+
+
+def find_motion(
+    frame: Frame,
+    first: tuple[float, float],
+    height: Float64Array,
+    throw: Float32Array,
+    fit: Float32Array,
+    *,
+    hanging_side: int,
+    share: float,
+    stiffness: float,
+    thin: int = 2,
+) -> FaultMotion:
+    """Make a motion of a surface and the throws that matched on it.
+
+    What lies between two faults is strained by how throw changes from place to place, which is known less well than
+    throw itself: it is taken from a field that is stiffer than the throw.
+
+    Parameters
+    ----------
+    frame, first
+        As in :class:`FaultMotion`.
+    height : ndarray of shape (rows, samples), float64
+        w of the surface; NaN off it.
+    throw, fit : ndarray of shape (ceil(rows / thin), ceil(samples / thin)), float32
+        Throw at every `thin`-th place, and its fit, 0 where it is carried on.
+    hanging_side, share
+        As in :class:`FaultMotion`.
+    stiffness : float
+        Of the field of throw; see :func:`~seismo3d.seismic.slip_fields.smooth_field`.
+    thin : int
+        Places of the surface for one of the throw.
+
+    Returns
+    -------
+    FaultMotion
+    """
+    inside = np.isfinite(height)
+    weight = np.where(inside[::thin, ::thin], np.clip((fit - 0.4) / 0.6, 0.0, 1.0) ** 2, 0.0).astype(np.float32)
+    field = smooth_field(throw, weight, stiffness=stiffness) if weight.any() else throw
+    filled, apart = _carry_on(height, inside)
+    slopes = tuple(float(np.diff(filled, axis=axis).mean()) if n > 1 else 0.0 for axis, n in enumerate(height.shape))
+    throws = enlarge(field, height.shape, thin).astype(np.float64)
+    return FaultMotion(frame, first, filled, apart, throws, (slopes[0], slopes[1]), hanging_side, share)
+
+
+def enlarge(values: Float32Array, shape: tuple[int, ...], thin: int) -> Float32Array:
+    """Interpolate what is known at every `thin`-th place of a grid."""
+    rows, columns = (np.minimum(np.arange(n) / thin, m - 1) for n, m in zip(shape, values.shape, strict=True))
+    at = np.stack(np.meshgrid(rows, columns, indexing="ij"))
+    return np.asarray(ndimage.map_coordinates(values, at, order=1, mode="nearest"), np.float32)
+
+
+def fit_terms(terms: tuple[Float64Array, ...], values: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Return the factors of the best combination of terms for values of shape (n,), and what it leaves of them.
+
+    By sums in one order, so that the last bits do not depend on threads.
+    """
+    matrix = np.array([[float((one * other).sum()) for one in terms] for other in terms])
+    right = np.array([float((one * values).sum()) for one in terms])
+    factors = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    left = values.copy()
+    for factor, term in zip(factors, terms, strict=True):
+        left -= factor * term
+    return np.asarray(factors), left
+
+
+def _carry_on(height: Float64Array, inside: BoolArray) -> tuple[Float64Array, Float64Array]:
+    """Fill a grid: a plane, and beside the surface what its nearest place leaves; and the distance from that."""
+    rows, columns = (np.indices(height.shape)[axis].astype(np.float64) for axis in (0, 1))
+    at, values = (np.ones(int(inside.sum())), rows[inside], columns[inside]), height[inside]
+    mean = float(values.mean())
+    factors, left = fit_terms(at, values - mean)
+    nearest = ndimage.distance_transform_edt(~inside, return_distances=False, return_indices=True)
+    rest = np.zeros(height.shape)
+    rest[inside] = left
+    beside = ndimage.gaussian_filter(rest[tuple(nearest)], 3.0)
+    plane = mean + factors[0] + factors[1] * rows + factors[2] * columns
+    return np.where(inside, height, plane + beside), np.asarray(ndimage.distance_transform_edt(~inside), np.float64)

@@ -1,0 +1,250 @@
+"""Throws of faults that others have cut, read as they lay before these moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d.seismic._kernels_restore import spread
+from seismo3d.seismic.fault_ages import HistorySettings, are_one, order_faults
+from seismo3d.seismic.fault_motion import FaultMotion, Frame, enlarge, find_motion
+from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.slip_direction import refine_free_slip
+from seismo3d.seismic.slip_fields import Sides, SlipField
+from seismo3d.seismic.throw import SheetThrow, ThrowSettings, every_sample, find_slip, fit_of
+
+# traces and samples from one place to the next of those by which faults are compared
+_EVERY = 2
+# share of a place that must be covered by what was moved there
+_COVERED = 0.25
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """A sheet at every sample: its places on the grid, where they lie today, and where its hanging wall is."""
+
+    sheet: Sheet
+    frame: Frame
+    rows: IntArray
+    columns: IntArray
+    shape: tuple[int, int]
+    hanging_side: int
+
+    def points(self, every: int = 1) -> Float64Array:
+        """Return its places as they lie today."""
+        kept = slice(None) if every == 1 else (self.rows % every == 0) & (self.columns % every == 0)
+        rows, columns = self.rows[kept], self.columns[kept]
+        w = every_sample(self.sheet)[rows, columns].astype(np.float64)
+        return self.sheet.points(rows.astype(np.float64), columns / self.sheet.step, w)
+
+
+def restore_throws(
+    sheets: list[Sheet],
+    throws: list[SheetThrow],
+    read_sides: Callable[[int], tuple[Float32Array, Float32Array]],
+    *,
+    settings: ThrowSettings,
+    history: HistorySettings,
+) -> list[SheetThrow]:
+    """Measure the throws of faults as they lay when they moved.
+
+    Faults that moved later have strained an older one, offset its parts, and taken what once touched to different
+    places: what lies apart today is not what it threw. So the youngest fault is taken back first; the places of all
+    that is known to be older move with its hanging wall. What was read on the two sides of the next fault moves along;
+    its parts come to lie on one surface, are matched together, and it is taken back in turn.
+
+    Parameters
+    ----------
+    sheets : list of Sheet
+        Faults.
+    throws : list of SheetThrow
+        Their throws as they seem today.
+    read_sides : callable
+        Takes the number of a sheet, and gives its two sides and where they are known, as
+        :func:`~seismo3d.seismic.throw.gather_sides` does.
+    settings : ThrowSettings
+        How sides are matched.
+    history : HistorySettings
+        How ages are told.
+
+    Returns
+    -------
+    list of SheetThrow
+        In their order; as they were where a fault lies as it did when it moved, or that is not known.
+    """
+    parts = [_lay_out(sheet, throw) for sheet, throw in zip(sheets, throws, strict=True)]
+    motions = [
+        _present_motion(part, throw, history) if len(part.rows) else None
+        for part, throw in zip(parts, throws, strict=True)
+    ]
+    known = [number for number, motion in enumerate(motions) if motion is not None]
+    younger = np.zeros((len(sheets), len(sheets)), bool)
+    younger[np.ix_(known, known)] = order_faults(
+        [motion for motion in motions if motion is not None], [parts[n].points(_EVERY) for n in known],
+        [sheets[n].area for n in known], history,
+    )  # fmt: skip
+    found, undone = list(throws), _Undone(younger)
+    for group in _groups(parts, known, undone, history):
+        if len(group) == 1 and not younger[:, group[0]].any():
+            motion = motions[group[0]]
+        else:
+            motion = _measure(group, parts, found, read_sides, undone, settings, history)
+        if motion is not None and younger[group].any():
+            undone.add(group, motion)
+    return found
+
+
+class _Undone:
+    """The motions that are taken back so far, the youngest first, and what each of them moves."""
+
+    def __init__(self, younger: BoolArray) -> None:
+        self.younger = younger
+        self._motions: list[tuple[list[int], FaultMotion]] = []
+
+    def add(self, group: list[int], motion: FaultMotion) -> None:
+        """Take back the motion of these faults."""
+        self._motions.append((group, motion))
+
+    def carry(self, number: int, points: Float64Array) -> Float64Array:
+        """Return where places on a fault lay before what is taken back."""
+        for group, motion in self._motions:
+            if self.younger[group, number].any():
+                points = motion.undo(points)
+        return points
+
+
+def _lay_out(sheet: Sheet, throw: SheetThrow) -> _Part:
+    w = every_sample(sheet)
+    rows, columns = np.nonzero(np.isfinite(w))
+    frame = Frame(sheet.origin, sheet.across)
+    return _Part(sheet, frame, rows, columns, (w.shape[0], w.shape[1]), throw.hanging_side)
+
+
+def _present_motion(part: _Part, throw: SheetThrow, history: HistorySettings) -> FaultMotion | None:
+    """Return the motion of a sheet as it lies today; None where its throw is not known."""
+    known = np.isfinite(throw.throw)
+    if not known.any():
+        return None
+    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    rows, samples = (np.arange(0, n, _EVERY, dtype=np.float64) for n in part.shape)
+    columns = np.minimum(samples / part.sheet.step, throw.throw.shape[1] - 1)
+    at = np.stack(np.meshgrid(rows, columns, indexing="ij"))
+    thrown, fit = (
+        ndimage.map_coordinates(np.asarray(values, np.float64), at, order=1).astype(np.float32)
+        for values in (throw.throw[tuple(nearest)], throw.fit)
+    )
+    return find_motion(
+        part.frame, (part.sheet.first_s, float(part.sheet.first_sample)), every_sample(part.sheet).astype(np.float64),
+        thrown, fit, hanging_side=part.hanging_side, share=throw.strike_share, stiffness=history.stiffness, thin=_EVERY,
+    )  # fmt: skip
+
+
+def _groups(parts: list[_Part], known: list[int], undone: _Undone, history: HistorySettings) -> Iterator[list[int]]:
+    """Give the faults, the youngest first and the largest of these before others, each with its other parts."""
+    left = list(known)
+    while left:
+        free = [n for n in left if not undone.younger[left, n].any()]
+        free.sort(key=lambda n: (-parts[n].sheet.area, n))
+        places = {n: undone.carry(n, parts[n].points(_EVERY)) for n in free}
+        group = [free[0]]
+        for n in free[1:]:
+            if parts[n].hanging_side * parts[free[0]].hanging_side * _turned(parts[n], parts[free[0]]) < 0:
+                continue
+            if any(are_one(parts[m].frame, places[m], parts[n].frame.across, places[n], history) for m in group):
+                group.append(n)
+        yield group
+        left = [n for n in left if n not in group]
+
+
+def _turned(part: _Part, other: _Part) -> int:
+    return 1 if float((part.frame.across * other.frame.across).sum()) >= 0 else -1
+
+
+def _measure(
+    group: list[int],
+    parts: list[_Part],
+    found: list[SheetThrow],
+    read_sides: Callable[[int], tuple[Float32Array, Float32Array]],
+    undone: _Undone,
+    settings: ThrowSettings,
+    history: HistorySettings,
+) -> FaultMotion | None:
+    """Match the sides of a fault's parts as they lay when it moved; write their throws and return its motion."""
+    first = parts[group[0]]
+    laid = [first.frame.lay(undone.carry(n, parts[n].points())) for n in group]
+    low = [float(np.floor(min(at[axis].min() for at in laid))) - 1.0 for axis in (0, 1)]
+    high = [max(float(at[axis].max()) for at in laid) for axis in (0, 1)]
+    sums = np.zeros((7, int(high[0] - low[0]) + 3, int(high[1] - low[1]) + 3))
+    weight = np.zeros(sums.shape[1:])
+    for n, (s, samples, w) in zip(group, laid, strict=True):
+        part = parts[n]
+        sides, known = read_sides(n)
+        if _turned(part, first) < 0:
+            sides, known = sides[::-1], known[::-1]
+        sides, known = (values[:, part.rows, part.columns] for values in (sides, known))
+        start = _at_places(part, found[n]) if n == group[0] else np.zeros((2, len(w)))
+        values = np.concatenate([sides * known, known, w[None], start])
+        spread(s - low[0], samples - low[1], values, sums, weight)
+    inside = weight > _COVERED
+    both, seen = _mean_sides(sums)
+    height = np.where(inside, sums[4] / np.maximum(weight, 1e-9), np.nan)
+    up = 1 if first.hanging_side > 0 else 0
+    sides_there = Sides(both[up], both[1 - up], seen[up], seen[1 - up])
+    if not (seen[0].any() and seen[1].any()):
+        return None
+    slip = _best_slip(
+        sides_there, inside, sums[5] / np.maximum(sums[6], 1e-9), sums[6] / np.maximum(weight, 1e-9), settings
+    )
+    fit = fit_of(slip)
+    whole = [enlarge(values, inside.shape, settings.thin) for values in (slip.throw, fit)]
+    for n, (s, samples, _) in zip(group, laid, strict=True):
+        part, turn = parts[n], _turned(parts[n], first)
+        thrown, fits = (_read_back(values, part, s - low[0], samples - low[1]) for values in whole)
+        found[n] = replace(
+            found[n],
+            throw=np.where(part.sheet.inside & np.isfinite(found[n].throw), thrown, np.float32(np.nan)),
+            fit=np.nan_to_num(fits),
+            strike_share=turn * slip.share,
+            slip_certainty=slip.certainty,
+        )
+    return find_motion(
+        first.frame, (low[0], low[1]), height, slip.throw, fit, hanging_side=first.hanging_side,
+        share=slip.share, stiffness=history.stiffness, thin=settings.thin,
+    )  # fmt: skip
+
+
+def _at_places(part: _Part, throw: SheetThrow) -> Float64Array:
+    """Return throw times fit, and fit, at every place of a part."""
+    fit = np.where(np.isfinite(throw.throw), throw.fit, 0.0).astype(np.float64)
+    both = np.stack([np.where(fit > 0, throw.throw, 0.0) * fit, fit])
+    columns = np.minimum(np.rint(part.columns / part.sheet.step).astype(np.int64), fit.shape[1] - 1)
+    return np.asarray(both[:, part.rows, columns])
+
+
+def _best_slip(
+    sides: Sides, inside: BoolArray, throw: Float64Array, fit: Float64Array, settings: ThrowSettings
+) -> SlipField:
+    """Match two sides anew, and about what was found before; return the slip by which more of them match."""
+    thin = settings.thin
+    start, known = (values[::thin, ::thin].astype(np.float32) for values in (throw, fit))
+    about = refine_free_slip(sides, start, known, inside[::thin, ::thin], thin=thin, settings=settings.slip)
+    anew = find_slip(sides, inside, settings=settings)
+    return max((about, anew), key=lambda slip: float(fit_of(slip)[inside[::thin, ::thin]].sum()))
+
+
+def _mean_sides(sums: Float64Array) -> tuple[Float32Array, Float32Array]:
+    """Return both sides, and where they are known, from summed amplitudes and weights."""
+    known = sums[2:4] > _COVERED
+    sides = np.where(known, sums[:2] / np.maximum(sums[2:4], 1e-9), 0.0)
+    return sides.astype(np.float32), known.astype(np.float32)
+
+
+def _read_back(values: Float32Array, part: _Part, rows: Float64Array, columns: Float64Array) -> Float32Array:
+    """Return what lies at the places of a part, on its sheet's own grid; NaN off it."""
+    out = np.full(part.shape, np.nan, np.float32)
+    out[part.rows, part.columns] = ndimage.map_coordinates(values, [rows, columns], order=1, mode="nearest")
+    return out[:, np.arange(part.sheet.w.shape[1]) * part.sheet.step]

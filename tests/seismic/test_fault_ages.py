@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seismo3d.seismic.fault_ages import HistorySettings, are_one, order_faults
+from seismo3d.seismic.fault_motion import FaultMotion, Frame, find_motion, fit_terms
+
+ALONG_INLINES = Frame(np.array([0.0, 32.0]), np.array([0.0, 1.0]))
+ALONG_CROSSLINES = Frame(np.array([32.0, 0.0]), np.array([1.0, 0.0]))
+SETTINGS = HistorySettings()
+
+
+def plane_motion(frame, *, throw=10.0, cotangent=0.4, share=0.0, rows=64, samples=80, offset=None):
+    """The motion of a plane that dips along `across`, its middle at sample 40; w is raised by an offset of its grid."""
+    first_s = -63.0 if frame is ALONG_INLINES else 0.0
+    w = np.broadcast_to(cotangent * (np.arange(samples) - 40.0), (rows, samples)).copy()
+    if offset is not None:
+        w += offset
+    thin = np.full(w[::2, ::2].shape, throw, np.float32)
+    return find_motion(
+        frame, (first_s, 0.0), w, thin, np.ones_like(thin), hanging_side=1 if cotangent > 0 else -1, share=share,
+        stiffness=300.0,
+    )  # fmt: skip
+
+
+def places(motion: FaultMotion, every: int = 2):
+    rows, samples = (at.ravel() for at in np.meshgrid(*(np.arange(0, n, every) for n in motion.height.shape)))
+    s = motion.first[0] + rows.astype(float)
+    return motion.frame.place(s, motion.first[1] + samples, motion.height[rows, samples])
+
+
+@pytest.mark.parametrize(("cotangent", "throw"), [(0.4, 10.0), (0.4, -6.0), (-0.3, 5.0)])
+def test_the_hanging_wall_goes_back_up_the_surface(cotangent, throw):
+    motion = plane_motion(ALONG_INLINES, cotangent=cotangent, throw=throw)
+    hanging = 32.0 + motion.hanging_side * 9.0
+    points = np.array([[20.0, hanging, 40.0], [20.0, 64.0 - hanging, 40.0]])
+    np.testing.assert_array_equal(np.sign(motion.side(points)), [1.0, -1.0])
+    moved = motion.undo(points)
+    np.testing.assert_allclose(moved[0], [20.0, hanging - cotangent * throw, 40.0 - throw], atol=1e-3)
+    np.testing.assert_array_equal(moved[1], points[1])
+
+
+def test_slip_along_strike_goes_back_too():
+    motion = plane_motion(ALONG_INLINES, share=0.5)
+    moved = motion.undo(np.array([[20.0, 40.0, 40.0]]))
+    # the frame's `along` is against growing inlines
+    np.testing.assert_allclose(moved[0], [25.0, 36.0, 30.0], atol=1e-3)
+
+
+def test_a_plane_goes_on_beyond_its_grid():
+    motion = plane_motion(ALONG_INLINES)
+    np.testing.assert_allclose(motion.height_at(np.array([-90.0]), np.array([110.0])), [28.0], atol=1e-6)
+    assert motion.apart_at(np.array([[90.0, 32.0, 40.0]]))[0] == pytest.approx(27.0)
+
+
+def test_terms_are_fitted_by_least_squares():
+    rng = np.random.default_rng(0)
+    terms = tuple(rng.normal(size=(3, 50)))
+    values = 2.0 * terms[0] - 0.5 * terms[2]
+    factors, left = fit_terms(terms, values)
+    np.testing.assert_allclose(factors, [2.0, 0.0, -0.5], atol=1e-12)
+    np.testing.assert_allclose(left, 0.0, atol=1e-12)
+
+
+def crossing():
+    """A fault, and an older one whose surface it has offset."""
+    young = plane_motion(ALONG_CROSSLINES)
+    whole = plane_motion(ALONG_INLINES, throw=12.0)
+    inlines = -(whole.first[0] + np.arange(64.0))[:, None] * np.ones(80)
+    samples = np.ones(64)[:, None] * np.arange(80.0)
+    # in its hanging wall the older plane lies lower by its throw
+    offset = np.where(inlines > 32.0 + 0.4 * (samples - 40.0), -0.4 * 10.0, 0.0)
+    return young, plane_motion(ALONG_INLINES, throw=12.0, offset=offset)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_younger_fault_has_offset_the_older(turned):
+    motions = list(crossing())[:: -1 if turned else 1]
+    younger = order_faults(motions, [places(m) for m in motions], [5000.0, 5000.0], SETTINGS)
+    young = 1 if turned else 0
+    assert younger[young, 1 - young]
+    assert younger.sum() == 1
+
+
+def test_faults_that_do_not_meet_have_no_order():
+    one, other = plane_motion(ALONG_INLINES), plane_motion(Frame(np.array([0.0, 90.0]), np.array([0.0, 1.0])))
+    assert not order_faults([one, other], [places(one), places(other)], [5000.0, 5000.0], SETTINGS).any()
+
+
+def test_small_faults_are_not_taken_back():
+    motions = list(crossing())
+    assert not order_faults(motions, [places(m) for m in motions], [500.0, 5000.0], SETTINGS).any()
+
+
+def test_parts_of_one_plane_are_one():
+    points = places(plane_motion(ALONG_INLINES))
+    one, other = points[points[:, 0] < 28.0], points[points[:, 0] > 36.0]
+    across = ALONG_INLINES.across
+    assert are_one(ALONG_INLINES, one, across, other, SETTINGS)
+    assert are_one(ALONG_INLINES, one, -across, other, SETTINGS)
+    assert not are_one(ALONG_INLINES, one, across, other + np.array([0.0, 5.0, 0.0]), SETTINGS)
+    assert not are_one(ALONG_INLINES, one, ALONG_CROSSLINES.across, other, SETTINGS)
+    assert not are_one(ALONG_INLINES, one, across, other + np.array([60.0, 0.0, 0.0]), SETTINGS)
+    assert not are_one(ALONG_INLINES, points, across, points, SETTINGS)

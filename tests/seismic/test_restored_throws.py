@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from seismo3d.seismic._kernels_restore import spread
+from seismo3d.seismic.fault_ages import HistorySettings
+from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.restored_throws import restore_throws
+from seismo3d.seismic.throw import ThrowSettings, gather_sides, match_sides
+from seismo3d.synthetic import SyntheticFault, fault_cube
+
+SHAPE = (72, 72, 96)
+SETTINGS = ThrowSettings()
+OLD = SyntheticFault((36, 36, 48), 0.0, 68.0, 9.0)
+YOUNG = SyntheticFault((36, 36, 48), 90.0, 66.0, 13.0, trend=(0.0, 0.006))
+
+
+@cache
+def crossed():
+    """Flat layers cut by an old fault along inlines, then by a young one along crosslines, and both as sheets."""
+    cube = fault_cube(
+        "clean", seed=5, shape=SHAPE, population=None, faults=(OLD, YOUNG), fold_slope=(0.0, 0.0), tilt=(0.0, 0.0),
+        wavelength=(12.0, 12.0),
+    )  # fmt: skip
+    return cube, [sheet_of(cube.faults == number, axis) for number, axis in ((1, 1), (2, 0))]
+
+
+def sheet_of(fault, axis, part=slice(None)):
+    """The middle of a fault's voxels along an axis as a sheet."""
+    places = np.arange(SHAPE[axis], dtype=np.float64)
+    voxels = np.moveaxis(fault, axis, 2)
+    count = voxels.sum(axis=2)
+    w = np.where(count > 0, (voxels * places).sum(axis=2) / np.maximum(count, 1), np.nan)
+    emptied = np.full_like(w, np.nan)
+    emptied[part] = w[part]
+    across = np.eye(2)[axis]
+    # rows go along (-across[1], across[0]): inlines come down from the last
+    w, first = (emptied[::-1], 1.0 - SHAPE[0]) if axis == 1 else (emptied, 0.0)
+    w = np.ascontiguousarray(w[:, ::2], np.float32)
+    return Sheet(np.zeros(2), across, 0, 2, first, w, np.where(np.isfinite(w), 1.0, np.nan).astype(np.float32))
+
+
+def measured(sheets):
+    cube, _ = crossed()
+    volume, valid = cube.seismic, np.ones(SHAPE, bool)
+    slopes = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.float32)
+    sides = [gather_sides(volume, valid, slopes, sheet, settings=SETTINGS) for sheet in sheets]
+    throws = [match_sides(sheet, *side, settings=SETTINGS) for sheet, side in zip(sheets, sides, strict=True)]
+    return throws, lambda number: sides[number]
+
+
+def error(sheet, throw, truth):
+    """Errors of the throws in the hanging wall of the young fault, clear of both faults' ends."""
+    rows, columns = np.nonzero(np.isfinite(throw.throw))
+    points = sheet.points(rows.astype(float), columns.astype(float), sheet.w[rows, columns].astype(float))
+    beyond = points[:, 0] < 28.0 - (points[:, 2] - 48.0) / np.tan(np.radians(66.0))
+    inner = beyond & (points[:, 2] > 30.0) & (points[:, 2] < 88.0)
+    assert inner.sum() > 200
+    return np.abs(throw.throw[rows, columns][inner] - truth)
+
+
+def test_an_old_fault_is_measured_as_it_lay_before_the_young_one_moved():
+    _, sheets = crossed()
+    throws, read = measured(sheets)
+    found = restore_throws(sheets, throws, read, settings=SETTINGS, history=HistorySettings())
+    today, then = (np.median(error(sheets[0], throw, 9.0)) for throw in (throws[0], found[0]))
+    assert then < 0.4
+    assert then < 0.6 * today
+    # the young one lies as it did
+    assert found[1] is throws[1]
+
+
+def test_the_order_of_the_sheets_does_not_matter():
+    _, sheets = crossed()
+    throws, read = measured(sheets)
+    found = restore_throws(sheets, throws, read, settings=SETTINGS, history=HistorySettings())
+    turned = restore_throws(
+        sheets[::-1], throws[::-1], lambda n: read(1 - n), settings=SETTINGS, history=HistorySettings()
+    )
+    np.testing.assert_array_equal(found[0].throw, turned[1].throw)
+
+
+def test_parts_of_a_fault_are_matched_together():
+    cube, (_, young) = crossed()
+    # a strip too small to be matched by itself, whose throw seems to be another
+    pieces = [sheet_of(cube.faults == 2, 0, np.s_[:, part]) for part in (slice(0, 52), slice(56, 96))]
+    throws, read = measured([*pieces])
+    throws[1] = replace(throws[1], throw=np.where(np.isfinite(throws[1].throw), np.float32(-9.0), np.float32(np.nan)))
+    found = restore_throws(pieces, throws, read, settings=SETTINGS, history=HistorySettings())
+    known = np.isfinite(found[1].throw)
+    assert young.inside.sum() > known.sum() > 0
+    assert np.median(found[1].throw[known]) > 11.0
+
+
+def test_without_an_order_throws_are_those_of_today():
+    _, sheets = crossed()
+    throws, read = measured(sheets)
+    history = HistorySettings(least_gain=np.inf)
+    assert restore_throws(sheets, throws, read, settings=SETTINGS, history=history) == throws
+    assert restore_throws([], [], read, settings=SETTINGS, history=history) == []
+
+
+@pytest.mark.parametrize("beyond", [(-0.5, 1.0), (1.0, 4.0), (np.nan, 1.0)])
+def test_values_are_spread_by_bilinear_weights(beyond):
+    rows, columns = np.array([1.25, beyond[0]]), np.array([2.5, beyond[1]])
+    sums, weight = np.zeros((1, 4, 5)), np.zeros((4, 5))
+    spread(rows, columns, np.array([[8.0, 99.0]]), sums, weight)
+    np.testing.assert_allclose(weight[1:3, 2:4], [[0.375, 0.375], [0.125, 0.125]])
+    np.testing.assert_allclose(sums[0], 8.0 * weight)
+    assert weight.sum() == pytest.approx(1.0)
