@@ -77,7 +77,8 @@ def throw(run: BlockRun, number: int) -> None:
         both[at][read] = part[f"{number}.both"][read]
         known[at][read] = 1.0
     measured = match_sides(sheet, both, known, settings=run.settings.throw)
-    ended = end_where_still(sheet, measured, run.settings.choice)
+    ratio, _, _ = final_noise(run)
+    ended = end_where_still(sheet, measured, run.settings.choice, noise=ratio)
     run.write_part("throw", number, {**_packed("sheet", [ended[0]]), **_packed("throw", [ended[1]])})
 
 
