@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.misfit import NOISES
 from seismo3d.seismic.throw import SheetThrow
 
 
@@ -30,8 +31,9 @@ class ChoiceSettings:
         Smallest median throw: sides that fit best unmoved, as at a channel's edge, are no fault.
     still_score : float
         Support below which a sheet ends where its throw falls below `still_throw`.
-    still_throw : float
-        Throw below which sides count as unmoved.
+    still_throw : tuple of (float, float)
+        Throw below which sides count as unmoved: without noise, and from the mild noise of a good survey on, where a
+        throw that is read may be off by as much.
     still_fit : float
         Fit of the unmoved sides that this takes: a throw carried on from elsewhere says nothing of a place.
     tall, tall_strength : float
@@ -60,7 +62,7 @@ class ChoiceSettings:
     least_height: float = 24.0
     least_throw: float = 1.0
     still_score: float = 1.0
-    still_throw: float = 0.5
+    still_throw: tuple[float, float] = (0.5, 1.0)
     still_fit: float = 0.7
     tall: float = 60.0
     tall_strength: float = 28.0
@@ -125,7 +127,9 @@ def may_be_faults(sheets: list[Sheet], is_section: bool, settings: ChoiceSetting
     ]
 
 
-def end_where_still(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> tuple[Sheet, SheetThrow]:
+def end_where_still(
+    sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings, *, noise: float
+) -> tuple[Sheet, SheetThrow]:
     """End a sheet where its sides fit unmoved and its support is weak: it has run on into unbroken ground.
 
     Parameters
@@ -134,13 +138,17 @@ def end_where_still(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -
         A sheet and its throw.
     settings : ChoiceSettings
         Thresholds.
+    noise : float
+        The cube's median misfit ratio.
 
     Returns
     -------
     Sheet, SheetThrow
         Without those places; specks that are left of it are dropped.
     """
-    still = (np.abs(throw.throw) < settings.still_throw) & (sheet.score < settings.still_score)
+    still = (np.abs(throw.throw) < np.interp(noise, NOISES[:2], settings.still_throw)) & (
+        sheet.score < settings.still_score
+    )
     still &= throw.fit >= settings.still_fit
     if not still.any():
         return sheet, throw

@@ -32,6 +32,9 @@ class ExtendSettings:
         Share of the nodes around a new one that must have such a ridge.
     rings : int
         How often a sheet is carried on, by two nodes at a time.
+    rim : int
+        What ends within so many traces, or grid steps down, of the cube's end goes on to it: crests need both their
+        flanks, and are not found there.
     """
 
     strength: float = 70.0
@@ -41,6 +44,7 @@ class ExtendSettings:
     angle_deg: float = 25.0
     share: float = 0.5
     rings: int = 10
+    rim: int = 1
 
 
 _RING = 2
@@ -92,6 +96,7 @@ def extend_sheet(
         w[nodes] = np.where(has, 0.5 * (height[new] + planes[new, 0]), planes[new, 0])
         score[nodes] = np.where(has, best[new], settings.weakest)
         grown = True
+    grown |= _reach_the_end(wide, w, score, shape, settings)
     return _trimmed(wide, w, score) if grown else sheet
 
 
@@ -186,9 +191,31 @@ def _continuing(
     return best, heights
 
 
-def _in_cube(wide: Sheet, at: tuple[IntArray, IntArray], height: Float64Array, shape: tuple[int, ...]) -> BoolArray:
+def _reach_the_end(
+    wide: Sheet, w: Float64Array, score: Float64Array, shape: tuple[int, ...], settings: ExtendSettings
+) -> bool:
+    """Carry a sheet, in place, on to the end of the cube that it nearly reaches; return whether there was one."""
+    inside = np.isfinite(w)
+    ring = ndimage.binary_dilation(inside, np.ones((3, 3), bool), iterations=settings.rim) & ~inside
+    at = (np.nonzero(ring)[0], np.nonzero(ring)[1])
+    height = _local_planes(w, inside, at, settings.width)[:, 0]
+    points, last = _in_steps(wide, at, height), np.array(shape) - 1
+    near = ((points < settings.rim) | (points > last - settings.rim)) & (last > 0)
+    new = _in_cube(wide, at, height, shape) & near.any(axis=1)
+    nodes = at[0][new], at[1][new]
+    w[nodes], score[nodes] = height[new], settings.weakest
+    return bool(new.any())
+
+
+def _in_steps(wide: Sheet, at: tuple[IntArray, IntArray], height: Float64Array) -> Float64Array:
+    """Return (inline, crossline, step of the evidence) of nodes."""
     points = wide.points(at[0].astype(np.float64), at[1].astype(np.float64), height)
     points[:, 2] /= wide.step
+    return points
+
+
+def _in_cube(wide: Sheet, at: tuple[IntArray, IntArray], height: Float64Array, shape: tuple[int, ...]) -> BoolArray:
+    points = _in_steps(wide, at, height)
     return np.asarray(((points >= -0.5) & (points <= np.array(shape) - 0.5)).all(axis=1))
 
 

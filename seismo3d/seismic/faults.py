@@ -182,7 +182,7 @@ def trace_faults(
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
         measured = measure_throw(volume, valid, slopes, sheet, settings=settings.throw)
-        moving.append(end_where_still(sheet, measured, settings.choice))
+        moving.append(end_where_still(sheet, measured, settings.choice, noise=found.noise))
     report("surfaces", 0.0)
     numbers = choose_faults(moving, settings.choice)
     chosen = [sheets[number] for number in numbers]

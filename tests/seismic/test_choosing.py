@@ -94,7 +94,7 @@ def test_a_sheet_ends_where_its_sides_fit_unmoved():
     sheet, throw = candidate(score=0.5)
     values = throw.throw.copy()
     values[30:] = 0.2
-    ended, moved = end_where_still(sheet, replace(throw, throw=values), SETTINGS)
+    ended, moved = end_where_still(sheet, replace(throw, throw=values), SETTINGS, noise=0.0)
     assert ended.inside[:29].all()
     assert not ended.inside[31:].any()
     assert np.array_equal(np.isfinite(moved.throw), ended.inside)
@@ -103,16 +103,23 @@ def test_a_sheet_ends_where_its_sides_fit_unmoved():
 
 def test_strong_support_goes_on_without_a_throw():
     sheet, throw = candidate(score=1.2, throw=0.2)
-    assert end_where_still(sheet, throw, SETTINGS) == (sheet, throw)
+    assert end_where_still(sheet, throw, SETTINGS, noise=0.0) == (sheet, throw)
 
 
 def test_a_sheet_goes_on_where_its_unmoved_sides_do_not_fit():
     sheet, throw = candidate(score=0.5, throw=0.2, fit=0.3)
-    assert end_where_still(sheet, throw, SETTINGS) == (sheet, throw)
+    assert end_where_still(sheet, throw, SETTINGS, noise=0.0) == (sheet, throw)
+
+
+@pytest.mark.parametrize(("noise", "goes_on"), [(0.0, True), (0.04, False), (0.08, False), (0.3, False)])
+def test_a_small_throw_is_one_where_there_is_no_noise(noise, goes_on):
+    ended, _ = end_where_still(*candidate(score=0.5, throw=0.7), SETTINGS, noise=noise)
+    assert ended.inside.all() == goes_on
+    assert ended.inside.any() == goes_on
 
 
 def test_a_sheet_without_any_throw_is_gone():
-    ended, moved = end_where_still(*candidate(score=0.5, throw=0.2), SETTINGS)
+    ended, moved = end_where_still(*candidate(score=0.5, throw=0.2), SETTINGS, noise=0.0)
     assert not ended.inside.any()
     assert median_throw(moved) == 0.0
     assert choose_faults([(ended, moved)], SETTINGS) == []

@@ -75,6 +75,16 @@ def test_a_sheet_ends_with_the_cube():
     assert points[:, 2].max() == 62.0
 
 
+def test_what_ends_beside_the_end_of_the_cube_reaches_it():
+    nowhere = ridges(range(0), range(0))
+    longer = extend_sheet(flat_sheet(columns=range(20, 31)), nowhere, SHAPE)
+    assert longer.first_sample == 40
+    assert longer.w.shape[1] == 12
+    assert longer.inside[1:-1].all()
+    short = flat_sheet(columns=range(20, 30))
+    assert extend_sheet(short, nowhere, SHAPE) is short
+
+
 def test_ridges_far_off_change_nothing():
     sheet, near = flat_sheet(), ridges(range(-10, 18), range(8, 26))
     first, last = (replace_inline(ridges(range(-3, 3), range(8, 20)), at) for at in (-400.0, 400.0))

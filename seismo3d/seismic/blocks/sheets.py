@@ -70,7 +70,8 @@ def throw(run: BlockRun, number: int) -> None:
     sheet = run_sheets(run)[number]
     both, known = _joined_sides(run, sheet, number)
     measured = match_sides(sheet, both, known, settings=run.settings.throw)
-    ended = end_where_still(sheet, measured, run.settings.choice)
+    ratio, _ = final_noise(run)
+    ended = end_where_still(sheet, measured, run.settings.choice, noise=ratio)
     run.write_part("throw", number, {**_packed("sheet", [ended[0]]), **_packed("throw", [ended[1]])})
 
 
