@@ -35,7 +35,7 @@ def without_loose(surface: FaultSurface) -> FaultSurface:
     number[used] = np.arange(len(used))
     arrays = {
         name: getattr(surface, name)[used]
-        for name in ("vertices", "normals", "likelihood", "throw", "throw_fit", "strike_deg", "dip_deg")
+        for name in ("vertices", "normals", "likelihood", "throw", "separation", "throw_fit", "strike_deg", "dip_deg")
     }
     return replace(surface, cells=number[surface.cells].astype(np.int32), **arrays)
 
