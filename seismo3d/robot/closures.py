@@ -18,8 +18,8 @@ _STEP_TURN, _STEP_SHIFT = 0.002, 0.003
 """Standard deviations of the pose from one keyframe to the next, rad and m."""
 _CLOSURE_TURN, _CLOSURE_SHIFT = 0.006, 0.008
 """The same that a closure has at least."""
-_EXPLAINED = 16.8
-"""Squared error of a closure, over its covariance, that one in a hundred exceeds (chi-square, 6 degrees)."""
+_BY_CHANCE = 0.01
+"""How often closures that are no more off than their covariances say would be taken for strained."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,10 +91,11 @@ def make_graph(poses: Float64Array, closures: list[Closure], *, parts: Sequence[
 
 
 def is_strained(graph: PoseGraph, weights: Float64Array) -> bool:
-    """Whether a graph's poses are off from a doubtful edge by more than its own errors explain.
+    """Whether a graph's poses are off from its doubtful edges, all together, by more than their errors explain.
 
-    Tracking against the map ties keyframes more closely than a registration of two of them can: where all closures are
-    explained, moving the poses towards them would add their noise.
+    Tracking against the map ties keyframes more closely than a registration of two of them can: where the closures are
+    explained, moving the poses towards them would add their noise. Drift strains all that reach across it; a single
+    one among many that is off is itself in error.
 
     Parameters
     ----------
@@ -102,9 +103,12 @@ def is_strained(graph: PoseGraph, weights: Float64Array) -> bool:
     weights : ndarray of shape (m,), float64
         Of the edges in the graph's solution; those below a quarter don't count.
     """
+    from scipy.special import chdtri
+
     errors = edge_errors(graph, graph.poses)
-    squared = np.einsum("ni,nij,nj->n", errors, graph.information, errors)
-    return bool((squared[graph.doubtful & (weights > 0.25)] > _EXPLAINED).any())
+    squared = np.einsum("ni,nij,nj->n", errors, graph.information, errors)[graph.doubtful & (weights > 0.25)]
+    # without drift the sum follows a chi-square law with six degrees of freedom an edge
+    return bool(squared.size > 0 and squared.sum() > chdtri(6 * squared.size, _BY_CHANCE))
 
 
 def correct_poses(

@@ -48,9 +48,11 @@ class Locator:
         self, surface: SurfaceMap, measured: Measured, number: int, T: Float64Array, *, coarser: int
     ) -> Prediction:
         """Return a map's surface as a camera at a pose sees it, every ``coarser``-th pixel of the half image."""
-        k, lens = 2 * coarser, self._cameras[number].lens
-        expected = np.ascontiguousarray(measured.vertices[coarser // 2 :: coarser, coarser // 2 :: coarser, 2])
-        numbers = np.array([lens.fx / k, lens.fy / k, (lens.cx + 0.5) / k - 0.5, (lens.cy + 0.5) / k - 0.5])
+        k, first, lens = 2 * coarser, coarser // 2, self._cameras[number].lens
+        expected = np.ascontiguousarray(measured.vertices[first::coarser, first::coarser, 2])
+        # the rays go through the very vertices that are paired with what they meet
+        middle = 2 * first + 0.5
+        numbers = np.array([lens.fx / k, lens.fy / k, (lens.cx - middle) / k, (lens.cy - middle) / k])
         return surface.cast(expected, numbers, T, pool=self._pool, n_threads=self._n_threads)
 
     def sight(
