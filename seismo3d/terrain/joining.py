@@ -266,6 +266,37 @@ def drop_echoes(
     return kept
 
 
+def part_from(line: TracedLine, others: list[TracedLine], *, near: float, turn_deg: float = 20.0) -> TracedLine:
+    """Return the longest part of a line that does not run beside others: what it shares with them is theirs.
+
+    Parameters
+    ----------
+    line : TracedLine
+    others : list of TracedLine
+    near : float
+        Distance in cells of the coarser line's level.
+    turn_deg : float
+        Largest angle between lines that run alike.
+    """
+    for other in others:
+        line = _apart(line, other, near, float(np.cos(np.radians(turn_deg))))
+    return line
+
+
+def _apart(line: TracedLine, other: TracedLine, near: float, cosine: float) -> TracedLine:
+    """Return the longest part of a line that does not run beside another, where they run alike."""
+    reach = near * max(line.factor, other.factor)
+    if not _boxes_meet(line.places, other.places, reach) or abs(_way(line) @ _way(other)) <= cosine:
+        return line
+    distance, _ = cKDTree(other.places).query(line.places, distance_upper_bound=reach)
+    free = np.flatnonzero(np.isinf(distance))
+    if len(free) in (0, len(line.places)):
+        return line
+    runs = np.split(free, np.flatnonzero(np.diff(free) > 1) + 1)
+    longest = max(runs, key=len)
+    return TracedLine(line.places[longest], line.score[longest], line.kind, line.factor)
+
+
 def _boxes_meet(first: Float64Array, second: Float64Array, reach: float) -> bool:
     return bool(
         (first.min(axis=0) - reach <= second.max(axis=0)).all()

@@ -16,7 +16,7 @@ from seismo3d.errors import ShapeError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
 from seismo3d.terrain.evidence import REGION, SCALE, TerrainEvidence, fill_smoothly, measure_levels, square_map
 from seismo3d.terrain.extending import extend_line
-from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines
+from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines, part_from
 from seismo3d.terrain.placing import snap_line
 from seismo3d.terrain.prominence import measure_prominence
 from seismo3d.terrain.support import LineSupport, scan_lines
@@ -147,7 +147,8 @@ def lineaments(
     At each level of resolution the slope and the curvature of the map are compared with those of the regional surface,
     and their signed means along straight lines of every strike with their own standard error: a scarp keeps its side
     and a trough its hollow, while hills and rivers turn. Crests of that score are linked by the tracer that links a
-    cube's faults, lines of different evidence fused, and those left out that run along the slope around them.
+    cube's faults, lines of different evidence fused and carried on straight as long as they stand out from the same
+    path laid beside them, and those left out that do not, or that run along the slope around them.
 
     Parameters
     ----------
@@ -172,8 +173,8 @@ def lineaments(
     -----
     The line scan is that of :mod:`seismo3d.seismic` in two dimensions, in the manner of [1]_ for steps: there the
     signal-to-noise of a template along a scarp, here the signed mean against its own scatter. A fault that runs down
-    the slope, or bends within its window, is not found; ground that is rough but smooth over more than a few cells, as
-    after strong filtering, has chance lines of its own.
+    the slope, or bends within its window, is not found. Long straight edges of terraces, dunes and roads are lines too:
+    what made a line is not told by its shape. A straight scarp is placed on its steepest part.
 
     References
     ----------
@@ -265,15 +266,22 @@ def _choose(
     # the regional surface answers to a line with two of the other sign beside it
     lines = drop_echoes(lines, near=REGION * SCALE + SCALE, judge=judge)
     slope = regional_slope(fill_smoothly(z, np.isfinite(z)), 0.5 * settings.length)
-    kept = [
-        (line, judge(line))
-        for line in lines
-        if line.length >= settings.least_length * settings.length
-        and line.strength >= settings.least_strength
-        and _stands_out(line, judge(line), settings)
-        and share_along(line.places, slope) < settings.drainage
-    ]
-    return sorted(kept, key=lambda pair: -pair[0].strength)
+
+    def is_good(line: TracedLine) -> bool:
+        return (
+            line.length >= settings.least_length * settings.length
+            and line.strength >= settings.least_strength
+            and _stands_out(line, judge(line), settings)
+            and share_along(line.places, slope) < settings.drainage
+        )
+
+    kept: list[TracedLine] = []
+    for line in sorted(filter(is_good, lines), key=lambda one: -judge(one) * np.sqrt(one.length)):
+        # a weaker line that leaves a stronger one must stand out where it is alone
+        rest = part_from(line, kept, near=REGION * SCALE + SCALE)
+        if is_good(rest):
+            kept.append(rest)
+    return sorted(((line, judge(line)) for line in kept), key=lambda pair: -pair[0].strength)
 
 
 def _stands_out(line: TracedLine, prominence: float, settings: LineamentSettings) -> bool:

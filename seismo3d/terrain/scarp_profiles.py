@@ -19,7 +19,8 @@ _FLANK = 0.15
 _LEAST_HEIGHT = 2.0
 """Height, in its own standard deviations, that a scarp has at least."""
 _LEAST_SHARE = 0.35
-"""Height over the relief of the mean profile that a scarp has at least: across a valley or ridge it is small."""
+"""Height over the relief of the mean profile, about its flanks' slope, that a scarp has at least: across a valley or
+ridge it is small."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +112,7 @@ def _measure(z: Float64Array, grid: MapGrid, line: Lineament, reach: float, wind
         # the offset grows towards the lower side
         profiles, levelled, mean, normal = profiles[:, ::-1], levelled[:, ::-1], mean[::-1], -normal
     low, high = _limits(offset, mean)
-    step, _ = _fit_step(offset, mean, low, high)
+    step, flank = _fit_step(offset, mean, low, high)
     height = -step
     smooth = _along(profiles, window / (distance[1] - distance[0]))
     heights = np.array([-_fit_step(offset, row, low, high)[0] for row in smooth])
@@ -122,7 +123,7 @@ def _measure(z: Float64Array, grid: MapGrid, line: Lineament, reach: float, wind
     stretches = max(line.length / (2.0 * window), 1.0)
     sigma = float(known.std() / np.sqrt(stretches))
     # at the mean profile's own roughness a step is nothing
-    if height <= _LEAST_HEIGHT * sigma or height < _LEAST_SHARE * float(np.ptp(mean)):
+    if height <= _LEAST_HEIGHT * sigma or height < _LEAST_SHARE * float(np.ptp(mean - flank * offset)):
         return None
     steepest = np.full(len(slopes), np.nan)
     full = np.isfinite(slopes).all(axis=1)

@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pytest
 from fake_terrain import make_rivers, make_scarp, place
+from scipy import ndimage
 
 from seismo3d.errors import GeometryError, ShapeError
 from seismo3d.terrain import lineaments, scarps, to_geojson, write_lineaments
-from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines
+from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines, part_from
 from seismo3d.terrain.lineament_search import share_along
 from seismo3d.terrain.tracing import TracedLine
 
@@ -124,6 +125,22 @@ def test_a_line_does_not_go_on_where_it_would_stand_out_less():
     kept = drop_echoes([slope, line((0, 60), (0, 140), score=2.0)], near=8.0, judge=judge)
     assert np.abs(kept[0].places[:, 0]).max() == 0.0
     assert len(kept) == 1
+
+
+def test_what_a_line_shares_with_another_is_the_others():
+    fault, leaving = line((0, 0), (0, 200)), line((0, 60), (40, 250))
+    rest = part_from(leaving, [fault], near=8.0)
+    assert rest.places[:, 0].min() == pytest.approx(8.0, abs=1.0)
+    np.testing.assert_array_equal(rest.places[-1], leaving.places[-1])
+    across = line((-40, 100), (40, 100))
+    assert part_from(across, [fault], near=8.0) is across
+
+
+def test_a_low_scarp_on_a_slope_has_its_height(rng):
+    i, j = np.mgrid[:200, :200].astype(float)
+    z = -0.1 * j - 0.5 * (j > 99.5) + ndimage.gaussian_filter(rng.normal(size=i.shape), 2.0) * 0.05
+    (scarp, *_) = scarps(place(z, cell=1.0))
+    assert scarp.height_m == pytest.approx(0.5, rel=0.15)
 
 
 def test_the_place_is_the_middle_of_the_scarp(found):
