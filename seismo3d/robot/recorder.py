@@ -17,7 +17,7 @@ from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.state import MapState
 from seismo3d.robot.tsdf import SurfaceMap
 
-_CARVE_EVERY = 6
+_CARVE_EVERY = 4
 _STEADY = 0.1
 """Share of the view that may move in a frame that is remembered as a view."""
 
