@@ -72,7 +72,7 @@ class LineamentSettings:
     gap: float = 1.5
     near: float = 4.0
     least_length: float = 3.0
-    least_strength: float = 40.0
+    least_strength: float = 35.0
     least_prominence: float = 9.0
     drainage: float = 0.45
 
