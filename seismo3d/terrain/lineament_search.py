@@ -72,7 +72,7 @@ class LineamentSettings:
     gap: float = 1.5
     near: float = 4.0
     least_length: float = 3.0
-    least_strength: float = 40.0
+    least_strength: float = 35.0
     least_prominence: float = 9.0
     drainage: float = 0.45
 
@@ -340,7 +340,10 @@ def make_lineament(
 ) -> Lineament:
     """Return a traced line with its place on the map."""
     places = line.places[:, ::-1] / np.array(stretch)
-    places = np.clip(places, 0.0, np.array(grid.shape[::-1]) - 1.0)
+    last = np.array(grid.shape[::-1]) - 1.0
+    # smoothed beyond its ends a line can leave the map
+    inside = ((places >= -0.5) & (places <= last + 0.5)).all(axis=1)
+    places, score = np.clip(places[inside], 0.0, last), line.score[inside]
     points = grid.to_map(places)
     metres = points * np.array(grid.metres_per_unit)
     way = metres[-1] - metres[0]
@@ -349,11 +352,11 @@ def make_lineament(
     return Lineament(
         points=freeze(points),
         places=freeze(places),
-        score=freeze(line.score),
+        score=freeze(score),
         kind=line.kind,
         length=float(np.linalg.norm(np.diff(metres, axis=0), axis=1).sum()),
         strike_deg=float(np.degrees(np.arctan2(way[0], north)) % 180.0),
-        confidence=float(to_likelihood(line.score.mean(), least_score)),
+        confidence=float(to_likelihood(score.mean(), least_score)),
         prominence=prominence,
     )
 

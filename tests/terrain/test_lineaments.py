@@ -8,9 +8,10 @@ from fake_terrain import make_rivers, make_scarp, place
 from scipy import ndimage
 
 from seismo3d.errors import GeometryError, ShapeError
+from seismo3d.geometry.map_grid import MapGrid
 from seismo3d.terrain import lineaments, scarps, to_geojson, write_lineaments
 from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines, part_from
-from seismo3d.terrain.lineament_search import share_along
+from seismo3d.terrain.lineament_search import make_lineament, share_along
 from seismo3d.terrain.tracing import TracedLine
 
 
@@ -141,6 +142,14 @@ def test_a_low_scarp_on_a_slope_has_its_height(rng):
     z = -0.1 * j - 0.5 * (j > 99.5) + ndimage.gaussian_filter(rng.normal(size=i.shape), 2.0) * 0.05
     (scarp, *_) = scarps(place(z, cell=1.0))
     assert scarp.height_m == pytest.approx(0.5, rel=0.15)
+
+
+def test_a_line_ends_at_the_map():
+    beyond = TracedLine(np.column_stack([np.arange(-8.0, 60.0), np.full(68, 20.0)]), np.full(68, 5.0), "step", 1)
+    made = make_lineament(beyond, MapGrid.from_elevation(np.zeros((50, 50))), (1.0, 1.0), 3.5, 10.0)
+    assert made.length == pytest.approx(49.0, abs=1.0)
+    assert len(made.score) == len(made.places)
+    assert (np.diff(made.places[:, 1]) > 0.0).all()
 
 
 def test_the_place_is_the_middle_of_the_scarp(found):
