@@ -172,6 +172,8 @@ def _place_parts(
     move -= np.average(move[seeded], weights=size[seeded]) if len(seeded) else 0.0
     dropped = (size < 4) | (score < settings.least_block)
     move[seeded], dropped[seeded] = 0.0, False
+    # near an end of the cube too little of a layer's surroundings is known to be compared
+    score[seeded] = np.maximum(score[seeded], settings.trusted)
     crossings = crossings + np.where(dropped, np.nan, move)[parts]
     crossings[parts < 0] = np.nan
     return crossings, np.clip(score, 0.0, 1.0).astype(np.float32)

@@ -17,8 +17,6 @@ from seismo3d.seismic.layer_time import LayerModel
 _SPARE = 2
 # farthest that a track is moved as a whole to pass through its seeds
 _ANCHOR = 3.0
-# correlation from which on a seed's own waveform tells that
-_CLEAR = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,28 +113,16 @@ def refine_depth(
     confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
     common = np.median(move[of_seeds & trusted]) if (of_seeds & trusted).any() else 0.0
     depth = np.where(trusted, depth + common + np.clip(move - common, -settings.most, settings.most), np.nan)
-    miss = _miss(layers, depth, of_seeds & trusted, index, settings)
+    miss = _miss(depth, of_seeds & trusted, index)
     return depth - (common if miss is None else miss), confidence
 
 
-def _miss(
-    layers: LayerModel, depth: Float64Array, chosen: BoolArray, index: Float64Array, settings: TrackSettings
-) -> float | None:
-    """How far a track passes below its seeds, on the whole, by their waveforms; None where noise hides it."""
-    if not chosen.any():
-        return None
-    reference = _mean_waveform(layers, depth, chosen, settings.near)
-    reach = int(_ANCHOR) + 1
-    seeds = np.full(depth.shape, np.nan)
+def _miss(depth: Float64Array, chosen: BoolArray, index: Float64Array) -> float | None:
+    """How far a track passes below its seeds, on the whole; None where it misses them all."""
     at = tuple(np.rint(index[:, :2]).astype(int).T)
-    seeds[at] = index[:, 2]
-    waves, known = read_around(layers, seeds, settings.near + reach)
-    lags = np.empty((len(index), 2 * reach + 1), np.float32)
-    taper = np.hanning(len(reference) + 2)[1:-1].astype(np.float32)
-    match_waveforms(waves[at], known[at], reference, np.ones_like(reference), taper, np.float32(0.3), lags)
-    move, here = _best_moves(lags[None], reach)
-    sure = (here > _CLEAR) & (np.abs(move) <= _ANCHOR)
-    return float(move[sure].mean()) if sure.any() else None
+    below = depth[at] - index[:, 2]
+    near = chosen[at] & (np.abs(below) <= _ANCHOR)
+    return float(below[near].mean()) if near.any() else None
 
 
 def _mean_waveform(layers: LayerModel, depth: Float64Array, chosen: BoolArray, half: int) -> Float32Array:
