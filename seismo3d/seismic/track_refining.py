@@ -149,15 +149,29 @@ def _score_traces(
     layers: LayerModel, depth: Float64Array, parts: IntArray, reference: Float32Array, reach: int, least: float
 ) -> Float32Array:
     """Correlation of every trace, averaged with its neighbours of the same part, with a waveform at every lag."""
-    half = len(reference) // 2
-    waves, known = read_around(layers, depth, half + reach)
+    waves, known = _read_smoothly(layers, depth, parts, len(reference) // 2 + reach)
+    return _match_traces(waves, known, reference, reach, least).reshape(*depth.shape, -1)
+
+
+def _read_smoothly(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, half: int
+) -> tuple[Float32Array, Float32Array]:
+    """Amplitudes of every trace averaged with its neighbours of the same part, and the share of them that is known."""
+    waves, known = read_around(layers, depth, half)
     smooth = _smooth_parts(np.concatenate([waves * known, known], axis=2), parts, 1.0)
     waves, known = (np.ascontiguousarray(a).reshape(depth.size, -1) for a in np.split(smooth, 2, axis=2))
     waves /= np.maximum(known, 1e-6)
-    lags = np.empty((depth.size, 2 * reach + 1), np.float32)
+    return waves, known
+
+
+def _match_traces(
+    waves: Float32Array, known: Float32Array, reference: Float32Array, reach: int, least: float
+) -> Float32Array:
+    """Correlation of rows with a waveform at every lag."""
+    lags = np.empty((len(waves), 2 * reach + 1), np.float32)
     taper = np.hanning(len(reference) + 2)[1:-1].astype(np.float32)
     match_waveforms(waves, known, reference, np.ones_like(reference), taper, np.float32(least), lags)
-    return lags.reshape(*depth.shape, -1)
+    return lags
 
 
 def stretched(waveform: Float32Array, half: int, shares: Float64Array) -> Float32Array:
@@ -176,9 +190,9 @@ def _score_stretched(
     """
     shares = np.linspace(-settings.stretch, settings.stretch, 2 * STRETCHES + 1)
     long = _mean_waveform(layers, depth, chosen, int(np.ceil(settings.near * (1.0 + 2.0 * settings.stretch))) + 1)
-    scores = np.stack(
-        [_score_traces(layers, depth, parts, wave, reach, 0.5) for wave in stretched(long, settings.near, shares)]
-    )
+    waves, known = _read_smoothly(layers, depth, parts, settings.near + reach)
+    lags = [_match_traces(waves, known, wave, reach, 0.5) for wave in stretched(long, settings.near, shares)]
+    scores = np.stack(lags).reshape(len(shares), *depth.shape, -1)
     # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
     whole = read_around(layers, depth, settings.near)[1].mean(axis=2)[..., None] > _WHOLE
     fits = np.moveaxis(scores.max(axis=3), 0, -1)
