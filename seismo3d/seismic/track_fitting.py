@@ -10,7 +10,7 @@ from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_tracks import match_waveforms
 from seismo3d.seismic.layer_pieces import find_levels, read_along
 from seismo3d.seismic.layer_time import LayerModel
-from seismo3d.seismic.track_refining import TrackSettings, refine_depth
+from seismo3d.seismic.track_refining import STRETCHES, TrackSettings, refine_depth, stretched
 
 # how often a trace may cross one layer, and a step between traces that is none of one part
 _CROSSINGS, _STEP = 3, 6.0
@@ -18,6 +18,8 @@ _CROSSINGS, _STEP = 3, 6.0
 _SCRAP, _AROUND = 16, 4
 # share of a window that must be known for it to be compared
 _LEAST_KNOWN = 0.3
+# share of either side of it that must be known for thicknesses to be compared
+_BOTH_SIDES = 0.5
 # how far a part is moved for whatever it gains
 _NEARBY = 3
 
@@ -158,10 +160,7 @@ def _place_parts(
     total = (trust * counts).sum(axis=0)
     reference = ((trust * sums).sum(axis=0) / np.maximum(total, 1e-6)).astype(np.float32)
     in_reference = (total / max(float(total.max(initial=0.0)), 1e-6)).astype(np.float32)
-    middle = slice(far, len(reference) - far)
-    lags = np.empty((n, 2 * far + 1), np.float32)
-    taper = np.hanning(2 * half + 3)[1:-1].astype(np.float32)
-    match_waveforms(means, share, reference[middle], in_reference[middle], taper, np.float32(_LEAST_KNOWN), lags)
+    lags = _match_stretched(means, share, reference, in_reference, settings)
     size = np.bincount(parts[parts >= 0], minlength=n)
     near = slice(far - _NEARBY, far + _NEARBY + 1)
     best, close = lags.argmax(axis=1), lags[:, near].argmax(axis=1) + near.start
@@ -172,9 +171,29 @@ def _place_parts(
     move -= np.average(move[seeded], weights=size[seeded]) if len(seeded) else 0.0
     dropped = (size < 4) | (score < settings.least_block)
     move[seeded], dropped[seeded] = 0.0, False
+    # near an end of the cube too little of a layer's surroundings is known to be compared
+    score[seeded] = np.maximum(score[seeded], settings.trusted)
     crossings = crossings + np.where(dropped, np.nan, move)[parts]
     crossings[parts < 0] = np.nan
     return crossings, np.clip(score, 0.0, 1.0).astype(np.float32)
+
+
+def _match_stretched(
+    means: Float32Array, share: Float32Array, reference: Float32Array, known: Float32Array, settings: TrackSettings
+) -> Float32Array:
+    """Correlation of every part's mean waveform with a reference, as thick as fits best, at every lag."""
+    far, half = settings.farthest, settings.window
+    taper = np.hanning(2 * half + 3)[1:-1].astype(np.float32)
+    shares = np.linspace(-settings.stretch, settings.stretch, 4 * STRETCHES + 1)
+    waves, seen = stretched(reference, half, shares), np.clip(stretched(known, half, shares), 0.0, 1.0)
+    scores = np.empty((len(shares), len(means), 2 * far + 1), np.float32)
+    for wave, part, found in zip(waves, seen, scores, strict=True):
+        match_waveforms(means, share, wave, part, taper, np.float32(_LEAST_KNOWN), found)
+    # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
+    seen_of = (share[:, far:-far] * known[far:-far])[:, 1:].reshape(len(means), 2, half).mean(axis=2).min(axis=1)
+    price = np.where(seen_of > _BOTH_SIDES, settings.price, 100.0) * np.abs(shares)[:, None]
+    best = (scores.max(axis=2) - price).argmax(axis=0)
+    return scores[best, np.arange(len(means))]
 
 
 def _vertex(scores: AnyArray, best: int) -> float:

@@ -15,10 +15,14 @@ from seismo3d.seismic.layer_time import LayerModel
 
 # lags beyond the farthest move at which a waveform is compared
 _SPARE = 2
+# thicknesses that are tried to either side of that at the seeds
+STRETCHES = 5
+# share of a waveform from which on it tells them
+_WHOLE = 0.9
+# share of the traces around that must be such for them to count as much as their price
+_DOUBT = 0.1
 # farthest that a track is moved as a whole to pass through its seeds
 _ANCHOR = 3.0
-# correlation from which on a seed's own waveform tells that
-_CLEAR = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +43,11 @@ class TrackSettings:
         Traces this close to a fault are also looked for where the part's inner traces lead to.
     bend : float
         Width, in traces, of the window over which they are led on.
+    stretch, even : float
+        Largest share by which layers may be thicker or thinner than at the seeds, and the width, in traces, over which
+        that is found.
+    price : float
+        Correlation that it must be worth.
     gain : float
         How much better the correlation of a part must become for it to be moved.
     rounds : int
@@ -57,6 +66,9 @@ class TrackSettings:
     most: float = 1.0
     rim: int = 4
     bend: float = 4.0
+    stretch: float = 0.2
+    even: float = 4.0
+    price: float = 0.1
     gain: float = 0.15
     rounds: int = 2
     trusted: float = 0.75
@@ -104,7 +116,7 @@ def refine_depth(
     reference = _mean_waveform(layers, depth, of_seeds if of_seeds.any() else there, settings.near)
     depth = _straighten_rims(layers, depth, parts, reference, settings)
     reach = int(np.ceil(settings.most)) + _SPARE
-    score = _score_traces(layers, depth, parts, reference, reach, 0.5)
+    score = _score_stretched(layers, depth, parts, of_seeds if of_seeds.any() else there, reach, settings)
     move, here = _best_moves(score, reach)
     compared = there & (score.min(axis=2) > -1.0)
     weight = np.where(compared & (here > settings.least_trace), here, 0.0)[..., None].astype(np.float32)
@@ -115,28 +127,16 @@ def refine_depth(
     confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
     common = np.median(move[of_seeds & trusted]) if (of_seeds & trusted).any() else 0.0
     depth = np.where(trusted, depth + common + np.clip(move - common, -settings.most, settings.most), np.nan)
-    miss = _miss(layers, depth, of_seeds & trusted, index, settings)
+    miss = _miss(depth, of_seeds & trusted, index)
     return depth - (common if miss is None else miss), confidence
 
 
-def _miss(
-    layers: LayerModel, depth: Float64Array, chosen: BoolArray, index: Float64Array, settings: TrackSettings
-) -> float | None:
-    """How far a track passes below its seeds, on the whole, by their waveforms; None where noise hides it."""
-    if not chosen.any():
-        return None
-    reference = _mean_waveform(layers, depth, chosen, settings.near)
-    reach = int(_ANCHOR) + 1
-    seeds = np.full(depth.shape, np.nan)
+def _miss(depth: Float64Array, chosen: BoolArray, index: Float64Array) -> float | None:
+    """How far a track passes below its seeds, on the whole; None where it misses them all."""
     at = tuple(np.rint(index[:, :2]).astype(int).T)
-    seeds[at] = index[:, 2]
-    waves, known = read_around(layers, seeds, settings.near + reach)
-    lags = np.empty((len(index), 2 * reach + 1), np.float32)
-    taper = np.hanning(len(reference) + 2)[1:-1].astype(np.float32)
-    match_waveforms(waves[at], known[at], reference, np.ones_like(reference), taper, np.float32(0.3), lags)
-    move, here = _best_moves(lags[None], reach)
-    sure = (here > _CLEAR) & (np.abs(move) <= _ANCHOR)
-    return float(move[sure].mean()) if sure.any() else None
+    below = depth[at] - index[:, 2]
+    near = chosen[at] & (np.abs(below) <= _ANCHOR)
+    return float(below[near].mean()) if near.any() else None
 
 
 def _mean_waveform(layers: LayerModel, depth: Float64Array, chosen: BoolArray, half: int) -> Float32Array:
@@ -149,15 +149,57 @@ def _score_traces(
     layers: LayerModel, depth: Float64Array, parts: IntArray, reference: Float32Array, reach: int, least: float
 ) -> Float32Array:
     """Correlation of every trace, averaged with its neighbours of the same part, with a waveform at every lag."""
-    half = len(reference) // 2
-    waves, known = read_around(layers, depth, half + reach)
+    waves, known = _read_smoothly(layers, depth, parts, len(reference) // 2 + reach)
+    return _match_traces(waves, known, reference, reach, least).reshape(*depth.shape, -1)
+
+
+def _read_smoothly(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, half: int
+) -> tuple[Float32Array, Float32Array]:
+    """Amplitudes of every trace averaged with its neighbours of the same part, and the share of them that is known."""
+    waves, known = read_around(layers, depth, half)
     smooth = _smooth_parts(np.concatenate([waves * known, known], axis=2), parts, 1.0)
     waves, known = (np.ascontiguousarray(a).reshape(depth.size, -1) for a in np.split(smooth, 2, axis=2))
     waves /= np.maximum(known, 1e-6)
-    lags = np.empty((depth.size, 2 * reach + 1), np.float32)
+    return waves, known
+
+
+def _match_traces(
+    waves: Float32Array, known: Float32Array, reference: Float32Array, reach: int, least: float
+) -> Float32Array:
+    """Correlation of rows with a waveform at every lag."""
+    lags = np.empty((len(waves), 2 * reach + 1), np.float32)
     taper = np.hanning(len(reference) + 2)[1:-1].astype(np.float32)
     match_waveforms(waves, known, reference, np.ones_like(reference), taper, np.float32(least), lags)
-    return lags.reshape(*depth.shape, -1)
+    return lags
+
+
+def stretched(waveform: Float32Array, half: int, shares: Float64Array) -> Float32Array:
+    """Return the middle of a waveform, thicker by shares: of shape (share, 2 half + 1)."""
+    middle = len(waveform) // 2
+    at = middle + np.arange(-half, half + 1) / (1.0 + shares[:, None])
+    return np.asarray(ndimage.map_coordinates(waveform.astype(np.float64), at[None], order=3), np.float32)
+
+
+def _score_stretched(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, chosen: BoolArray, reach: int, settings: TrackSettings
+) -> Float32Array:
+    """Do what `_score_traces` does with the chosen traces' mean waveform, as thick as fits best around each trace.
+
+    Without that a trace with thicker layers goes where those above or below fit, whichever side is seen farther.
+    """
+    shares = np.linspace(-settings.stretch, settings.stretch, 2 * STRETCHES + 1)
+    long = _mean_waveform(layers, depth, chosen, int(np.ceil(settings.near * (1.0 + 2.0 * settings.stretch))) + 1)
+    waves, known = _read_smoothly(layers, depth, parts, settings.near + reach)
+    lags = [_match_traces(waves, known, wave, reach, 0.5) for wave in stretched(long, settings.near, shares)]
+    scores = np.stack(lags).reshape(len(shares), *depth.shape, -1)
+    # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
+    whole = read_around(layers, depth, settings.near)[1].mean(axis=2)[..., None] > _WHOLE
+    fits = np.moveaxis(scores.max(axis=3), 0, -1)
+    gain = np.where(whole, fits - fits[..., STRETCHES, None], np.float32(0.0))
+    both = _smooth_parts(np.concatenate([gain, whole], axis=2).astype(np.float32), parts, settings.even)
+    best = (both[..., :-1] / (both[..., -1:] + _DOUBT) - settings.price * np.abs(shares)).argmax(axis=2)
+    return np.asarray(np.take_along_axis(scores, best[None, :, :, None], axis=0)[0], np.float32)
 
 
 def _best_moves(score: Float32Array, reach: int) -> tuple[Float64Array, Float32Array]:

@@ -14,6 +14,7 @@ from seismo3d.seismic._kernels_layers import make_increasing, make_runs_increasi
 from seismo3d.seismic._kernels_tracks import cross_levels, match_waveforms, read_layers, read_runs
 from seismo3d.seismic.horizon_search import find_seeds
 from seismo3d.seismic.layer_time import LayerModel, model_layers
+from seismo3d.seismic.track_refining import stretched
 from seismo3d.synthetic import SyntheticCube, SyntheticFault, make_cube, recipe_of
 
 SHAPE = (48, 48, 80)
@@ -108,6 +109,26 @@ def test_seeds_are_in_coordinates_and_may_be_several(folded: SyntheticCube, fold
         assert (error[np.isfinite(truth) & folded.live] <= 1.0).mean() > 0.95
     for (i, j), (_, _, time) in zip(places, seeds, strict=True):
         assert both.depth[i, j] == pytest.approx(time, abs=4.0)
+
+
+def test_a_track_near_the_foot_of_the_cube_passes_through_its_seed(
+    folded: SyntheticCube, folded_layers: LayerModel
+) -> None:
+    truth = np.where(folded.live, folded.horizons[-1], np.nan)
+    i, j = np.unravel_index(np.nanargmax(truth), truth.shape)
+    (track,) = s3.trace_tracks(folded.seismic, [(i, j, float(truth[i, j]))], layers=folded_layers)
+    assert track.depth[i, j] == pytest.approx(truth[i, j], abs=1e-3)
+    known = np.isfinite(truth)
+    assert (np.abs(track.depth - truth)[known] <= 1.0).mean() > 0.95
+
+
+def test_a_thicker_waveform() -> None:
+    wave = np.exp(-0.5 * (np.arange(-20, 21) / 4.0) ** 2).astype(np.float32)
+    thin, same, thick = stretched(wave, 10, np.array([-0.2, 0.0, 0.25]))
+    t = np.arange(-10, 11)
+    np.testing.assert_allclose(same, wave[10:31], atol=1e-6)
+    np.testing.assert_allclose(thin, np.exp(-0.5 * (t / 3.2) ** 2), atol=1e-3)
+    np.testing.assert_allclose(thick, np.exp(-0.5 * (t / 5.0) ** 2), atol=1e-3)
 
 
 @pytest.mark.parametrize(("event", "sign"), [("peak", 1.0), ("trough", -1.0)])
