@@ -34,6 +34,8 @@ class HistorySettings:
         Smaller faults are not taken back for others' sake: their throw is too uncertain.
     stiffness : float
         Of the field of throw by which others are moved back.
+    least_match : float
+        How well the sides of a fault must match where others are taken back, in parts of how well they do today.
     turn_deg, gap, around, overlap, roughness : float
         Two faults are parts of one where they strike alike within the first, lie no farther apart than the second, one
         covers no more than the fourth of the other, and one quadratic surface through both, within the third of each
@@ -47,6 +49,7 @@ class HistorySettings:
     least_gain: float = 0.65
     least_area: float = 1500.0
     stiffness: float = 300.0
+    least_match: float = 1.0
     turn_deg: float = 20.0
     gap: float = 30.0
     around: float = 25.0

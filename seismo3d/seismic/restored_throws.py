@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -173,7 +173,10 @@ def _measure(
     settings: ThrowSettings,
     history: HistorySettings,
 ) -> FaultMotion | None:
-    """Match the sides of a fault's parts as they lay when it moved; write their throws and return its motion."""
+    """Match the sides of a fault's parts as they lay when it moved; write their throws and return its motion.
+
+    Where they match worse than they do today something was not taken back as it moved: None, and nothing is written.
+    """
     first = parts[group[0]]
     laid = [first.frame.lay(undone.carry(n, parts[n].points())) for n in group]
     low = [float(np.floor(min(at[axis].min() for at in laid))) - 1.0 for axis in (0, 1)]
@@ -201,20 +204,38 @@ def _measure(
     )
     fit = fit_of(slip)
     whole = [enlarge(values, inside.shape, settings.thin) for values in (slip.throw, fit)]
-    for n, (s, samples, _) in zip(group, laid, strict=True):
-        part, turn = parts[n], _turned(parts[n], first)
-        thrown, fits = (_read_back(values, part, s - low[0], samples - low[1]) for values in whole)
-        found[n] = replace(
-            found[n],
-            throw=np.where(part.sheet.inside & np.isfinite(found[n].throw), thrown, np.float32(np.nan)),
-            fit=np.nan_to_num(fits),
-            strike_share=turn * slip.share,
-            slip_certainty=slip.certainty,
-        )
+    read = {
+        n: _read_throw(parts[n], found[n], slip, whole, (s - low[0], samples - low[1]), _turned(parts[n], first))
+        for n, (s, samples, _) in zip(group, laid, strict=True)
+    }
+    if _matched(read.values()) < history.least_match * _matched(found[n] for n in group):
+        return None
+    for n, throw in read.items():
+        found[n] = throw
     return find_motion(
         first.frame, (low[0], low[1]), height, slip.throw, fit, hanging_side=first.hanging_side,
         share=slip.share, stiffness=history.stiffness, thin=settings.thin,
     )  # fmt: skip
+
+
+def _read_throw(
+    part: _Part, today: SheetThrow, slip: SlipField, whole: list[Float32Array],
+    at: tuple[Float64Array, Float64Array], turn: int,
+) -> SheetThrow:  # fmt: skip
+    """Return the throw of a part, from throw and fit of the whole fault, at its places there."""
+    thrown, fits = (_read_back(values, part, *at) for values in whole)
+    return replace(
+        today,
+        throw=np.where(part.sheet.inside & np.isfinite(today.throw), thrown, np.float32(np.nan)),
+        fit=np.nan_to_num(fits),
+        strike_share=turn * slip.share,
+        slip_certainty=slip.certainty,
+    )
+
+
+def _matched(throws: Iterable[SheetThrow]) -> float:
+    """Return how much of some sheets matches, in nodes."""
+    return float(sum(throw.fit[np.isfinite(throw.throw)].sum(dtype=np.float64) for throw in throws))
 
 
 def _at_places(part: _Part, throw: SheetThrow) -> Float64Array:
