@@ -49,7 +49,7 @@ class HistorySettings:
     least_gain: float = 0.65
     least_area: float = 1500.0
     stiffness: float = 300.0
-    least_match: float = 1.0
+    least_match: float = 0.97
     turn_deg: float = 20.0
     gap: float = 30.0
     around: float = 25.0
