@@ -27,7 +27,7 @@ def run(
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
     evidence: str | None = typer.Option(
         None,
-        help="What shows a fault: semblance, registration, or both. [default: both; semblance in blocks]",
+        help="What shows a fault: semblance, registration, or both. [default: both]",
         metavar="KIND",
     ),
     attributes: bool = typer.Option(False, "--attributes", help="Write dip, azimuth, semblance and curvature too."),
