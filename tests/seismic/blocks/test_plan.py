@@ -36,7 +36,7 @@ def test_blocks_grow_with_the_memory_and_are_whole_bricks(memory):
 def test_a_cube_that_fits_is_one_block():
     plan = plan_blocks((64, 64, 64), parse_memory("8GB"), FaultSettings())
     assert {stage: len(plan.tiling(stage)) for stage in plan.edges} == {
-        "dip": 1, "misfit": 1, "evidence": 1, "scan": 1, "draw": 1, "raw": 2,
+        "dip": 1, "misfit": 1, "register": 1, "carry": 1, "evidence": 1, "scan": 1, "draw": 1, "raw": 2,
     }  # fmt: skip
 
 
