@@ -220,14 +220,21 @@ def share_out(noise: float, share: tuple[float, float, float], noises: tuple[flo
 def _log_ratios(
     ratios: list[Float32Array], known: list[Float32Array], weight: float, settings: MisfitSettings
 ) -> tuple[list[Float32Array], list[Float32Array], float, float]:
-    """Take the logarithms of ratios, in place, and weigh them; return also their median, and where nothing breaks."""
+    """Weigh ratios as :func:`weigh_logs` does; return also their median, and the evidence where nothing breaks."""
     noise = _median_ratio(ratios, known)
+    weigh_logs(ratios, known, noise, weight, settings)
+    return ratios, known, noise, weight * find_background(noise, settings)
+
+
+def weigh_logs(
+    ratios: list[Float32Array], known: list[Float32Array], noise: float, weight: float, settings: MisfitSettings
+) -> None:
+    """Take the logarithms of ratios, given their median, and weigh them and how far they are known, in place."""
     for ratio in ratios:
         log_ratio(ratio, find_softness(noise, settings))
     if weight != 1.0:
         for values in ratios + known:
             values *= np.float32(weight)
-    return ratios, known, noise, weight * find_background(noise, settings)
 
 
 def _add_logs(

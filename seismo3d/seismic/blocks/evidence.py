@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 
 from seismo3d._typing import Float32Array
-from seismo3d.seismic._kernels_misfit import log_ratio
 from seismo3d.seismic.blocks.cleaning import read_clean
 from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
 from seismo3d.seismic.blocks.plan import Box, evidence_reach, fill_reach
@@ -23,7 +22,6 @@ from seismo3d.seismic.misfit import (
     find_background,
     find_footprint,
     find_moments,
-    find_softness,
     judge_noise,
     level,
     level_mean,
@@ -33,6 +31,7 @@ from seismo3d.seismic.misfit import (
     take_out_lines,
     trace_energies,
     trace_moments,
+    weigh_logs,
 )
 from seismo3d.seismic.side_shifts import slice_floor
 
@@ -262,10 +261,7 @@ def _filled(run: BlockRun, box: Box):  # type: ignore[no-untyped-def]
         sums: list[Float32Array] = []
         for (attempt, share), noise in zip(counted, noises, strict=True):
             values, known = run.store.read(f"ratio{axis}_{attempt}", box), run.store.read(f"known{axis}_{attempt}", box)
-            log_ratio(values, find_softness(noise, settings))
-            if share != 1.0:
-                values *= np.float32(share)
-                known *= np.float32(share)
+            weigh_logs([values], [known], noise, share, settings)
             sums = [values, known] if not sums else [sums[0] + values, sums[1] + known]
         yield sums[0], sums[1], fill_unknown(sums[0], sums[1], background)
 

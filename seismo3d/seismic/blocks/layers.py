@@ -11,7 +11,7 @@ from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_cuts import read_side
 from seismo3d.seismic._kernels_layers import find_breaks
 from seismo3d.seismic.blocks.cleaning import read_clean
-from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
+from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high, positive_lines
 from seismo3d.seismic.blocks.plan import Box, Tiling
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.dip import block_slopes, dip_reach
@@ -162,13 +162,13 @@ def shifts(run: BlockRun, number: int) -> None:
     for f in fields:
         for kind in _KINDS:
             run.store.write(f"{kind}{f.axis}_{f.length}", box, getattr(f, kind)[inner])
-        counts.append(count_high(_positive(f.misfit[inner])))
+        counts.append(count_high(positive_lines(f.misfit[inner])))
     run.write_part("shifts", number, {"counts": np.stack(counts)})
 
 
 def shifts_facts(run: BlockRun) -> None:
     """Find where the median misfit of each field lies, roughly."""
-    counts = _added(run, "shifts", "counts")
+    counts = run.add_up("shifts", "counts", "shifts")
     found = {f"high{n}": middle_high(part) for n, part in enumerate(counts)}
     run.write_fact("shifts", counts=counts, **found)
 
@@ -178,7 +178,7 @@ def usual(run: BlockRun, number: int) -> None:
     box = run.plan.tiling("shifts").box(number)
     names = [name for name in field_names(run.settings) if name.startswith("misfit")]
     low = {
-        f"low{n}": count_low(_positive(run.store.read(name, box)), run.fact("shifts")[f"high{n}"])
+        f"low{n}": count_low(positive_lines(run.store.read(name, box)), run.fact("shifts")[f"high{n}"])
         for n, name in enumerate(names)
     }
     run.write_part("usual", number, low)
@@ -187,7 +187,7 @@ def usual(run: BlockRun, number: int) -> None:
 def usual_facts(run: BlockRun) -> None:
     """Find the usual misfit of each field."""
     counts = run.fact("shifts")["counts"]
-    found = [median(part, _added(run, "usual", f"low{n}")) for n, part in enumerate(counts)]
+    found = [median(part, run.add_up("usual", f"low{n}", "shifts")) for n, part in enumerate(counts)]
     run.write_fact("usual", misfits=found)
 
 
@@ -236,14 +236,3 @@ def by_box(tiling: Tiling, places: AnyArray, wanted: AnyArray):  # type: ignore[
     ends = np.flatnonzero(np.diff(boxes[order])) + 1
     for part in np.split(order, ends) if len(order) else []:
         yield tiling.box(int(boxes[part[0]])), numbers[part]
-
-
-def _positive(values: AnyArray) -> list[AnyArray]:
-    return [line[line > 0] for line in values]
-
-
-def _added(run: BlockRun, stage: str, name: str) -> AnyArray:
-    total: AnyArray = run.read_part(stage, 0)[0][name]
-    for number in range(1, len(run.plan.tiling("shifts"))):
-        total = total + run.read_part(stage, number)[0][name]
-    return total

@@ -29,6 +29,11 @@ def count_low(values: Iterable[Float32Array], high: Int64Array) -> Int64Array:
     return counts
 
 
+def positive_lines(values: Float32Array) -> list[Float32Array]:
+    """Return the positive values of every inline."""
+    return [line[line > 0] for line in values]
+
+
 def middle_high(counts: Int64Array) -> Int64Array:
     """Return the upper halves of the two values in the middle, from the counts of all blocks; none of none."""
     return np.array([_place(counts, rank)[0] for rank in _ranks(counts)], np.int64)

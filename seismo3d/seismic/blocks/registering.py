@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from seismo3d._typing import AnyArray
 from seismo3d.seismic.blocks.cleaning import read_clean
-from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
+from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high, positive_lines
 from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.shifts import ShiftField, judge_misfits
@@ -47,7 +46,7 @@ def register(run: BlockRun, number: int) -> None:
     for found in match_slices(volume, valid, floor=floor, settings=settings):
         for kind in _KINDS:
             run.store.write(f"{kind}{found.axis}", box, getattr(found, kind)[inner])
-        counts.append(count_high(_positive(found.misfit[inner])))
+        counts.append(count_high(positive_lines(found.misfit[inner])))
     run.write_part("register", number, {"counts": np.stack(counts)})
 
 
@@ -61,7 +60,7 @@ def usual(run: BlockRun, number: int) -> None:
     """Count a block's misfits near the medians."""
     box, facts = run.plan.tiling("register").box(number), run.fact("register")
     low = {
-        f"low{axis}": count_low(_positive(run.store.read(f"misfit{axis}", box)), facts[f"high{axis}"])
+        f"low{axis}": count_low(positive_lines(run.store.read(f"misfit{axis}", box)), facts[f"high{axis}"])
         for axis in range(2)
     }
     run.write_part("usual", number, low)
@@ -103,7 +102,3 @@ def _make(run: BlockRun, names: tuple[str, ...]) -> None:
     n0, n1, n2 = run.plan.shape
     for name in names:
         run.store.make(name, (n0, n1, -(-n2 // run.settings.registration.shifts.step)), np.float32)
-
-
-def _positive(values: AnyArray) -> list[AnyArray]:
-    return [line[line > 0] for line in values]
