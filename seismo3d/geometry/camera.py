@@ -54,11 +54,9 @@ class PinholeCamera:
         distorted = (p - [self.cx, self.cy]) / [self.fx, self.fy]
         if not any(self.distortion):
             return distorted
-        xy = distorted.copy()
-        for _ in range(12):
-            factor, shift = self._bend(xy)
-            xy = (distorted - shift) / factor
-        return xy
+        from seismo3d.geometry._kernels_camera import straighten_points
+
+        return np.asarray(straighten_points(distorted, np.array((*self.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5])))
 
     def project(self, points: ArrayLike) -> Float64Array:
         """Return the pixels (column, row) of points of shape (n, 3) in the camera's frame, NaN behind it."""

@@ -82,10 +82,13 @@ def _middle_depths(upper: Float32Array, lower: Float32Array, near: float, far: f
 def grid_normals(first: int, last: int, vertices: Float32Array, reach: int, out: Float32Array) -> None:
     """Fill some rows of unit normals (rows, columns, 3) towards the camera over +-reach pixels; zero at jumps of depth.
 
-    ``out`` is zero before.
+    They are zero as near to the rim, too.
     """
     rows, columns, _ = vertices.shape
-    for r in range(max(first, reach), min(last, rows - reach)):
+    for r in range(first, last):
+        out[r] = 0.0
+        if r < reach or r >= rows - reach:
+            continue
         for c in range(reach, columns - reach):
             z = np.float64(vertices[r, c, 2])
             if not z > 0.0:
@@ -122,14 +125,17 @@ def pack_pixels(
     far: float,
     out: AnyArray,
 ) -> None:
-    """Pack pixels of the full image (n_pixels), those under some rows of the half image; ``out`` is zero before.
+    """Pack pixels of the full image (n_pixels), those under some rows of the half image; 0 for those without.
 
-    Depth, how far along the surface's normal a metre before it in depth is, root of the weight for fusion.
+    What no vertex lies over, at the end of an odd row, is left as it is. Packed are depth, how far along the surface's
+    normal a metre before it in depth is, root of the weight for fusion.
     """
     columns = depth.shape[1]
     at_metre = depth_sigma(1.0) ** 2
     for hr in range(first, last):
         for hc in range(vertices.shape[1]):
+            upper, lower = 2 * hr * columns + 2 * hc, (2 * hr + 1) * columns + 2 * hc
+            out[upper] = out[upper + 1] = out[lower] = out[lower + 1] = 0
             nx, ny, nz = normals[hr, hc, 0], normals[hr, hc, 1], normals[hr, hc, 2]
             if nx == 0.0 and ny == 0.0 and nz == 0.0:
                 continue

@@ -68,16 +68,15 @@ def move_rows(
 
 
 @nb.njit(cache=True, nogil=True)
-def splat_rows(place: Int32Array, moved: Float32Array) -> Float32Array:
-    """Depth image of what :func:`move_rows` gave: the nearest surface wins where two pixels land on one."""
-    out = np.zeros(place.shape, dtype=np.float32)
+def splat_rows(place: Int32Array, moved: Float32Array, out: Float32Array) -> None:
+    """Fill the depth image of what :func:`move_rows` gave: the nearest surface wins where two pixels land on one."""
+    out[:] = 0.0
     to, far, flat = place.reshape(-1), moved.reshape(-1), out.reshape(-1)
     for i in range(to.shape[0]):
         if to[i] >= 0:
             at = np.uint64(to[i])
             if flat[at] == np.float32(0.0) or far[i] < flat[at]:
                 flat[at] = far[i]
-    return out
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -95,10 +94,10 @@ def colour_at_depth(
 ) -> None:
     """Colour of the pixels of a depth image taken at another time, of those under some rows of its half image.
 
-    ``out`` is zero before, and stays so where there is no depth. ``vertices`` are those of the half image; the four
-    pixels under one are shifted alike. ``twist`` is what carries points of the depth's camera frame into the frame of
-    a row of the colour image, over ``start`` seconds for its first row and ``spacing`` more for each one after it; the
-    row is found from the pixel's own first.
+    It is 0 where there is no depth; what no vertex lies over, at the end of an odd row, is left as it is. ``vertices``
+    are those of the half image; the four pixels under one are shifted alike. ``twist`` is what carries points of the
+    depth's camera frame into the frame of a row of the colour image, over ``start`` seconds for its first row and
+    ``spacing`` more for each one after it; the row is found from the pixel's own first.
     """
     f4, i4 = np.float32, np.int32
     rows, columns, _ = rgb.shape
@@ -128,3 +127,6 @@ def colour_at_depth(
                 if rr >= 0 and cc >= 0 and rr < rows and cc < columns and depth[r, c] > zero:
                     for channel in range(3):
                         out[r, c, channel] = max(rgb[rr, cc, channel], np.uint8(1))
+                else:
+                    for channel in range(3):
+                        out[r, c, channel] = 0

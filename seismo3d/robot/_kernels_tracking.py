@@ -30,8 +30,10 @@ def project_pairs(
     normal: Float64Array,
     sigma: Float64Array,
     residual: Float64Array,
-) -> tuple[int, int]:
-    """Pair vertices with what the prediction shows at their pixel; return how many there are, and how many were tried.
+) -> tuple[int, int, float]:
+    """Pair vertices with what the prediction shows at their pixel.
+
+    Returned are how many pairs there are, how many were tried, and the mean square of the sine between their normals.
 
     (R, t) is the frame's pose, (R_seen, t_seen) and ``lens`` those of the prediction. Pairs farther apart than
     ``reach`` or whose normals differ by more than the angle of ``cosine`` are left out. ``sigma`` is the standard
@@ -41,6 +43,7 @@ def project_pairs(
     seen_rows, seen_columns, _ = points_seen.shape
     count = 0
     tried = 0
+    bent = 0.0
     for r in range(step // 2, rows, step):
         for c in range(step // 2, columns, step):
             if normals[r, c, 0] == 0.0 and normals[r, c, 1] == 0.0 and normals[r, c, 2] == 0.0:
@@ -71,8 +74,10 @@ def project_pairs(
             nx = R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az
             ny = R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az
             nz = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
-            if nx * mx + ny * my + nz * mz < cosine:
+            along = nx * mx + ny * my + nz * mz
+            if along < cosine:
                 continue
+            bent += max(1.0 - along * along, 0.0)
             source[count, 0], source[count, 1], source[count, 2] = vx, vy, vz
             target[count, 0], target[count, 1], target[count, 2] = qx, qy, qz
             normal[count, 0], normal[count, 1], normal[count, 2] = mx, my, mz
@@ -80,7 +85,7 @@ def project_pairs(
             facing = abs(ax * vx + ay * vy + az * vz) / math.sqrt(vx * vx + vy * vy + vz * vz)
             sigma[count] = depth_sigma(vz) * max(facing, 0.3) + 0.0005
             count += 1
-    return count, tried
+    return count, tried, bent / max(count, 1)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -79,14 +79,18 @@ def calibrate_timing(frames: Sequence[RgbdFrame], camera: Camera, *, progress: P
     best = first
     if camera.depth_delay is None:
         best = min([(best[0], best[1] + k * _DELAY_STEP) for k in (0, 1, -1)], key=misfit)
-    if camera.readout is None and slowest > 0.0:
-        tried = [(share * slowest, best[1]) for share in (0.0, 0.5, 1.0)]
-        best = min([best, *tried], key=misfit)
-        if best != first:
-            best = (float(np.clip(_vertex([k[0] for k in tried], [misfit(k) for k in tried]), 0.0, slowest)), best[1])
-    if camera.depth_delay is None and best != first:
-        tried = [(best[0], best[1] + k * _DELAY_STEP) for k in (-1.0, -0.5, 0.0, 0.5, 1.0)]
-        best = (best[0], _vertex([k[1] for k in tried], [misfit(k) for k in tried]))
+    for _ in range(2):
+        delay = best[1]
+        if camera.readout is None and slowest > 0.0:
+            tried = [(share * slowest, delay) for share in (0.0, 0.5, 1.0)]
+            best = min([best, *tried], key=misfit)
+            if best != first:
+                best = (float(np.clip(_vertex([k[0] for k in tried], [misfit(k) for k in tried]), 0.0, slowest)), delay)
+        if camera.depth_delay is None and best != first:
+            tried = [(best[0], best[1] + k * _DELAY_STEP) for k in (-1.0, -0.5, 0.0, 0.5, 1.0)]
+            best = (best[0], _vertex([k[1] for k in tried], [misfit(k) for k in tried]))
+        if abs(best[1] - delay) < 0.5 * _DELAY_STEP:
+            break  # else the readout was found with the wrong delay
     if progress is not None:
         progress("timing", 1.0)
     before = misfit(first) + _LEAST_GAIN
@@ -125,7 +129,9 @@ def _rehearse(frames: Sequence[RgbdFrame], camera: Camera) -> float:
     from seismo3d.robot.mapper import Mapper
     from seismo3d.robot.results import MapperSettings
 
-    mapper = Mapper(camera, settings=MapperSettings(voxel_size=0.016, landmarks_in_state=False))
+    # their spread is to tell small differences apart: more of them than it takes to locate a frame
+    settings = MapperSettings(voxel_size=0.016, landmarks_in_state=False, enough_landmarks=200)
+    mapper = Mapper(camera, settings=settings)
     logs = []
     for frame in frames:
         found = mapper.add(replace(frame, camera=0))

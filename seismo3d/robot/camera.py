@@ -86,3 +86,9 @@ class RgbdFrame:
         """Return a frame of arrays, colour and depth taken at one time."""
         colour = None if rgb is None else np.ascontiguousarray(rgb, dtype=np.uint8)
         return cls(float(time), float(time), colour, np.asarray(depth), camera)
+
+
+def lens_numbers(camera: PinholeCamera) -> Float64Array:
+    """Return fx, fy, cx, cy, k1, k2, p1, p2, k3 as kernels take them."""
+    distortion = (*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
+    return np.array([camera.fx, camera.fy, camera.cx, camera.cy, *distortion])

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float64Array, Int64Array
-from seismo3d.geometry.rotations import exp_rotation, invert_transform, left_jacobian, log_rotation, skew
+from seismo3d.geometry.rotations import invert_transform, left_jacobian, log_rotation, skew
+from seismo3d.robot import _kernels_twist as kernels
 
 _FLOOR = 0.0015**2
 """Variance that a registration has at least, rad^2 and m^2: the map's own errors are not in its covariance."""
@@ -207,15 +208,15 @@ class MotionFilter:
 
 def exp_motion(twist: Float64Array) -> Float64Array:
     """Return the homogeneous matrix of a twist (rotation, translation), of shape (6,)."""
-    T = np.eye(4)
-    T[:3, :3] = exp_rotation(twist[:3])
-    T[:3, 3] = left_jacobian(twist[:3]) @ twist[3:]
-    return T
+    return np.asarray(kernels.exp_motion(np.ascontiguousarray(twist, dtype=np.float64)))
 
 
 def log_motion(T: Float64Array) -> Float64Array:
     """Return the twist of a homogeneous matrix; the inverse of :func:`exp_motion`."""
-    turn = log_rotation(T[:3, :3])
+    twist = np.asarray(kernels.log_motion(np.ascontiguousarray(T, dtype=np.float64)))
+    if np.isfinite(twist[0]):
+        return twist
+    turn = log_rotation(T[:3, :3])  # near half a turn, where the axis needs more care
     return np.concatenate([turn, np.linalg.solve(left_jacobian(turn), T[:3, 3])])
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from seismo3d._typing import Float64Array
+from seismo3d._typing import AnyArray, Float64Array
 from seismo3d.geometry.rotations import invert_transform
 from seismo3d.robot.camera import Camera, RgbdFrame
 from seismo3d.robot.ekf import MotionFilter, adjoint
-from seismo3d.robot.frames import Measured, Timing
+from seismo3d.robot.frames import Coming, Measured, Timing
 from seismo3d.robot.landmarks import Sightings
 from seismo3d.robot.local_maps import LocalMaps
 from seismo3d.robot.locator import Locator, is_certain, is_sound
@@ -72,15 +72,18 @@ class Follower:
             self._filter.twist[:] = 0.0
         self._filter.predict(now)
 
-    def find(self, measured: Measured, number: int, timing: Timing) -> tuple[str, Located | None, Float64Array]:
+    def find(self, coming: Coming, number: int, timing: Timing) -> tuple[str, Located | None, Float64Array]:
         """Find where a frame of a camera was taken, near where it is predicted or elsewhere.
+
+        Its landmarks are looked for while it is measured.
 
         Returns
         -------
         (str, Located or None, ndarray of shape (4, 4))
             State of the frame, how it was located, and the camera's pose; the prediction where it is not known.
         """
-        T, seen = self._sight(measured, number, timing)
+        T, seen = self._sight(coming.grey, number, timing)
+        measured = coming.measured()
         if measured.n_normals < _LEAST_NORMALS:
             return "empty", None, T
         state, located = self._place(measured, number, T, seen, timing)
@@ -101,11 +104,11 @@ class Follower:
         if self._filter is not None:
             self._filter.T_world_body = change @ self._filter.T_world_body
 
-    def _sight(self, measured: Measured, number: int, timing: Timing) -> tuple[Float64Array, Sightings]:
+    def _sight(self, grey: AnyArray | None, number: int, timing: Timing) -> tuple[Float64Array, Sightings]:
         """Update the filter by its landmarks; return the camera's pose, and the sightings that are left."""
         camera, motion = self._cameras[number], self.motion
         T, twist = motion.T_world_body @ camera.T_body_camera, self.twist(number)
-        seen = self._locator.sight(self._maps.current, measured, number, T, twist, timing, also=self._book.names)
+        seen = self._locator.sight(self._maps.current, grey, number, T, twist, timing, also=self._book.names)
         if not (self._settings.filtered and self._settings.landmarks_in_state):
             return T, seen
         own = self._book.take_in(motion, seen, camera.lens, camera.T_body_camera)
@@ -126,7 +129,7 @@ class Follower:
                 return found
         if sound:
             self._take(located, number, seen)
-            return "tracked", located
+            return "sliding" if len(located.blind) else "tracked", located
         if self.n_unplaced + 1 >= self._settings.new_map_after > 0:
             self._maps.begin()
             self._go_on(self._maps.current, T, number)
@@ -140,7 +143,7 @@ class Follower:
         if self.n_lost >= _RELOCATE_EVERY and self.n_lost % _RELOCATE_EVERY:
             return None
         for state, place in self._locator.places(self._maps.every[::-1], measured, number):
-            there = self._locator.sight(state, measured, number, place, np.zeros(6), timing)
+            there = self._locator.sight(state, measured.grey, number, place, np.zeros(6), timing)
             again = self._locator.locate(state, measured, number, place, there)
             if again.share > max(0.4, least_share) and is_sound(again, place, n_lost=self.n_lost):
                 if state is self._maps.current and self.n_lost == 0:

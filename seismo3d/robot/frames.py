@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int32Array
 from seismo3d._validate import as_number, as_real_array
 from seismo3d.errors import ShapeError
+from seismo3d.geometry._kernels_camera import straighten_rows
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import _kernels_frame as kernels
 from seismo3d.robot import _kernels_shutter as shutter
-from seismo3d.robot.camera import RgbdFrame
+from seismo3d.robot.camera import RgbdFrame, lens_numbers
+from seismo3d.robot.room import Room
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +97,25 @@ class Measured:
         return np.asarray(self.pixels.reshape(self.depth.shape) > 0)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Coming:
+    """A frame that is being measured.
+
+    Attributes
+    ----------
+    grey : ndarray of shape (rows, columns), uint8, or None
+        As in :class:`Measured`.
+    measuring : Future of Measured
+    """
+
+    grey: AnyArray | None
+    measuring: Future[Measured]
+
+    def measured(self) -> Measured:
+        """Wait for the measured frame."""
+        return self.measuring.result()
+
+
 class Measurer:
     """Turns frames of one camera into measured ones; keeps the camera's table of rays.
 
@@ -103,22 +125,32 @@ class Measurer:
     settings : MeasureSettings
     pool : ThreadPoolExecutor
         Where work on rows goes.
+    beside : ThreadPoolExecutor, optional
+        Where frames are measured that are begun with; by default that is done at once.
     """
 
-    def __init__(self, lens: PinholeCamera, settings: MeasureSettings, pool: ThreadPoolExecutor) -> None:
+    def __init__(
+        self,
+        lens: PinholeCamera,
+        settings: MeasureSettings,
+        pool: ThreadPoolExecutor,
+        beside: ThreadPoolExecutor | None = None,
+    ) -> None:
         self.lens = lens
         self.settings = settings
         self._pool = pool
+        self._beside = beside
         self._focal = np.array([lens.fx, lens.fy], dtype=np.float32)
         self._rays: Float32Array | None = None
         self._moved: tuple[Int32Array, Float32Array] | None = None
+        self._room = Room()
 
     def rays(self, shape: tuple[int, ...]) -> Float32Array:
         """Return the ray (x, y at depth 1) of each pixel of an image of a shape."""
         if self._rays is None or self._rays.shape[:2] != shape:
-            rows, columns = shape
-            grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-            self._rays = self.lens.rays(grid.astype(np.float64)).reshape(rows, columns, 2).astype(np.float32)
+            numbers, rays = lens_numbers(self.lens), np.empty((*shape, 2), dtype=np.float32)
+            self._by_rows(shape[0], lambda a, b: straighten_rows(a, b, numbers[:4], numbers[4:], rays))
+            self._rays = rays
         return self._rays
 
     def measure(self, frame: RgbdFrame, twist: Float64Array, timing: Timing) -> Measured:
@@ -140,23 +172,44 @@ class Measurer:
         ShapeError
             If depth and colour do not fit each other or the camera.
         """
-        depth = self._metres(frame)
-        grey = None
-        if frame.rgb is not None:
-            import cv2
+        return self.begin(frame, twist, timing).measured()
 
-            grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
+    def begin(self, frame: RgbdFrame, twist: Float64Array, timing: Timing) -> Coming:
+        """Measure a frame beside what the caller does next; parameters and errors are those of :meth:`measure`."""
+        self._check(frame)
+        grey = None if frame.rgb is None else _grey_of(frame.rgb)
+        if self._beside is not None:
+            return Coming(grey, self._beside.submit(self._measure, frame, grey, twist, timing))
+        measuring: Future[Measured] = Future()
+        measuring.set_result(self._measure(frame, grey, twist, timing))
+        return Coming(grey, measuring)
+
+    def _measure(self, frame: RgbdFrame, grey: AnyArray | None, twist: Float64Array, timing: Timing) -> Measured:
+        depth = self._metres(frame)
         if timing.readout > 0.0 and np.any(twist):
             depth = self._frozen(depth, twist, timing)
-        vertices = self._halved(depth)
         colour = np.zeros((0, 0, 3), dtype=np.uint8)
-        if frame.rgb is not None:
-            colour = self._coloured(frame.rgb, depth, vertices, twist, timing)
+        vertices = self._vertices_of(depth)
+        if frame.rgb is None:
+            self._by_rows(len(vertices), lambda a, b: self._halve(a, b, depth, vertices))
+        else:
+            rgb, colour = np.ascontiguousarray(frame.rgb), self._room_for(frame.rgb.shape, np.uint8)
+            # the motion from the depth's time to a row's: of the first row, and how much more of each one after it
+            lead, spacing = timing.colour_lead - 0.5 * timing.readout, timing.readout / len(depth)
+            motion = (-twist, lead, spacing, self._focal)
+
+            def halve_and_colour(first: int, last: int) -> None:
+                self._halve(first, last, depth, vertices)
+                shutter.colour_at_depth(first, last, rgb, depth, vertices, *motion, colour)
+
+            self._by_rows(len(vertices), halve_and_colour)
         return self._packed(depth, vertices, colour, grey)
 
     def measured(self, depth: Float32Array, colour: AnyArray, grey: AnyArray | None = None) -> Measured:
         """Measure a depth image in metres, free of the shutter's effect, with the colour of each pixel."""
-        return self._packed(depth, self._halved(depth), colour, grey)
+        vertices = self._vertices_of(depth)
+        self._by_rows(len(vertices), lambda a, b: self._halve(a, b, depth, vertices))
+        return self._packed(depth, vertices, colour, grey)
 
     def _frozen(self, depth: Float32Array, twist: Float64Array, timing: Timing) -> Float32Array:
         """Return a depth image as if all rows had been exposed at the time of the middle one."""
@@ -165,32 +218,37 @@ class Measurer:
         place, moved = self._buffers(depth.shape)
         motion = (depth, rays, twist, -0.5 * timing.readout, spacing, focal)
         self._by_rows(len(depth), lambda a, b: shutter.move_rows(a, b, *motion, place, moved))
-        return shutter.splat_rows(place, moved)
+        out = self._room.empty(depth.shape, np.float32)
+        shutter.splat_rows(place, moved, out)
+        return out
 
-    def _coloured(
-        self, rgb: AnyArray, depth: Float32Array, vertices: Float32Array, twist: Float64Array, timing: Timing
-    ) -> AnyArray:
-        """Return the colour of each depth pixel."""
-        colour, rgb = np.zeros(rgb.shape, dtype=np.uint8), np.ascontiguousarray(rgb)
-        spacing = timing.readout / len(depth)
-        start = timing.colour_lead - 0.5 * timing.readout
-        motion = (-twist, start, spacing, self._focal)
-        self._by_rows(len(vertices), lambda a, b: shutter.colour_at_depth(a, b, rgb, depth, vertices, *motion, colour))
-        return colour
+    def _vertices_of(self, depth: Float32Array) -> Float32Array:
+        """Return memory for the vertices of a depth image, its rays made known before the threads ask for them."""
+        self.rays(depth.shape)
+        return self._room.empty((depth.shape[0] // 2, depth.shape[1] // 2, 3), np.float32)
 
-    def _halved(self, depth: Float32Array) -> Float32Array:
-        rays, s = self.rays(depth.shape), self.settings
-        vertices = np.empty((depth.shape[0] // 2, depth.shape[1] // 2, 3), dtype=np.float32)
-        self._by_rows(len(vertices), lambda a, b: kernels.halve(a, b, depth, rays, s.near, s.far, vertices))
-        return vertices
+    def _halve(self, first: int, last: int, depth: Float32Array, vertices: Float32Array) -> None:
+        near, far = self.settings.near, self.settings.far
+        kernels.halve(first, last, depth, self.rays(depth.shape), near, far, vertices)
 
     def _packed(self, depth: Float32Array, vertices: Float32Array, colour: AnyArray, grey: AnyArray | None) -> Measured:
         far = self.settings.far
-        normals = np.zeros_like(vertices)
-        self._by_rows(len(vertices), lambda a, b: kernels.grid_normals(a, b, vertices, 2, normals))
-        pixels = np.zeros(depth.size, dtype=np.uint64)
-        self._by_rows(len(vertices), lambda a, b: kernels.pack_pixels(a, b, depth, vertices, normals, far, pixels))
+        normals = self._room.empty(vertices.shape, np.float32)
+        pixels = self._room_for(depth.shape, np.uint64).reshape(-1)
+
+        def face_and_pack(first: int, last: int) -> None:
+            kernels.grid_normals(first, last, vertices, 2, normals)
+            kernels.pack_pixels(first, last, depth, vertices, normals, far, pixels)
+
+        self._by_rows(len(vertices), face_and_pack)
         return Measured(depth, vertices, normals, pixels, colour, grey)
+
+    def _room_for(self, shape: tuple[int, ...], kind: Any) -> AnyArray:
+        """Return an image to be filled two by two pixels; a last row or column that is left over is zero."""
+        out = self._room.empty(shape, kind)
+        out[shape[0] // 2 * 2 :] = 0
+        out[:, shape[1] // 2 * 2 :] = 0
+        return out
 
     def _buffers(self, shape: tuple[int, ...]) -> tuple[Int32Array, Float32Array]:
         """Return memory for places and depths that is kept from frame to frame."""
@@ -204,7 +262,7 @@ class Measurer:
         for part in [self._pool.submit(work, a, b) for a, b in pairwise(edges)]:
             part.result()
 
-    def _metres(self, frame: RgbdFrame) -> Float32Array:
+    def _check(self, frame: RgbdFrame) -> None:
         raw = as_real_array(frame.depth, "depth", ndim=2)
         if min(raw.shape) < 16:
             raise ShapeError(f"depth has shape {raw.shape}; expected at least 16 x 16 pixels.")
@@ -218,12 +276,22 @@ class Measurer:
                 f"depth has shape {raw.shape}; the camera says ({self.lens.height}, {self.lens.width}). "
                 "Give the intrinsics of these images."
             )
-        depth = np.divide(raw, np.float32(self.lens.depth_scale), dtype=np.float32)
+
+    def _metres(self, frame: RgbdFrame) -> Float32Array:
+        raw = as_real_array(frame.depth, "depth", ndim=2)
+        depth = self._room.empty(raw.shape, np.float32)
+        np.divide(raw, np.float32(self.lens.depth_scale), out=depth, dtype=np.float32)
         if raw.dtype.kind != "u":
             depth[~np.isfinite(depth) | (depth < 0.0)] = 0.0
         if self.settings.total_variation > 0.0:
             depth = smooth_depth(depth, self.settings.total_variation)
         return depth
+
+
+def _grey_of(rgb: AnyArray) -> AnyArray:
+    import cv2
+
+    return cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
 
 
 def smooth_depth(depth: Float32Array, weight: float) -> Float32Array:

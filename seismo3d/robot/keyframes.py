@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -133,7 +134,8 @@ class PlaceMemory:
     """
 
     def __init__(self, lenses: list[PinholeCamera]) -> None:
-        self.keyframes: list[Keyframe] = []
+        self._known: list[Keyframe] = []
+        self._coming: list[Future[Keyframe]] = []
         self._lenses = [
             replace(
                 lens, fx=lens.fx / 2, fy=lens.fy / 2, cx=lens.cx / 2, cy=lens.cy / 2, depth_scale=1e4, width=0, height=0
@@ -142,17 +144,28 @@ class PlaceMemory:
         ]
         self._index = PlaceIndex()
 
+    @property
+    def keyframes(self) -> list[Keyframe]:
+        """All that are remembered, in their order."""
+        self.settle()
+        return self._known
+
     def add(self, keyframe: Keyframe) -> None:
         """Remember a keyframe."""
         self.keyframes.append(keyframe)
         self._index.add(keyframe.features)
 
+    def expect(self, keyframe: Future[Keyframe]) -> None:
+        """Remember a keyframe that is being made; who asks for keyframes waits for it."""
+        self._coming.append(keyframe)
+
     def move(self, poses: Float64Array) -> None:
         """Give all keyframes new poses (n, 4, 4)."""
-        self.keyframes = [replace(k, T_world_camera=T) for k, T in zip(self.keyframes, poses)]
+        self._known = [replace(k, T_world_camera=T) for k, T in zip(self.keyframes, poses)]
 
     def recall(self, features: Features, *, n_best: int = 3, until: int | None = None) -> Int64Array:
         """Return the keyframes that look most like some features, best first."""
+        self.settle()
         return self._index.query(features, n_best=n_best, until=until).index
 
     def near(self, number: int, *, gap: int, turn: float = 0.6, shift: float = 0.7) -> list[int]:
@@ -199,6 +212,13 @@ class PlaceMemory:
         if not sound or found.unobservable or found.overlap < 0.33 or found.rmse > 0.025:
             return None
         return found if common.agree(found.T_target_source) else None
+
+    def settle(self) -> None:
+        """Take in the keyframes that were being made, in their order."""
+        coming, self._coming = self._coming, []
+        for keyframe in coming:
+            self._known.append(keyframe.result())
+            self._index.add(self._known[-1].features)
 
     def _common(self, target: Keyframe, source: Keyframe) -> CommonPoints:
         """Points that matched features of two images show."""

@@ -55,9 +55,7 @@ class View:
 
     def apart(self, T_world_camera: Float64Array) -> float:
         """Return how far another view is: angle between the two in radians plus half the distance in metres."""
-        turn = (np.trace(self.T_world_camera[:3, :3].T @ T_world_camera[:3, :3]) - 1.0) / 2.0
-        shift = np.linalg.norm(self.T_world_camera[:3, 3] - T_world_camera[:3, 3])
-        return float(np.arccos(np.clip(turn, -1.0, 1.0)) + 0.5 * shift)
+        return float(views_apart([self], T_world_camera)[0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,6 +96,14 @@ class Sightings:
         return Sightings(*(getattr(self, name)[which] for name in self.__slots__))
 
 
+def views_apart(views: Sequence[View], T_world_camera: Float64Array) -> Float64Array:
+    """Return how far each of some views is from a pose (n,), as :meth:`View.apart` says."""
+    poses = np.array([view.T_world_camera for view in views]).reshape(-1, 4, 4)
+    turn = ((poses[:, :3, :3] * T_world_camera[:3, :3]).sum(axis=(1, 2)) - 1.0) / 2.0
+    shift = np.linalg.norm(poses[:, :3, 3] - T_world_camera[:3, 3], axis=1)
+    return np.asarray(np.arccos(np.clip(turn, -1.0, 1.0)) + 0.5 * shift)
+
+
 def sight_landmarks(
     views: list[View],
     grey: AnyArray,
@@ -108,7 +114,7 @@ def sight_landmarks(
     *,
     also: Sequence[tuple[int, int]] = (),
     most_views: int = 3,
-    enough: int = 200,
+    enough: int = 120,
     radius: int = 7,
 ) -> Sightings:
     """Find the landmarks of the nearest views, and some named ones, in an image.
@@ -133,7 +139,7 @@ def sight_landmarks(
     Sightings
     """
     T_colour = T_world_camera @ exp_motion(twist * timing.colour_lead)
-    apart = np.array([view.apart(T_colour) for view in views])
+    apart = views_apart(views, T_colour)
     found_points, found_pixels = [np.empty((0, 3))], [np.empty((0, 2))]
     found_names = [np.empty((0, 2), dtype=np.int64)]
 
@@ -192,6 +198,7 @@ def make_view(
     timing: Timing,
     *,
     camera: int = 0,
+    moving: BoolArray | None = None,
     n_corners: int = 500,
 ) -> View:
     """Remember an image with the corners that lie on the mapped surface.
@@ -204,7 +211,10 @@ def make_view(
         The map, with this frame in it, cast at the depth's pose.
     twist, timing
         As for :func:`sight_landmarks`.
-    camera, n_corners : int
+    camera : int
+    moving : ndarray of shape (rows / 2, columns / 2), bool, optional
+        Where corners are of no use.
+    n_corners : int
 
     Returns
     -------
@@ -217,13 +227,23 @@ def make_view(
     T_colour = T @ exp_motion(twist * timing.colour_lead)
     if grey is None:
         return View(T_colour, np.empty((0, 0), np.uint8), np.empty((0, 2)), np.empty((0, 3)), camera)
-    corners = cv2.goodFeaturesToTrack(grey, n_corners, 0.002, 7)
+    corners = cv2.goodFeaturesToTrack(grey, n_corners, 0.002, 7, mask=_steady_pixels(moving, grey.shape))
     pixels = np.empty((0, 2)) if corners is None else corners.reshape(-1, 2).astype(np.float64)
     seen = time_sightings(np.zeros((len(pixels), 3)), pixels, lens, twist, timing, grey.shape)
     origins = T[:3, 3] + seen.T_depth_pixel[:, :3, 3] @ T[:3, :3].T
     directions = np.einsum("nij,nj->ni", seen.T_depth_pixel[:, :3, :3], seen.rays) @ T[:3, :3].T
     points, good = meet_surface(prediction, origins, directions)
     return View(T_colour, grey, pixels[good], points[good], camera)
+
+
+def _steady_pixels(moving: BoolArray | None, shape: tuple[int, ...]) -> AnyArray | None:
+    """Mask of the pixels that no patch on something that moves reaches; None for all."""
+    import cv2
+
+    if moving is None or not moving.any():
+        return None
+    near = cv2.dilate(moving.astype(np.uint8), np.ones((9, 9), np.uint8))
+    return cv2.resize(1 - near, shape[::-1], interpolation=cv2.INTER_NEAREST)
 
 
 def meet_surface(

@@ -191,10 +191,10 @@ def absorb(base: MapState, part: MapState, T_base_part: Float64Array, links: lis
     order = sorted(range(len(both)), key=lambda k: both[k].frame)
     row = {k: place for place, k in enumerate(order)}
     base.poses = [both[k] for k in order]
-    n_kept = len(base.kept)
-    base.kept = [replace(k, pose=row[k.pose]) for k in base.kept]
-    base.kept += [replace(k, pose=row[k.pose + old]) for k in part.kept]
-    for number in range(n_kept, len(base.kept)):
+    kept = [replace(k, pose=row[k.pose]) for k in base.kept]
+    joined = [replace(k, pose=row[k.pose + old]) for k in part.kept]
+    base.packing = [*kept, *joined]
+    for number in range(len(kept), len(base.packing)):
         fuse(base.surface, base, number)
 
 

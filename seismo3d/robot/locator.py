@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from seismo3d._typing import Float64Array
+from seismo3d._typing import AnyArray, Float64Array
 from seismo3d.geometry.rotations import invert_transform
 from seismo3d.robot.camera import Camera
 from seismo3d.robot.ekf import log_motion
@@ -41,6 +41,7 @@ class Locator:
     ) -> None:
         self._cameras = cameras
         self._terms = settings.terms
+        self._enough = settings.enough_landmarks
         self._pool = pool
         self._n_threads = n_threads
 
@@ -58,7 +59,7 @@ class Locator:
     def sight(
         self,
         state: MapState,
-        measured: Measured,
+        grey: AnyArray | None,
         number: int,
         T: Float64Array,
         twist: Float64Array,
@@ -66,12 +67,11 @@ class Locator:
         *,
         also: Sequence[tuple[int, int]] = (),
     ) -> Sightings:
-        """Find a map's landmarks in a frame of a camera that is nearly at a pose; none without colour."""
+        """Find a map's landmarks in an image of a camera that is nearly at a pose; none without one."""
         lens = self._cameras[number].lens
-        if measured.grey is None or self._terms == "planes":
-            nothing = np.empty((0, 3)), np.empty((0, 2))
-            return time_sightings(*nothing, lens, twist, timing, measured.depth.shape)
-        return sight_landmarks(state.views, measured.grey, lens, T, twist, timing, also=also)
+        if grey is None or self._terms == "planes":
+            return time_sightings(np.empty((0, 3)), np.empty((0, 2)), lens, twist, timing, (1, 1))
+        return sight_landmarks(state.views, grey, lens, T, twist, timing, also=also, enough=self._enough)
 
     def locate(
         self,

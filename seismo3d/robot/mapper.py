@@ -94,6 +94,14 @@ class Mapper:
                 return self._calibrate(tracked)
         return tracked
 
+    def settle(self) -> None:
+        """Wait until nothing goes on beside the frames: the last one is fused, places are described, frames packed.
+
+        What reads the map waits for as much of that as it needs by itself.
+        """
+        for state in self.maps.every:
+            state.settle()
+
     @property
     def state(self) -> MapState:
         """The local map that frames go into."""
@@ -168,7 +176,9 @@ class Mapper:
 
     def _start_afresh(self) -> None:
         s = self.settings
-        self._measurers = [Measurer(camera.lens, s.measure, self._pool) for camera in self.cameras]
+        # one thread has nothing beside it
+        beside = ThreadPoolExecutor(1, thread_name_prefix="seismo3d-measure") if self._n_threads > 1 else None
+        self._measurers = [Measurer(camera.lens, s.measure, self._pool, beside) for camera in self.cameras]
         locator = Locator(self.cameras, s, self._pool, self._n_threads)
         self.maps = LocalMaps(self._empty_map)
         self._follower = Follower(self.cameras, s, locator, self.maps)
@@ -186,8 +196,8 @@ class Mapper:
         number, self.n_frames = self.n_frames, self.n_frames + 1
         timing = Timing(camera.readout or 0.0, frame.time - frame.depth_time + (camera.depth_delay or 0.0))
         follower.predict(frame)
-        measured = self._measurers[frame.camera].measure(frame, follower.twist(frame.camera), timing)
-        state, located, T = follower.find(measured, frame.camera, timing)
+        coming = self._measurers[frame.camera].begin(frame, follower.twist(frame.camera), timing)
+        state, located, T = follower.find(coming, frame.camera, timing)
         motion, twist = follower.motion, follower.twist(frame.camera)
         if state in ("started", "relocated"):
             self._recorder.forget()
@@ -197,7 +207,7 @@ class Mapper:
             follower.n_lost = follower.n_unplaced = 0
             stamp = frame.time + camera.clock_offset
             self.state.poses.append(TimedPose(stamp, motion.time, T, twist, number, frame.camera, self.state.part))
-            change = self._record(measured, frame.camera, T, twist, timing, number)
+            change = self._record(coming.measured(), frame.camera, T, twist, timing, number)
             if change is not None:
                 state, T = "joined", change @ T
         T_stamp = T @ exp_motion(twist * (timing.colour_lead + 0.5 * timing.readout))

@@ -10,8 +10,9 @@ from seismo3d.errors import ParameterError
 from seismo3d.robot.frames import MeasureSettings
 from seismo3d.robot.tracking import TERMS, Located
 
-STATES = ("started", "tracked", "relocated", "joined", "lost", "empty")
-"""States of a frame: the first one of a local map; located where it was expected; located at a place that a map
+STATES = ("started", "tracked", "sliding", "relocated", "joined", "lost", "empty")
+"""States of a frame: the first one of a local map; located where it was expected; located but for a shift along a plain
+wall without landmarks, along which it stays as predicted; located at a place that a map
 remembers, after a loss; located, and its local map joined with another one; not located; without depth to locate it
 by."""
 
@@ -31,6 +32,8 @@ class MapperSettings:
         What frames are located by, one of ``tracking.TERMS``.
     filtered : bool
         Whether a frame's pose is predicted by the filter's velocity; else it starts where the last one was.
+    enough_landmarks : int
+        The nearest views are searched for landmarks until so many are found in a frame.
     landmarks_in_state : bool
         Whether the filter holds landmarks that were seen often.
     calibrate_frames : int
@@ -51,6 +54,7 @@ class MapperSettings:
     measure: MeasureSettings = field(default_factory=MeasureSettings)
     terms: str = "fused"
     filtered: bool = True
+    enough_landmarks: int = 120
     landmarks_in_state: bool = True
     calibrate_frames: int = 90
     view_distance: float = 0.14
@@ -61,6 +65,7 @@ class MapperSettings:
     def __post_init__(self) -> None:
         as_number(self.voxel_size, "voxel_size", low=1e-4, high=1.0)
         as_number(self.band_voxels, "band_voxels", low=2.0, high=20.0)
+        as_number(self.enough_landmarks, "enough_landmarks", low=1)
         as_number(self.calibrate_frames, "calibrate_frames", low=0)
         as_number(self.view_distance, "view_distance", low=0.0, strict=True)
         as_number(self.new_map_after, "new_map_after", low=0)
@@ -98,7 +103,7 @@ class Tracked:
     @property
     def is_located(self) -> bool:
         """Whether the pose comes from the frame itself."""
-        return self.state in ("started", "tracked", "relocated", "joined")
+        return self.state in ("started", "tracked", "sliding", "relocated", "joined")
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,13 +23,15 @@ class MapState:
 
     Attributes
     ----------
-    surface : SurfaceMap
+    held : SurfaceMap
+        What :attr:`surface` returns, into which a frame is perhaps still being fused.
     memory : PlaceMemory
     views : list of View
         One a keyframe of the memory, in its order.
     poses : list of TimedPose
         Of the located frames.
-    kept : list of KeptFrame
+    packing : list of KeptFrame or Future
+        Frames that are kept, the last ones perhaps still being packed.
     closures : list of Closure
         What closing loops found last.
     joints : list of Closure
@@ -37,17 +40,52 @@ class MapState:
         Which local map it is, from 0; the least of those that were joined.
     part : int
         Local map that new frames belong to; parts are tied to each other by closures and joints alone.
+    fusing : Future or None
+        What puts the last frame into the map, where it may not have ended.
     """
 
-    surface: SurfaceMap
+    held: SurfaceMap
     memory: PlaceMemory
     views: list[View] = field(default_factory=list)
     poses: list[TimedPose] = field(default_factory=list)
-    kept: list[KeptFrame] = field(default_factory=list)
+    packing: list[KeptFrame | Future[KeptFrame]] = field(default_factory=list)
     closures: list[Closure] = field(default_factory=list)
     joints: list[Closure] = field(default_factory=list)
     number: int = 0
     part: int = 0
+    fusing: Future[None] | None = None
+
+    @property
+    def surface(self) -> SurfaceMap:
+        """The surface with all frames so far in it: waits for the last one."""
+        self._end_fusing()
+        return self.held
+
+    @surface.setter
+    def surface(self, surface: SurfaceMap) -> None:
+        self._end_fusing()
+        self.held = surface
+
+    @property
+    def kept(self) -> list[KeptFrame]:
+        """Frames that are kept, all packed."""
+        return list(self._end_packing())
+
+    def settle(self) -> None:
+        """Wait until the last frame is fused, all that are kept are packed, and all places are described."""
+        self._end_packing()
+        self.memory.settle()
+
+    def _end_fusing(self) -> None:
+        if self.fusing is not None:
+            fusing, self.fusing = self.fusing, None
+            fusing.result()
+
+    def _end_packing(self) -> list[KeptFrame]:
+        self._end_fusing()  # which may keep a frame
+        packed = [frame.result() if isinstance(frame, Future) else frame for frame in self.packing]
+        self.packing = list(packed)
+        return packed
 
     @property
     def key_poses(self) -> Float64Array:

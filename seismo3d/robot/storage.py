@@ -181,7 +181,7 @@ def _fill(state: MapState, arrays: dict[str, AnyArray]) -> None:
     for (pose, camera), depth, colour in zip(
         arrays["kept_numbers"], _split(arrays, "kept_depth"), _split(arrays, "kept_colour")
     ):
-        state.kept.append(KeptFrame(int(pose), int(camera), depth, colour))
+        state.packing.append(KeptFrame(int(pose), int(camera), depth, colour))
     parts = (_split(arrays, name) for name in ("view_grey", "view_pixels", "view_points"))
     for T, camera, grey, pixels, points in zip(arrays["view_poses"], arrays["view_cameras"], *parts):
         image = _image(grey) if grey.size else np.empty((0, 0), np.uint8)

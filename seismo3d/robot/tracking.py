@@ -8,23 +8,31 @@ step: landmarks lead far from the solution and along what the planes do not see,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.registration.observability import assess
-from seismo3d.registration.quadratic import Frame, plane_form, point_form
-from seismo3d.registration.robust import TUKEY, robust_scale, tukey_weights
-from seismo3d.registration.solvers import Limits, Prior, Solution, walk
-from seismo3d.robot import _kernels_tracking as kernels
-from seismo3d.robot.ekf import log_motion
+from seismo3d.registration.quadratic import Frame
+from seismo3d.registration.solvers import Limits
+from seismo3d.robot import _kernels_pose as kernels
 from seismo3d.robot.frames import Measured
 from seismo3d.robot.landmarks import Sightings
 from seismo3d.robot.tsdf import Prediction
 
 TERMS = ("fused", "planes", "features", "two_stage")
 """What a frame is located by; ``two_stage`` is landmarks first, then planes alone."""
+_USES = {
+    "fused": ((True, True), (True, True)),
+    "planes": ((True, False), (True, False)),
+    "features": ((False, True), (False, True)),
+    "two_stage": ((False, True), (True, False)),
+}
+"""Whether planes and landmarks are used, far from the solution and near it."""
+_REACHES = (0.1, 0.1, 0.06, 0.04)
+"""Distance within which pairs are sought, in the first steps and all later ones, metres."""
 _FREE = Limits(np.full(6, -np.inf), np.full(6, np.inf))
 _STILL = 2e-4
 """Steps below are the last, rad and m."""
@@ -33,6 +41,11 @@ _NEARLY = 1e-3
 _COARSE, _FINE = (4, 2000), (3, 4000)
 """Every so many vertices of a row and rows are paired far from the solution and near it, of large images as few as make
 so many pairs: neighbours share their errors."""
+_ENOUGH = 20
+"""Landmarks from which on they say where a frame was, whatever the planes say."""
+_UNKNOWN = 10.0
+"""Variance along directions that nothing is said about, m^2."""
+_NONE = np.empty((0, 3))
 _LEADING, _MANY, _FAR_OFF = 2, 30, 4.0
 """Steps that landmarks take alone at first where at least so many of them are off by so many pixels."""
 _PER_PLANE = 8.0
@@ -61,6 +74,9 @@ class Located:
     planes : PlanePairs or None
     landmark_weights : ndarray of shape (n,), float64
         Inverse variances, per pixel squared.
+    blind : ndarray of shape (k, 3), float64
+        Directions in the world along which nothing says where the frame was: those along a plain wall without
+        landmarks. The covariance is large along them.
     """
 
     T_world_camera: Float64Array
@@ -73,6 +89,7 @@ class Located:
     converged: bool
     planes: PlanePairs | None
     landmark_weights: Float64Array
+    blind: Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,6 +108,8 @@ class PlanePairs:
         Vertices that were looked up.
     spread : float
         As in :class:`Located`.
+    bend : float
+        Mean square of the angle between the normals of a pair about each axis, rad^2: the normals' noise.
     """
 
     source: Float64Array
@@ -100,6 +119,7 @@ class PlanePairs:
     residuals: Float64Array
     n_tried: int
     spread: float
+    bend: float
 
 
 def locate(
@@ -135,35 +155,34 @@ def locate(
     -------
     Located
     """
-    T = T_world_camera
-    found = Located(T, np.full((6, 6), np.inf), 0, 0, 0.0, np.inf, np.inf, False, None, np.zeros(len(sightings)))
-    last: _Step | None = None
-    steps = _step_of(measured, _COARSE), fine_step(measured)
-    frame: Frame | None = None
-    fine, n_left = False, max_steps // 2
-    for step in range(max_steps):
-        use_planes = terms in ("fused", "planes") or (terms == "two_stage" and fine)
-        use_landmarks = terms in ("fused", "features") or (terms == "two_stage" and not fine)
-        reach = (0.1, 0.1, 0.06, 0.04)[min(step, 3)]
-        rays = _weigh_landmarks(sightings, T, lens) if use_landmarks and len(sightings) >= 4 else None
-        if loose and terms == "fused" and step < _LEADING and rays is not None and rays.lead:
-            use_planes = False
-        pairs = _pair_planes(measured, prediction, T, steps[fine], reach) if use_planes else None
-        if pairs is None and rays is None:
-            break
-        frame = frame or _frame_of(pairs, rays, sightings)
-        new = _solve(T, frame, pairs, rays, sightings)
-        if new is None:
-            break
-        move = log_motion(np.linalg.inv(T) @ new.T_world_camera)
-        T, last = new.T_world_camera, new
-        n_left -= 1
-        least = _STILL if fine else _NEARLY
-        if n_left == 0 or (np.linalg.norm(move[:3]) < least and np.linalg.norm(move[3:]) < least):
-            if fine:
-                break
-            fine, n_left = True, max_steps - max_steps // 2
-    return found if last is None else _concluded(last)
+    coarse, near = _step_of(measured, _COARSE), fine_step(measured)
+    n_steps, T, form, has_pairs, planes, has_rays, landmarks = kernels.fit_frame(
+        T_world_camera, measured.vertices, measured.normals, (coarse, near), prediction.points, prediction.normals,
+        prediction.T_world_camera, prediction.lens, _REACHES, _PER_PLANE, sightings.points, sightings.T_depth_pixel,
+        sightings.rays, (lens.fx, lens.fy), _USES[terms],
+        (_LEADING if loose and terms == "fused" else 0, _MANY, _FAR_OFF), (_NEARLY, _STILL), max_steps,
+    )  # fmt: skip
+    weights, spread, n_agreeing = landmarks
+    if n_steps == 0:
+        unknown = np.full((6, 6), np.inf)
+        unweighed = np.zeros(len(sightings))
+        return Located(T_world_camera, unknown, 0, 0, 0.0, np.inf, np.inf, False, None, unweighed, _NONE)
+    pairs = PlanePairs(*planes) if has_pairs else None
+    n_planes = 0 if pairs is None else int(np.count_nonzero(pairs.weights))
+    blind = _blind(pairs, n_agreeing if has_rays else 0)
+    return Located(
+        T_world_camera=T,
+        covariance=_covariance(form, blind),
+        n_planes=n_planes,
+        n_landmarks=n_agreeing if has_rays else 0,
+        share=0.0 if pairs is None else n_planes / max(pairs.n_tried, 1),
+        plane_spread=np.inf if pairs is None else pairs.spread,
+        landmark_spread=spread if has_rays else np.inf,
+        converged=True,
+        planes=pairs,
+        landmark_weights=weights if has_rays else np.zeros(len(sightings)),
+        blind=blind,
+    )
 
 
 def fine_step(measured: Measured) -> int:
@@ -176,104 +195,22 @@ def _step_of(measured: Measured, least: tuple[int, int]) -> int:
     return max(least[0], int(np.sqrt(rows * columns / least[1])))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rays:
-    source: Float64Array
-    information: Float64Array
-    weights: Float64Array
-    spread: float
-    n_agreeing: int
-
-    @property
-    def lead(self) -> bool:
-        """Whether so many are so far off that planes would pair with the wrong parts of the surface."""
-        return self.n_agreeing >= _MANY and self.spread > _FAR_OFF
+def _covariance(form: tuple[Any, ...], blind: Float64Array) -> Float64Array:
+    """Return how sure the last step's form is of its minimum; nothing is said along what is ``blind``."""
+    Q, A, t, source, target, size = form
+    frame = Frame(source, target, size)
+    sure = assess(Q, Q / size**2, A, t, model="rigid", frame=frame, ratio=kernels.RATIO, limits=_FREE)
+    sure.covariance[3:, 3:] += _UNKNOWN * blind.T @ blind
+    return sure.covariance
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Step:
-    T_world_camera: Float64Array
-    frame: Frame
-    Q: Float64Array
-    found: Solution
-    pairs: PlanePairs | None
-    rays: _Rays | None
-    n_sightings: int
+def _blind(pairs: PlanePairs | None, n_landmarks: int) -> Float64Array:
+    """Return the two directions (2, 3) along a plain wall without landmarks; none (0, 3) of any other surface.
 
-
-def _pair_planes(
-    measured: Measured, prediction: Prediction, T: Float64Array, step: int, reach: float
-) -> PlanePairs | None:
-    rows, columns, _ = measured.vertices.shape
-    n = (rows // step + 1) * (columns // step + 1)
-    source, target, normal = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
-    sigma, residual = np.empty(n), np.empty(n)
-    seen = prediction.T_world_camera
-    count, tried = kernels.project_pairs(
-        measured.vertices, measured.normals, step, np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]),
-        np.ascontiguousarray(seen[:3, :3]), np.ascontiguousarray(seen[:3, 3]), prediction.lens, prediction.points,
-        prediction.normals, reach, 0.8, source, target, normal, sigma, residual,
-    )  # fmt: skip
-    if count < 30:
-        return None
-    residual, sigma = residual[:count], sigma[:count]
-    spread = robust_scale(residual / sigma)
-    floored = max(spread, 0.3)
-    weights = tukey_weights(residual / sigma, TUKEY * floored) / (sigma * floored) ** 2
-    weights *= step * step / (4.0 * _PER_PLANE)
-    return PlanePairs(source[:count], target[:count], normal[:count], weights, residual, tried, spread)
-
-
-def _weigh_landmarks(sightings: Sightings, T: Float64Array, lens: PinholeCamera) -> _Rays:
-    """Put each landmark at its depth on its ray, with the information of its pixel across the ray."""
-    n = len(sightings)
-    depth, miss = np.empty(n), np.empty(n)
-    kernels.miss_rays(T, sightings.T_depth_pixel, sightings.points, sightings.rays, lens.fx, lens.fy, depth, miss)
-    spread = 1.2 / 1.4826 * robust_scale(miss)
-    floored = max(spread, 0.3)
-    weights = tukey_weights(miss, TUKEY * floored) / floored**2
-    source, information = np.empty((n, 3)), np.empty((n, 3, 3))
-    kernels.place_on_rays(T, sightings.T_depth_pixel, sightings.rays, depth, weights, lens.fx, source, information)
-    return _Rays(source, information, weights, spread, int(np.count_nonzero(weights)))
-
-
-def _frame_of(pairs: PlanePairs | None, rays: _Rays | None, sightings: Sightings) -> Frame:
-    """Return the frame in which the forms of all steps are kept: that of the first pairs."""
-    targets = [p for p in (pairs.target if pairs else None, sightings.points if rays else None) if p is not None]
-    sources = [p for p in (pairs.source if pairs else None, rays.source if rays else None) if p is not None]
-    return Frame.of(np.concatenate(targets), np.concatenate(sources))
-
-
-def _solve(
-    T: Float64Array, frame: Frame, pairs: PlanePairs | None, rays: _Rays | None, sightings: Sightings
-) -> _Step | None:
-    """Add both terms up in one form, and walk to its minimum from the pose before: the pairs hold near that alone."""
-    Q = np.zeros((13, 13))
-    if pairs is not None:
-        Q += plane_form(frame.target(pairs.target), frame.source(pairs.source), pairs.normals, pairs.weights)
-    if rays is not None:
-        Q += point_form(frame.target(sightings.points), frame.source(rays.source), rays.information)
-    if not np.isfinite(Q).all() or not Q[:12, :12].any():
-        return None
-    A, t = frame.enter(T)
-    found = walk(Q, A, t, model="rigid", prior=Prior(A, t), limits=_FREE, ratio=1e-5)
-    return _Step(frame.leave(found.A, found.t), frame, Q, found, pairs, rays, len(sightings))
-
-
-def _concluded(last: _Step) -> Located:
-    """Say how sure the last step is, and what supports it."""
-    frame, Q, found, pairs, rays = last.frame, last.Q, last.found, last.pairs, last.rays
-    sure = assess(Q, Q / frame.size**2, found.A, found.t, model="rigid", frame=frame, ratio=1e-5, limits=_FREE)
-    n_planes = 0 if pairs is None else int((pairs.weights > 0).sum())
-    return Located(
-        T_world_camera=last.T_world_camera,
-        covariance=sure.covariance,
-        n_planes=n_planes,
-        n_landmarks=0 if rays is None else rays.n_agreeing,
-        share=0.0 if pairs is None else n_planes / max(pairs.n_tried, 1),
-        plane_spread=np.inf if pairs is None else pairs.spread,
-        landmark_spread=np.inf if rays is None else rays.spread,
-        converged=True,
-        planes=pairs,
-        landmark_weights=np.zeros(last.n_sightings) if rays is None else rays.weights,
-    )
+    Its normals vary by their noise alone: two looks at one place differ by as much.
+    """
+    if pairs is None or n_landmarks >= _ENOUGH:
+        return _NONE
+    normals, weights = pairs.normals, pairs.weights / max(float(pairs.weights.sum()), 1e-300)
+    values, vectors = np.linalg.eigh((normals * weights[:, None]).T @ normals)
+    return np.ascontiguousarray(vectors[:, :2].T) if values[1] < pairs.bend else _NONE

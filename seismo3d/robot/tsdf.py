@@ -27,6 +27,7 @@ from seismo3d.robot import _kernels_blocks as blocks
 from seismo3d.robot import _kernels_carve as carving
 from seismo3d.robot import _kernels_fuse as fusing
 from seismo3d.robot import _kernels_raycast as rays
+from seismo3d.robot.camera import lens_numbers
 from seismo3d.robot.frames import Measured
 
 REACH = 0.15
@@ -34,7 +35,7 @@ REACH = 0.15
 _ROOM = 1 << 15
 """Blocks that there is room for from the beginning; the system gives the memory when it is written to."""
 _MARGIN = 40
-_STEADY, _EVERY = np.array([10, 40, 100]), np.array([1, 2, 4, 8])
+_STEADY, _EVERY = np.array([6, 24, 70]), np.array([1, 2, 4, 8])
 """Frames that have shown a block from which on it takes every second one, every fourth, every eighth."""
 
 
@@ -141,7 +142,7 @@ class SurfaceMap:
         if carve:
             self._carve(measured, camera, T_world_camera, pool, n_threads)
         R, t = _parts(T_world_camera)
-        reach = self.band + self.voxel_size
+        reach = self.band + 0.5 * self.voxel_size
         lens, table = lens_numbers(camera), self._pixel_table(camera, measured.depth.shape)
         rgb, image = measured.colour.reshape(-1, 3), self._image_of(table.size)
 
@@ -266,12 +267,6 @@ class SurfaceMap:
             new = np.zeros((size, *old.shape[1:]), dtype=old.dtype)
             new[: self.n_blocks] = old[: self.n_blocks]
             setattr(self, name, new)
-
-
-def lens_numbers(camera: PinholeCamera) -> Float64Array:
-    """Return fx, fy, cx, cy, k1, k2, p1, p2, k3 as kernels take them."""
-    distortion = (*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
-    return np.array([camera.fx, camera.fy, camera.cx, camera.cy, *distortion])
 
 
 def halved(camera: PinholeCamera) -> PinholeCamera:

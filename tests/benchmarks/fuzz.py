@@ -94,7 +94,8 @@ def fuzz(form: Format, first: int, count: int, folder: Path) -> Counter[tuple[st
             continue
         worker.kill()
         worker.join()
-        last = int(at.read_text())
+        # one that is killed while it writes down its place leaves nothing there
+        last = int(at.read_text() or seed)
         hung = worker.exitcode == -signal.SIGKILL
         words = "DEFECT hang that no signal ends" if hung else f"DEFECT died {worker.exitcode}"
         ends.setdefault(words, []).append(last)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from seismo3d.errors import ParameterError
+from seismo3d.geometry._kernels_camera import straighten_rows
 from seismo3d.geometry.camera import PinholeCamera, as_camera
 
 LENSES = [(), (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)]
@@ -37,3 +38,14 @@ def test_fields_make_a_camera_and_missing_ones_are_named():
         as_camera({"fx": 1, "cy": 4})
     with pytest.raises(ParameterError, match="fx is 0"):
         PinholeCamera(0.0, 1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("distortion", LENSES)
+def test_rays_of_an_image_are_those_of_its_pixels(distortion):
+    camera = PinholeCamera(51.7, 51.6, 31.8, 25.5, distortion)
+    out = np.full((48, 64, 2), np.nan, dtype=np.float32)
+    bend = np.array((*distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5])
+    for rows in ((0, 20), (20, 48)):
+        straighten_rows(*rows, np.array([camera.fx, camera.fy, camera.cx, camera.cy]), bend, out)
+    grid = np.stack(np.meshgrid(np.arange(64), np.arange(48)), axis=-1).reshape(-1, 2).astype(float)
+    np.testing.assert_allclose(out.reshape(-1, 2), camera.rays(grid), atol=1e-7)

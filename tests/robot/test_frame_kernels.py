@@ -12,8 +12,9 @@ from seismo3d.geometry.rotations import exp_rotation, make_transform
 from seismo3d.robot import _kernels_carve as carving
 from seismo3d.robot import _kernels_frame as frames
 from seismo3d.robot import _kernels_shutter as shutter
+from seismo3d.robot.camera import lens_numbers
 from seismo3d.robot.frames import Measured, Measurer, MeasureSettings
-from seismo3d.robot.tsdf import SurfaceMap, halved, lens_numbers
+from seismo3d.robot.tsdf import SurfaceMap, halved
 
 LENS = PinholeCamera(130.0, 130.0, 79.5, 59.5, (0.1, -0.05, 0.001, -0.002))
 POOL = ThreadPoolExecutor(2)
@@ -156,7 +157,9 @@ def test_a_still_camera_changes_nothing(rng: np.random.Generator) -> None:
     place, moved = np.empty((120, 160), np.int32), np.empty((120, 160), np.float32)
     focal, v = np.array([130.0, 130.0], np.float32), measured.vertices
     shutter.move_rows(0, 120, measured.depth, rays, np.zeros(6), -0.015, 0.03 / 120, focal, place, moved)
-    np.testing.assert_array_equal(shutter.splat_rows(place, moved), measured.depth)
+    still = np.full_like(measured.depth, np.nan)
+    shutter.splat_rows(place, moved, still)
+    np.testing.assert_array_equal(still, measured.depth)
     out = np.zeros((120, 160, 3), np.uint8)
     shutter.colour_at_depth(0, 60, measured.colour, measured.depth, v, np.zeros(6), 0.01, 0.0, focal, out)
     seen = (measured.depth > 0) & np.repeat(np.repeat(v[:, :, 2] > 0, 2, axis=0), 2, axis=1)

@@ -5,14 +5,15 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from seismo3d.errors import ParameterError
+from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import RgbdFrame
 from seismo3d.robot._kernels_frame import depth_sigma, unpack_pixels
 from seismo3d.robot.ekf import exp_motion
 from seismo3d.robot.frames import Measurer, MeasureSettings, Timing, smooth_depth
-from seismo3d.robot.landmarks import time_sightings
+from seismo3d.robot.landmarks import View, time_sightings, views_apart
 from seismo3d.robot.moving import MotionMemory
+from seismo3d.robot.room import Room
 
 LENS = PinholeCamera(130.0, 131.0, 79.5, 59.5, (0.05,), 1000.0)
 POOL = ThreadPoolExecutor(2)
@@ -113,7 +114,7 @@ def test_what_moves_loses_its_weight_and_what_stays_keeps_it() -> None:
     assert not marked[:15].any()
     assert not trust[45:75, 55:85].any()
     assert trust[100:110, 20:140].min() > 0.0
-    for _ in range(40):  # once it has stood still for as long as the memory reaches, it is mapped
+    for _ in range(68):  # once it has stood still for twice as long as the memory reaches, it is mapped
         marked, trust = watch(intruder)
     assert not marked.any()
     assert trust[50:70, 60:80].min() > 0.0
@@ -124,3 +125,69 @@ def test_settings_are_checked() -> None:
         MeasureSettings(near=1.0, far=0.5)
     with pytest.raises(ParameterError, match="far"):
         MeasureSettings(far=100.0)
+
+
+def test_memory_is_used_again_once_no_part_of_it_is_held() -> None:
+    room = Room()
+    whole = room.empty((40, 30), np.float32)
+    whole[:] = 1.0
+    place, part = whole.__array_interface__["data"][0], whole[3:, ::2]
+    del whole
+    other = room.empty((40, 30), np.float32)
+    other[:] = 2.0
+    assert (part == 1.0).all()
+    del part
+    again = room.empty((30, 40), np.int32)
+    assert again.__array_interface__["data"][0] == place
+    assert again.shape == (30, 40)
+    assert again.dtype == np.int32
+    assert room.empty((0, 3), np.uint8).shape == (0, 3)
+
+
+def test_frames_do_not_write_into_each_other() -> None:
+    """A frame that is held stays as it is while others are measured; one of odd size ends in zeros every time."""
+    rng = np.random.default_rng(2)
+    lens = PinholeCamera(130.0, 131.0, 80.0, 60.0, (), 1000.0)
+    measurer = Measurer(lens, MeasureSettings(), POOL)
+    frames = [
+        RgbdFrame.of(rng.integers(1, 255, (121, 161, 3)).astype(np.uint8), 1500.0 + 3.0 * rng.random((121, 161)), 0.0)
+        for _ in range(4)
+    ]
+    first = measurer.measure(frames[0], np.zeros(6), Timing())
+    names = ("depth", "vertices", "normals", "pixels", "colour")
+    copies = {name: getattr(first, name).copy() for name in names}
+    for frame in frames[1:]:
+        later = measurer.measure(frame, np.zeros(6), Timing())
+        assert later.colour[:120, :160].any()
+        for image in (later.pixels.reshape(121, 161), later.colour):
+            assert not image[120].any()
+            assert not image[:, 160].any()
+    for name, copy in copies.items():
+        np.testing.assert_array_equal(getattr(first, name), copy)
+
+
+@pytest.mark.parametrize("beside", [None, ThreadPoolExecutor(1)])
+def test_a_frame_begun_with_is_the_one_that_is_measured(beside: ThreadPoolExecutor | None) -> None:
+    rng = np.random.default_rng(3)
+    depth = 1500.0 + 3.0 * rng.random((120, 160))
+    frame = RgbdFrame.of(rng.integers(1, 255, (120, 160, 3)).astype(np.uint8), depth, 0.0)
+    coming = Measurer(LENS, MeasureSettings(), POOL, beside).begin(frame, np.zeros(6), Timing())
+    expected = Measurer(LENS, MeasureSettings(), POOL).measure(frame, np.zeros(6), Timing())
+    measured = coming.measured()
+    np.testing.assert_array_equal(measured.pixels, expected.pixels)
+    assert coming.grey is measured.grey
+    with pytest.raises(ShapeError, match="expected at least 16 x 16"):
+        Measurer(LENS, MeasureSettings(), POOL, beside).begin(
+            RgbdFrame.of(None, depth[:8, :8], 0.0), np.zeros(6), Timing()
+        )
+
+
+def test_views_are_apart_by_their_turn_and_half_their_shift() -> None:
+    nothing = np.empty((0, 2)), np.empty((0, 3))
+    turned = exp_motion(np.array([0.0, 0.3, 0.0, 0.0, 0.0, 0.0]))
+    shifted = turned.copy()
+    shifted[:3, 3] = [0.0, 0.0, 0.8]
+    views = [View(T, np.empty((0, 0), np.uint8), *nothing) for T in (np.eye(4), turned, shifted)]
+    np.testing.assert_allclose(views_apart(views, np.eye(4)), [0.0, 0.3, 0.7], atol=1e-12)
+    assert views[2].apart(turned) == pytest.approx(0.4, abs=1e-7)
+    assert views_apart([], np.eye(4)).shape == (0,)

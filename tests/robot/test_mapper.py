@@ -1,13 +1,16 @@
 from __future__ import annotations
 
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from seismo3d.errors import FormatError, ParameterError, ShapeError
+from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import invert_transform, rotation_angle
 from seismo3d.robot import Camera, Mapper, MapperSettings, RgbdFrame
+from seismo3d.robot.kept import KeptFrame
 from seismo3d.synthetic.rgbd import RgbdSequence, rgbd_sequence
 
 SETTINGS = MapperSettings(voxel_size=0.02, keep_every=2)
@@ -78,6 +81,40 @@ def test_number_of_threads_does_not_matter(room: tuple[RgbdSequence, list[RgbdFr
     np.testing.assert_array_equal(made[0].mesh().points, made[1].mesh().points)
 
 
+def test_a_settled_map_has_all_its_frames(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
+    """Reading the map after each frame, settling it, or going on leads to the same map."""
+    sequence, frames = room
+    made = []
+    for pause in ("read", "settle", "none"):
+        mapper = make_mapper(sequence, n_threads=2)
+        for frame in frames[:6]:
+            mapper.add(frame)
+            if pause == "read":
+                assert mapper.state.surface.n_blocks > 0
+            elif pause == "settle":
+                mapper.settle()
+                assert mapper.state.fusing is None
+                assert all(isinstance(kept, KeptFrame) for kept in mapper.state.packing)
+        made.append(mapper.state.surface)
+    for other in made[1:]:
+        n = other.n_blocks
+        assert n == made[0].n_blocks
+        for name in ("keys", "distance", "weight", "colour"):
+            np.testing.assert_array_equal(getattr(other, name)[:n], getattr(made[0], name)[:n])
+
+
+def test_what_goes_wrong_beside_is_raised_where_the_map_is_read(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
+    sequence, frames = room
+    mapper = make_mapper(sequence, n_threads=2)
+    mapper.add(frames[0])
+    failed: Future[None] = Future()
+    failed.set_exception(MemoryError("no room"))
+    mapper.state.fusing = failed
+    with pytest.raises(MemoryError, match="no room"):
+        mapper.settle()
+    mapper.settle()
+
+
 def test_empty_depth_is_a_state_and_the_next_frame_is_found(
     room: tuple[RgbdSequence, list[RgbdFrame]],
 ) -> None:
@@ -92,6 +129,31 @@ def test_empty_depth_is_a_state_and_the_next_frame_is_found(
     assert states[6:10] == ["empty"] * 4
     assert states[-1] == "tracked"
     assert pose_errors(mapper, sequence)[0].max() < 0.01
+
+
+@pytest.mark.parametrize("plain", [True, False])
+def test_along_a_plain_wall_the_camera_slides_and_texture_holds_it(plain: bool, rng: np.random.Generator) -> None:
+    lens = PinholeCamera(130.0, 130.0, 79.5, 59.5, (), 1.0, 160, 120)
+    mapper = Mapper(Camera(lens, readout=0.0, depth_delay=0.0), settings=SETTINGS)
+    paint = np.full((120, 160, 3), 128, np.uint8)
+    if not plain:
+        paint = np.kron(rng.integers(40, 220, (20, 27, 1)), np.ones((6, 6, 3)))[:120, :160].astype(np.uint8)
+    for number in range(8):
+        depth = 1.5 + 0.003 * rng.standard_normal((120, 160)).astype(np.float32)
+        tracked = mapper.add(RgbdFrame.of(paint, depth, number / 30.0))
+    assert tracked.located is not None
+    assert tracked.is_located
+    across, along = tracked.located.covariance[5, 5], tracked.located.covariance[3:5, 3:5].diagonal()
+    assert across < 0.01**2
+    if plain:
+        assert tracked.state == "sliding"
+        np.testing.assert_allclose(tracked.located.blind[:, 2], 0.0, atol=0.05)
+        assert (along > 1.0).all()
+        assert (tracked.covariance[3:5, 3:5].diagonal() > 10.0 * tracked.covariance[5, 5]).all()
+    else:
+        assert tracked.state == "tracked"
+        assert not len(tracked.located.blind)
+        assert (along < 0.01**2).all()
 
 
 def test_a_map_waits_for_the_first_frame_with_depth(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:

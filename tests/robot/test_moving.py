@@ -7,10 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.geometry.rotations import exp_rotation
 from seismo3d.robot import _kernels_carve as carving
 from seismo3d.robot import _kernels_motion as kernels
+from seismo3d.robot._kernels_frame import depth_sigma
 from seismo3d.robot.frames import Measured, Measurer, MeasureSettings
 from seismo3d.robot.mesh import extract_mesh
+from seismo3d.robot.moving import MotionMemory, without
 from seismo3d.robot.tsdf import SurfaceMap
 
 LENS = PinholeCamera(130.0, 130.0, 79.5, 59.5)
@@ -44,6 +47,34 @@ def test_a_surface_moves_as_a_whole_where_a_part_of_it_is_seen_to() -> None:
     assert not marked.any()  # a wall that fills the view is no mover
 
 
+def test_what_an_earlier_image_saw_through_is_marked(rng: np.random.Generator) -> None:
+    """Against the definition, vertex by vertex."""
+    depth_before = np.where(rng.random((60, 80)) < 0.1, 0.0, rng.uniform(1.0, 3.0, (60, 80))).astype(np.float32)
+    depth_before[20:50, 10:60] = 3.0
+    vertices = vertices_of(np.where(rng.random((60, 80)) < 0.1, 0.0, rng.uniform(1.0, 3.0, (60, 80))))
+    R, t = exp_rotation([0.02, -0.1, 0.05]), np.array([0.05, -0.1, 0.02])
+    R_before, t_before, lens = (
+        exp_rotation([0.0, 0.05, 0.0]),
+        np.array([0.0, 0.1, 0.1]),
+        np.array([70.0, 71.0, 39.5, 29.5]),
+    )
+    marked = np.zeros((60, 80), dtype=bool)
+    kernels.mark_intruders(vertices, R, t, depth_before, R_before, t_before, lens, marked)
+    expected = np.zeros((60, 80), dtype=bool)
+    for r in range(0, 59, 2):
+        for c in range(0, 79, 2):
+            x, y, z = R_before.T @ (R @ vertices[r, c].astype(float) + t - t_before)
+            if vertices[r, c, 2] <= 0.0 or z < 0.1:
+                continue
+            column, row = round(lens[0] * x / z + lens[2]), round(lens[1] * y / z + lens[3])
+            if 1 <= column < 79 and 1 <= row < 59:
+                around = depth_before[row - 1 : row + 2, column - 1 : column + 2]
+                if (around > z + 0.06 + 5.0 * depth_sigma(z)).all():
+                    expected[r : r + 2, c : c + 2] = True
+    np.testing.assert_array_equal(marked, expected)
+    assert 0.02 < marked.mean() < 0.5
+
+
 def test_thin_marks_are_no_hint() -> None:
     marked = np.zeros((60, 80), dtype=bool)
     marked[10:14] = True  # an edge that is off by two pixels
@@ -57,6 +88,36 @@ def test_thin_marks_are_no_hint() -> None:
 
 def measured_of(depth: np.ndarray) -> Measured:
     return Measurer(LENS, MeasureSettings(), POOL).measured(depth.astype(np.float32), np.zeros((0, 0, 3), np.uint8))
+
+
+def watched(step: float, *, frames: int = 40) -> list[np.ndarray]:
+    """What is said to move, frame by frame, of a box that goes away from the camera before a wall."""
+    memory, marks = MotionMemory(), []
+    for number in range(frames):
+        depth = np.full((120, 160), 3.0)
+        depth[40:80, 60:100] = 1.0 + step * number
+        measured = measured_of(depth)
+        marks.append(memory.watch(measured, LENS, np.eye(4)))
+        assert not measured.trusted[:80, :120].reshape(40, 2, 60, 2).any(axis=(1, 3))[marks[-1][:40, :60]].any()
+    return marks
+
+
+def test_what_goes_away_is_told_by_the_place_that_it_leaves() -> None:
+    box = np.zeros((60, 80), dtype=bool)
+    box[20:40, 30:50] = True
+    marks = watched(0.02)
+    assert all((mark[box]).all() for mark in marks[20:])  # nothing came to a place that was free: it left one
+    assert not any(mark[~box].any() for mark in marks)
+    assert not any(mark.any() for mark in watched(0.0))
+
+
+def test_depth_without_what_moves() -> None:
+    depth, moving = np.ones((7, 9), np.float32), np.zeros((3, 4), dtype=bool)
+    assert without(depth, moving) is depth
+    moving[1, 2] = True
+    left = without(depth, moving)
+    np.testing.assert_array_equal(np.argwhere(left == 0.0), [[2, 4], [2, 5], [3, 4], [3, 5]])
+    assert (depth == 1.0).all()
 
 
 def test_what_later_frames_see_through_is_gone_and_the_rest_stays() -> None:

@@ -8,9 +8,10 @@ import pytest
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import _kernels_blocks as blocks
 from seismo3d.robot._kernels_raycast import sample_cell
+from seismo3d.robot.camera import lens_numbers
 from seismo3d.robot.frames import Measured, Measurer, MeasureSettings
 from seismo3d.robot.mesh import extract_mesh
-from seismo3d.robot.tsdf import SurfaceMap, lens_numbers
+from seismo3d.robot.tsdf import SurfaceMap
 
 LENS = PinholeCamera(130.0, 130.0, 79.5, 59.5)
 POOL = ThreadPoolExecutor(2)
