@@ -2,8 +2,8 @@
 
 Parts: ``shift`` (a map shifted by a known amount, against Nuth and Kaab's method), ``trials`` (random shifts with tilt,
 noise and holes), ``srtm`` (a pair with a known shift), ``points`` (laser scans of other density and scale),
-``lineaments`` (maps with known faults), ``scarps`` (made-up scarps of many kinds), ``nothing`` (terrain without faults)
-and ``refusals`` (what cannot be done, and what is said).
+``lineaments`` (maps with known faults), ``scarps`` (made-up scarps of many kinds), ``valleys`` (worn mountains with a
+fault in them), ``nothing`` (terrain without faults) and ``refusals`` (what cannot be done, and what is said).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from scipy import ndimage
 
 from seismo3d._typing import Float64Array
 from seismo3d.errors import Seismo3dError
-from seismo3d.experiments.terrain_lines import report_lineaments, report_nothing, report_scarps
+from seismo3d.experiments.terrain_lines import report_lineaments, report_nothing, report_scarps, report_valleys
 from seismo3d.io.elevation import make_elevation, read_elevation
 from seismo3d.terrain import compare, lineaments, register
 
-PARTS = ("shift", "trials", "srtm", "points", "lineaments", "scarps", "nothing", "refusals")
+PARTS = ("shift", "trials", "srtm", "points", "lineaments", "scarps", "valleys", "nothing", "refusals")
 
 
 def main(words: list[str] | None = None) -> None:
@@ -42,6 +42,7 @@ def main(words: list[str] | None = None) -> None:
         "points": lambda: report_points(given.terrain),
         "lineaments": lambda: report_lineaments(given.terrain, given.pictures),
         "scarps": lambda: report_scarps(given.seeds),
+        "valleys": lambda: report_valleys(given.seeds),
         "nothing": lambda: report_nothing(given.seeds),
         "refusals": lambda: report_refusals(given.terrain),
     }

@@ -11,6 +11,7 @@ from scipy import ndimage
 from scipy.special import erf
 
 from seismo3d._typing import Float64Array
+from seismo3d.experiments.worn_terrain import make_worn_mountains
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +54,7 @@ SCARPS = {
     "1 m, 0.5 m high": ScarpCase(height=0.5, age=4.0),
     "1 m, 5 m high, old": ScarpCase(height=5.0, age=100.0),
     "1 m, 2 m high, old": ScarpCase(age=50.0),
+    "1 m, 10 m high, very old": ScarpCase(height=10.0, age=250.0),
     "1 m, 2 m high, noise 0.3 m": ScarpCase(noise=0.3),
     "1 m, 2 m high, gullies": ScarpCase(gullies=10),
     "1 m, 2 m high, rough ground": ScarpCase(relief=0.1),
@@ -103,6 +105,12 @@ def make_scarp(
         aside = along - course[np.clip((across + n).astype(np.int64), 0, 2 * n - 1)]
         z -= rng.uniform(0.3, 1.0) * case.height * np.exp(-0.5 * (aside / rng.uniform(1.5, 4.0)) ** 2)
     return z + rng.normal(0.0, case.noise, z.shape), distance
+
+
+def mean_height(case: ScarpCase) -> float:
+    """Return a scarp's height on the mean along its trace, in metres."""
+    # an ellipse where it tapers
+    return case.height * (0.25 * np.pi if case.taper else 1.0)
 
 
 def make_hill(n: int, rng: np.random.Generator) -> Float64Array:
@@ -185,5 +193,6 @@ FORMS: dict[str, Callable[[int, np.random.Generator], Any]] = {
     "terraces": make_terraces,
     "winding road": make_road,
     "valleys": make_valleys,
+    "worn mountains": lambda n, rng: make_worn_mountains(n, rng)[0],
 }
 """Terrain without a fault, by name."""

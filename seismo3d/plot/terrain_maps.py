@@ -11,7 +11,7 @@ from seismo3d.errors import ParameterError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
 from seismo3d.plot.drawing import new_axes
 
-_COLOURS = {"step": "#d62728", "trough": "#1f9bcf", "both": "#c218c2"}
+_COLOURS = {"step": "#d62728", "trough": "#1f9bcf", "both": "#c218c2", "valley": "#1fa35c"}
 _BLUE = "#2b6ca3"
 
 
@@ -22,7 +22,7 @@ def terrain(elevation: Any, *, lines: Any = None, outcrops: Any = (), ax: Any = 
     ----------
     elevation : DataArray or array_like of shape (rows, columns)
     lines : LineamentSet, optional
-        Coloured by what speaks for them: a step, a trough, or both.
+        Coloured by what speaks for them: a step, a trough, both, or a valley across divides.
     outcrops : sequence of Outcrop
         Drawn dashed.
     ax : matplotlib Axes, optional
@@ -134,13 +134,16 @@ def strikes_by_length(lines: Any) -> tuple[Float64Array, Float64Array]:
     """Return strike in degrees and length in metres of every segment of all lines."""
     strikes, lengths = [], []
     for line in lines.lines:
-        # a stretch of a dozen points: single cells strike anywhere
-        points = line.points[np.unique(np.append(np.arange(0, len(line.points), 12), len(line.points) - 1))]
-        way = np.diff(points, axis=0) * np.array(lines.grid.metres_per_unit)
+        way = np.diff(stretch_ends(line), axis=0) * np.array(lines.grid.metres_per_unit)
         north = way[:, 1] if lines.grid.has_place else -way[:, 1]
         strikes.append(np.degrees(np.arctan2(way[:, 0], north)) % 180.0)
         lengths.append(np.linalg.norm(way, axis=1))
     return (np.concatenate(strikes), np.concatenate(lengths)) if strikes else (np.zeros(0), np.zeros(0))
+
+
+def stretch_ends(line: Any) -> Float64Array:
+    """Return the ends of a lineament's stretches of a dozen points: single cells strike anywhere."""
+    return np.asarray(line.points[np.unique(np.append(np.arange(0, len(line.points), 12), len(line.points) - 1))])
 
 
 def _hillshade(z: Float64Array, grid: MapGrid) -> Float64Array:

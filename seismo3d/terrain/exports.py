@@ -87,7 +87,9 @@ def write_lineaments(directory: str | Path, found: LineamentSet, *, scarps: Sequ
 
 
 _NAMES = ("kind", "strike_deg", "length_m", "confidence", "score", "prominence")
-_SCARP_NAMES = ("scarp_height_m", "scarp_height_sigma_m", "scarp_facing_deg", "scarp_width_m", "scarp_slope_deg")
+_SCARP_NAMES = (
+    "scarp_height_m", "scarp_height_sigma_m", "scarp_facing_deg", "scarp_width_m", "scarp_slope_deg", "scarp_age_m2",
+)  # fmt: skip
 
 
 def _properties(line: Lineament) -> dict[str, Any]:
@@ -100,8 +102,9 @@ def _scarp_properties(scarp: Scarp | None) -> dict[str, Any]:
         return {}
     known = scarp.slope_deg[np.isfinite(scarp.slope_deg)]
     steepest = float(np.median(known)) if len(known) else float(scarp.slope_profile_deg.max())
-    values = (scarp.height_m, scarp.height_sigma, scarp.facing_deg, scarp.width, steepest)
-    return {name: round(float(value), 4) for name, value in zip(_SCARP_NAMES, values, strict=True)}
+    values = (scarp.height_m, scarp.height_sigma, scarp.facing_deg, scarp.width, steepest, scarp.morphologic_age)
+    named = zip(_SCARP_NAMES, values, strict=True)
+    return {name: round(float(value), 4) for name, value in named if np.isfinite(value)}
 
 
 def _has_rasterio() -> bool:

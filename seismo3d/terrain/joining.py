@@ -258,12 +258,19 @@ def drop_echoes(
     judge : callable, optional
         How far a line stands out, which then is what makes it stronger.
     """
-    cosine = np.cos(np.radians(turn_deg))
     kept: list[TracedLine] = []
     for line in sorted(lines, key=lambda one: -(one.strength if judge is None else judge(one))):
-        if not any(_is_beside(line, one, cKDTree(one.places), near, share, cosine) for one in kept):
+        if not runs_beside(line, kept, near=near, share=share, turn_deg=turn_deg):
             kept.append(line)
     return kept
+
+
+def runs_beside(
+    line: TracedLine, others: list[TracedLine], *, near: float, share: float = 0.6, turn_deg: float = 20.0
+) -> bool:
+    """Return whether a share of a line runs beside one of the others, nearer than `near` cells of the coarser level."""
+    cosine = float(np.cos(np.radians(turn_deg)))
+    return any(_is_beside(line, one, cKDTree(one.places), near, share, cosine) for one in others)
 
 
 def part_from(line: TracedLine, others: list[TracedLine], *, near: float, turn_deg: float = 20.0) -> TracedLine:

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from functools import cache
 from typing import Any
 
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import Float32Array, Float64Array, Progress
+from seismo3d._typing import Float64Array, Progress
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
-from seismo3d.terrain.evidence import REGION, SCALE, TerrainEvidence, fill_smoothly, measure_levels, square_map
-from seismo3d.terrain.extending import extend_line
-from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines, part_from
-from seismo3d.terrain.placing import snap_line
-from seismo3d.terrain.prominence import measure_prominence
+from seismo3d.terrain.choosing import choose_lines, regional_slope, share_along
+from seismo3d.terrain.evidence import TerrainEvidence, fill_smoothly, measure_levels, square_map
 from seismo3d.terrain.support import LineSupport, scan_lines
 from seismo3d.terrain.tracing import TracedLine, trace_lines
+from seismo3d.terrain.valleys import find_valleys
 
 _LEAST_SIDE = 48
 
@@ -35,6 +31,8 @@ class LineamentSettings:
         Width of the Gaussian window along which a line must be straight.
     n_levels : int
         Levels of halved resolution that are searched.
+    n_valley_levels : int
+        The same for valleys along faults, which are wider than scarps.
     n_strikes : int
         Strikes tried in a quarter of the compass.
     floor : float
@@ -57,6 +55,9 @@ class LineamentSettings:
         Mean evidence of a lineament over that of the same path laid beside it, which is what the terrain's own texture
         draws by chance at that strike, see :mod:`seismo3d.terrain.prominence`. For the shortest lineament; it falls
         with the root of the length, as every part of a line must hold a crest, and long ones by chance are rare.
+    least_valley : float
+        The same of a valley across divides, over the unevenness of its floor, see :mod:`seismo3d.terrain.valleys`.
+        Rivers' own valleys, pieced together, reach 16 in mountains that nothing but water has shaped.
     drainage : float
         Largest share of the surrounding slope that may run along a lineament: what runs down the slope is a valley or a
         spur between valleys, which running water makes straight by itself.
@@ -64,6 +65,7 @@ class LineamentSettings:
 
     length: float = 24.0
     n_levels: int = 2
+    n_valley_levels: int = 3
     n_strikes: int = 12
     floor: float = 0.02
     least_score: float = 3.5
@@ -74,6 +76,7 @@ class LineamentSettings:
     least_length: float = 3.0
     least_strength: float = 35.0
     least_prominence: float = 9.0
+    least_valley: float = 18.0
     drainage: float = 0.45
 
 
@@ -90,7 +93,7 @@ class Lineament:
     score : ndarray of shape (n,), float64
         Evidence at each point, in standard errors.
     kind : str
-        What speaks for it most: "step" in elevation, "trough", or "both".
+        What speaks for it most: "step" in elevation, "trough", or "both"; "valley" for troughs lined up across divides.
     length : float
         In metres; cells without a georeference.
     strike_deg : float
@@ -172,9 +175,11 @@ def lineaments(
     Notes
     -----
     The line scan is that of :mod:`seismo3d.seismic` in two dimensions, in the manner of [1]_ for steps: there the
-    signal-to-noise of a template along a scarp, here the signed mean against its own scatter. A fault that runs down
-    the slope, or bends within its window, is not found. Long straight edges of terraces, dunes and roads are lines too:
-    what made a line is not told by its shape. A straight scarp is placed on its steepest part.
+    signal-to-noise of a template along a scarp, here the signed mean against its own scatter. What runs along the slope
+    is water's, unless it is a valley that goes on over divides (:mod:`seismo3d.terrain.valleys`); what keeps to one
+    height where the ground beside it does not is the edge of a terrace (:mod:`seismo3d.terrain.contours`). A fault that
+    only runs down the slope, or bends within its window, is not found; some edges of terraces, dunes and roads are
+    lines too. A straight scarp is placed on its steepest part.
 
     References
     ----------
@@ -189,10 +194,14 @@ def lineaments(
     steps = tuple(float(np.hypot(*column)) for column in grid.steps_m.T)
     square, stretch = square_map(z, (steps[0], steps[1]))
     report = progress or _unheard
-    levels = measure_levels(square, settings.n_levels, 2.0 * settings.length)
-    supports, lines = _search(square, levels, settings, report)
+    filled = fill_smoothly(square, np.isfinite(square))
+    n_levels = max(settings.n_levels, settings.n_valley_levels)
+    levels = measure_levels(square, n_levels, 2.0 * settings.length)
+    supports, lines, troughs = _search(filled, levels, settings, report)
     report("fuse", 0.0)
-    chosen = _choose(lines, supports, square, levels, settings)
+    valleys = find_valleys(troughs, supports[1], filled, levels[: settings.n_valley_levels], settings)
+    report("fuse", 0.5)
+    chosen = choose_lines(lines, valleys, supports, filled, levels, settings)
     report("fuse", 1.0)
     made = tuple(make_lineament(line, grid, stretch, settings.least_score, prominence) for line, prominence in chosen)
     likelihood = to_likelihood(supports[2].score, settings.least_score)
@@ -209,12 +218,12 @@ def _unheard(stage: str, share: float) -> None:
 
 
 def _search(
-    z: Float64Array, levels: list[TerrainEvidence], settings: LineamentSettings, report: Progress
-) -> tuple[list[LineSupport], list[TracedLine]]:
-    """Return the supports of the finest level, and the pieces of all levels that do not run along the slope."""
+    filled: Float64Array, levels: list[TerrainEvidence], settings: LineamentSettings, report: Progress
+) -> tuple[list[LineSupport], list[TracedLine], list[TracedLine]]:
+    """Return the supports of the finest level, the pieces that do not run along the slope, and all troughs' pieces."""
     first: list[LineSupport] = []
     pieces: list[TracedLine] = []
-    filled = fill_smoothly(z, np.isfinite(z))
+    troughs: list[TracedLine] = []
     for number, evidence in enumerate(levels):
         report("scan", number / len(levels))
         supports = scan_lines(evidence, length=settings.length, n_strikes=settings.n_strikes, floor=settings.floor)
@@ -227,112 +236,12 @@ def _search(
                 least_contrast=settings.least_contrast,
                 least_length=settings.least_piece * settings.length,
             )
-            pieces += [line for line in found if share_along(line.places, slope) < settings.drainage]
+            if number < settings.n_levels:
+                pieces += [line for line in found if share_along(line.places, slope) < settings.drainage]
+            if number < settings.n_valley_levels and support.kind != "step":
+                troughs += found
     report("scan", 1.0)
-    return first, pieces
-
-
-def _choose(
-    pieces: list[TracedLine],
-    supports: list[LineSupport],
-    z: Float64Array,
-    levels: list[TerrainEvidence],
-    settings: LineamentSettings,
-) -> list[tuple[TracedLine, float]]:
-    """Fuse and join pieces, bring them to the crest, and keep long, significant lines with their prominence."""
-    gap = settings.gap * settings.length
-    crest = _crest(supports)
-
-    @cache
-    def judge(line: TracedLine) -> float:
-        value = measure_prominence(line, levels)
-        return value if np.isfinite(value) else 0.0
-
-    lines = join_lines(
-        fuse_lines(join_lines(pieces, gap=0.5 * gap), near=settings.near, judge=judge), gap=gap, judge=judge
-    )
-    # on the crest, pieces of other levels and kinds that looked apart come together
-    lines = [snap_line(line, crest, stiffness=SCALE, reach=settings.near) for line in lines]
-    best = np.maximum.reduce([support.score for support in supports])
-    lines = [
-        extend_line(line, crest, best, window=settings.length, reach=1.5 * settings.near, judge=judge)
-        if line.length >= 2.0 * settings.length and _stands_out(line, judge(line), settings)
-        else line
-        for line in lines
-    ]
-    lines = join_lines(fuse_lines(lines, near=settings.near, judge=judge), gap=gap, judge=judge)
-    # the line that is reported is straight over two windows, and over an eighth of its length
-    lines = _placed(lines, supports, settings, judge)
-    # the regional surface answers to a line with two of the other sign beside it
-    lines = drop_echoes(lines, near=REGION * SCALE + SCALE, judge=judge)
-    slope = regional_slope(fill_smoothly(z, np.isfinite(z)), 0.5 * settings.length)
-
-    def is_good(line: TracedLine) -> bool:
-        return (
-            line.length >= settings.least_length * settings.length
-            and line.strength >= settings.least_strength
-            and _stands_out(line, judge(line), settings)
-            and share_along(line.places, slope) < settings.drainage
-        )
-
-    kept: list[TracedLine] = []
-    for line in sorted(filter(is_good, lines), key=lambda one: -judge(one) * np.sqrt(one.length)):
-        # a weaker line that leaves a stronger one must stand out where it is alone
-        rest = part_from(line, kept, near=REGION * SCALE + SCALE)
-        if is_good(rest):
-            kept.append(rest)
-    return sorted(((line, judge(line)) for line in kept), key=lambda pair: -pair[0].strength)
-
-
-def _stands_out(line: TracedLine, prominence: float, settings: LineamentSettings) -> bool:
-    shortest = settings.least_length * settings.length
-    return prominence * float(np.sqrt(line.length / shortest)) >= settings.least_prominence
-
-
-def _placed(
-    lines: list[TracedLine],
-    supports: list[LineSupport],
-    settings: LineamentSettings,
-    judge: Callable[[TracedLine], float],
-) -> list[TracedLine]:
-    """Return lines brought to the scarp's middle, or to the hollow at its foot where only there they stand out."""
-    middle, foot = (_crest(supports, trough=weight) for weight in (0.5, 1.0))
-    out = []
-    for line in lines:
-        stiffness, reach = max(2.0 * settings.length, line.length / 8.0), 3.0 * settings.near
-        made = snap_line(line, middle, stiffness=stiffness, reach=reach)
-        if not _stands_out(made, judge(made), settings):
-            other = snap_line(line, foot, stiffness=stiffness, reach=reach)
-            made = other if judge(other) > judge(made) else made
-        out.append(made)
-    return out
-
-
-def _crest(supports: list[LineSupport], *, trough: float | None = None) -> Float32Array:
-    """Return where a line belongs: by score, or by contrast as well with a weight for troughs beside steps."""
-    step, hollow = (next(one for one in supports if one.kind == kind) for kind in ("step", "trough"))
-    if trough is None:
-        parts, blur = [step.score, hollow.score], 2.0 * SCALE
-    else:
-        # a certain line's score is flat across it: there the contrast tells where it is; a scarp wears about its
-        # middle, which stays on the fault, and the hollow at its foot lies aside
-        parts, blur = [step.score * step.contrast, trough * hollow.score * hollow.contrast], SCALE
-    return np.asarray(sum(ndimage.gaussian_filter(part, blur) for part in parts), np.float32)
-
-
-def regional_slope(filled: Float64Array, width: float) -> tuple[Float64Array, Float64Array]:
-    """Return the slope along rows and columns of the map smoothed by a Gaussian of a width in cells."""
-    smooth = ndimage.gaussian_filter(filled, width, mode="nearest")
-    along_rows, along_columns = np.gradient(smooth)
-    return np.asarray(along_rows), np.asarray(along_columns)
-
-
-def share_along(places: Float64Array, slope: tuple[Float64Array, Float64Array]) -> float:
-    """Return which share of the slope at a line's places (row, column) runs along it, 0 to 1."""
-    way = np.gradient(places, axis=0)
-    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
-    g = np.stack([ndimage.map_coordinates(part, places.T, order=1, mode="nearest") for part in slope], axis=1)
-    return float(np.abs((g * way).sum(axis=1)).sum() / max(np.linalg.norm(g, axis=1).sum(), 1e-12))
+    return first, pieces, troughs
 
 
 def make_lineament(

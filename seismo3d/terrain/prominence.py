@@ -47,11 +47,9 @@ def _prominence(line: TracedLine, evidence: TerrainEvidence) -> float:
     path = _even_path((line.places + 0.5) / evidence.factor - 0.5)
     if len(path) < 4:
         return float("nan")
-    way = np.gradient(ndimage.gaussian_filter1d(path, 6.0 / _STRIDE, axis=0, mode="nearest"), axis=0)
-    normals = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
-    far = 2.0 * REGION * SCALE + REGION * SCALE * np.arange(_BESIDE)
+    normals, far = paths_beside(path, stride=_STRIDE)
     near = np.arange(-3.0, 4.0)
-    means = _mean_evidence(path, normals, np.concatenate([near, -far, far]), evidence)
+    means = _mean_evidence(path, normals, np.concatenate([near, far]), evidence)
     own, beside = means[: len(near)], means[len(near) :]
     beside = beside[np.isfinite(beside[:, 0])]
     if len(beside) < _LEAST_PATHS or not np.isfinite(own).any():
@@ -60,6 +58,22 @@ def _prominence(line: TracedLine, evidence: TerrainEvidence) -> float:
     # a ridge is no trough
     top = np.array([np.nanmax(np.abs(own[:, 0])), max(float(np.nanmax(own[:, 1])), 0.0)])
     return float(np.hypot(*(top / chance)))
+
+
+def paths_beside(path: Float64Array, *, stride: float = 1.0) -> tuple[Float64Array, Float64Array]:
+    """Return a path's unit normals (row, column), and how far along them the paths beside it lie, in cells.
+
+    Parameters
+    ----------
+    path : ndarray of shape (n, 2), float64
+        (row, column).
+    stride : float
+        Cells from place to place.
+    """
+    way = np.gradient(ndimage.gaussian_filter1d(path, 6.0 / stride, axis=0, mode="nearest"), axis=0)
+    normals = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+    far = 2.0 * REGION * SCALE + REGION * SCALE * np.arange(_BESIDE)
+    return np.asarray(normals), np.concatenate([-far, far])
 
 
 def _even_path(places: Float64Array) -> Float64Array:

@@ -11,9 +11,18 @@ from scipy import ndimage
 from seismo3d._typing import Float64Array
 from seismo3d._validate import as_number, freeze
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
+from seismo3d.terrain.diffusion import WornStep, fit_form, fit_worn_step
 from seismo3d.terrain.evidence import fill_smoothly
 from seismo3d.terrain.lineament_search import Lineament, LineamentSet, LineamentSettings, lineaments
 
+_REACHES = (24, 34, 48, 68, 96)
+"""Lengths of a profile on each side, in cells, that are tried until it reaches both far fields."""
+_FAR = 2.4
+"""Length of a profile over the width of its worn step, at which both sides are level with their far fields."""
+_MOST_MISFIT = 0.5
+"""Largest misfit of a worn step: beyond it the profile is of another form."""
+_ASIDE = 6.0
+"""Cells that a step's middle may lie from the lineament."""
 _FLANK = 0.15
 """Share of the steepest slope, above that of the flanks, at which a scarp ends and its flanks begin."""
 _LEAST_HEIGHT = 2.0
@@ -43,7 +52,10 @@ class Scarp:
     height_m, height_sigma : float
         Of the mean profile, and its standard deviation along the lineament's independent stretches.
     width : float
-        From the foot to the top of the mean profile, in metres.
+        From the foot to the top of the mean profile, in metres: where it is a seventh as steep as at its steepest.
+    morphologic_age : float
+        Diffusivity of soil times age, in square metres (cells): of the step of an error function that the mean profile
+        is; NaN where it is not.
     facing_deg : float
         Azimuth towards the lower side.
     """
@@ -58,6 +70,7 @@ class Scarp:
     height_m: float
     height_sigma: float
     width: float
+    morphologic_age: float
     facing_deg: float
 
 
@@ -70,8 +83,11 @@ def scarps(
 ) -> tuple[Scarp, ...]:
     """Measure the scarps among a map's lineaments: height, steepest slope and profile across each.
 
-    Profiles are taken across the lineament and averaged over a window along it. The scarp is where the mean profile is
-    steeper than its flanks; one slope is fitted to both flanks, and their separation is the height.
+    Profiles are taken across the lineament and averaged over a window along it. The mean profile is fitted by a step
+    that soil's creep has worn [1]_, on longer and longer profiles until they reach the far fields on both sides of a
+    step as wide as this one; the far fields' separation is the height. Where the mean profile is no such step, as on a
+    valley's side, the scarp is where it is steeper than its flanks; one slope is fitted to both flanks, and their
+    separation is the height.
 
     Parameters
     ----------
@@ -79,52 +95,55 @@ def scarps(
     found : LineamentSet, optional
         Of this map; found by :func:`lineaments` where not given.
     half_width : float, optional
-        Length of a profile on each side, in metres (cells). Default: 24 cells.
+        Length of a profile on each side, in metres (cells). Default: 24 cells, and up to 96 for wide scarps.
     settings : LineamentSettings, optional
 
     Returns
     -------
     tuple of Scarp
         Highest first. Lineaments without a step that stands out from its scatter are left out.
+
+    References
+    ----------
+    .. [1] T. C. Hanks et al., J. Geophys. Res. 89(B7), 5771-5790, 1984. :doi:`10.1029/JB089iB07p05771`
     """
     z = elevation_values(elevation)
     grid = MapGrid.from_elevation(elevation)
     settings = settings or LineamentSettings()
     found = found or lineaments(elevation, settings=settings)
-    reach = 24.0 * grid.cell_m if half_width is None else as_number(half_width, "half_width", low=0.0, strict=True)
+    reaches = [n * grid.cell_m for n in _REACHES]
+    if half_width is not None:
+        reaches = [as_number(half_width, "half_width", low=0.0, strict=True)]
     filled = np.where(np.isfinite(z), z, np.nan)
     if not np.isfinite(z).all():
         near = ndimage.binary_dilation(np.isfinite(z), iterations=2)
         filled = np.where(near, fill_smoothly(z, np.isfinite(z)), np.nan)
-    made = [_measure(filled, grid, line, reach, settings.length * grid.cell_m) for line in found.lines]
+    made = [_measure(filled, grid, line, reaches, settings.length * grid.cell_m) for line in found.lines]
     return tuple(sorted((scarp for scarp in made if scarp is not None), key=lambda scarp: -scarp.height_m))
 
 
-def _measure(z: Float64Array, grid: MapGrid, line: Lineament, reach: float, window: float) -> Scarp | None:
-    distance, offset, profiles, normal = _profiles(z, grid, line, reach)
-    if np.isfinite(profiles).mean() < 0.3:
+def _measure(z: Float64Array, grid: MapGrid, line: Lineament, reaches: list[float], window: float) -> Scarp | None:
+    taken = _take_profiles(z, grid, line, reaches)
+    if taken is None:
         return None
-    levelled = profiles - np.nanmean(profiles, axis=1, keepdims=True)
-    mean = np.nanmean(levelled, axis=0)
-    if not np.isfinite(mean).all():
-        return None
-    if _fit_step(offset, mean, *_limits(offset, mean))[0] > 0.0:
+    distance, offset, profiles, normal, worn = taken
+    mean = _mean_profile(profiles)
+    low, high, form = _form(offset, mean, worn)
+    flank, step, _ = fit_form(offset, mean, form)
+    if step > 0.0:
         # the offset grows towards the lower side
-        profiles, levelled, mean, normal = profiles[:, ::-1], levelled[:, ::-1], mean[::-1], -normal
-    low, high = _limits(offset, mean)
-    step, flank = _fit_step(offset, mean, low, high)
-    height = -step
+        profiles, mean, normal, form, low, high = profiles[:, ::-1], mean[::-1], -normal, -form[::-1], -high, -low
+        flank, step, _ = fit_form(offset, mean, form)
     smooth = _along(profiles, window / (distance[1] - distance[0]))
-    heights = np.array([-_fit_step(offset, row, low, high)[0] for row in smooth])
-    slopes = np.degrees(np.arctan(-np.gradient(smooth, offset, axis=1)[:, (offset >= low) & (offset <= high)]))
+    heights = np.array([-fit_form(offset, row, form)[1] for row in smooth])
     known = heights[np.isfinite(heights)]
     if len(known) == 0:
         return None
-    stretches = max(line.length / (2.0 * window), 1.0)
-    sigma = float(known.std() / np.sqrt(stretches))
+    height, sigma = -step, float(known.std() / np.sqrt(max(line.length / (2.0 * window), 1.0)))
     # at the mean profile's own roughness a step is nothing
     if height <= _LEAST_HEIGHT * sigma or height < _LEAST_SHARE * float(np.ptp(mean - flank * offset)):
         return None
+    slopes = np.degrees(np.arctan(-np.gradient(smooth, offset, axis=1)[:, (offset >= low) & (offset <= high)]))
     steepest = np.full(len(slopes), np.nan)
     full = np.isfinite(slopes).all(axis=1)
     steepest[full] = slopes[full].max(axis=1)
@@ -132,8 +151,46 @@ def _measure(z: Float64Array, grid: MapGrid, line: Lineament, reach: float, wind
     return Scarp(
         line, freeze(distance), freeze(heights), freeze(steepest), freeze(offset), freeze(mean.copy()),
         freeze(np.degrees(np.arctan(-np.gradient(mean, offset)))), float(height), sigma, float(high - low),
+        float("nan") if worn is None else 0.25 * worn.width**2,
         float(np.degrees(np.arctan2(normal[:, 0].mean(), north)) % 360.0),
     )  # fmt: skip
+
+
+def _take_profiles(
+    z: Float64Array, grid: MapGrid, line: Lineament, reaches: list[float]
+) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array, WornStep | None] | None:
+    """Return the shortest profiles that reach both far fields of their worn step; without one the first, or None."""
+    first = None
+    for reach in reaches:
+        distance, offset, profiles, normal = _profiles(z, grid, line, reach)
+        if np.isfinite(profiles).mean() < 0.3:
+            break
+        mean = _mean_profile(profiles)
+        if not np.isfinite(mean).all():
+            break
+        worn = fit_worn_step(offset, mean, aside=min(_ASIDE * grid.cell_m, 0.25 * offset[-1]))
+        if worn.misfit <= _MOST_MISFIT and offset[-1] >= _FAR * worn.width:
+            return distance, offset, profiles, normal, worn
+        first = first or (distance, offset, profiles, normal, None)
+    return first
+
+
+def _mean_profile(profiles: Float64Array) -> Float64Array:
+    """Return the mean over what is known of each profile about its own mean."""
+    weight = np.isfinite(profiles)
+    known = np.where(weight, profiles, 0.0)
+    levelled = known - weight * (known.sum(axis=1) / np.maximum(weight.sum(axis=1), 1))[:, None]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(levelled.sum(axis=0) / weight.sum(axis=0))
+
+
+def _form(offset: Float64Array, mean: Float64Array, worn: WornStep | None) -> tuple[float, float, Float64Array]:
+    """Return where a profile's step begins and ends, and a step of height one; NaN where it is not told."""
+    if worn is None:
+        low, high = _limits(offset, mean)
+        return low, high, np.where(offset <= low, -0.5, np.where(offset >= high, 0.5, np.nan))
+    half = worn.width * np.sqrt(-np.log(_FLANK))
+    return worn.middle - half, worn.middle + half, worn.form(offset)
 
 
 def _profiles(
@@ -180,17 +237,6 @@ def _limits(offset: Float64Array, mean: Float64Array) -> tuple[float, float]:
     return float(max(offset[first - 1 if first else 0], offset[n // 8])), float(
         min(offset[last + 1 if last < n - 1 else n - 1], offset[n - 1 - n // 8])
     )
-
-
-def _fit_step(offset: Float64Array, profile: Float64Array, low: float, high: float) -> tuple[float, float]:
-    """Return the step up across a profile and the slope common to both flanks; NaN where a flank is not known."""
-    below, above = offset <= low, offset >= high
-    used = (below | above) & np.isfinite(profile)
-    if (used & below).sum() < 3 or (used & above).sum() < 3:
-        return float("nan"), float("nan")
-    design = np.column_stack([np.ones(used.sum()), offset[used], above[used].astype(np.float64)])
-    solution = np.linalg.lstsq(design, profile[used], rcond=None)[0]
-    return float(solution[2]), float(solution[1])
 
 
 def _along(profiles: Float64Array, window: float) -> Float64Array:

@@ -42,11 +42,20 @@ def test_lines_beside_faults_agree_and_lines_across_them_do_not(rough, rng):
     assert place.value == 1.0
     assert place.p < 0.05
     assert place.by_chance < 0.6
-    strike, turned = compare_strikes(rough, LINES, ALIKE, draws=300, rng=rng)
+    strike, beside, turned = compare_strikes(rough, LINES, ALIKE, draws=300, rng=rng)
     assert strike.value > 0.9
     assert strike.p < 0.05
     assert turned.by_chance < 0.3
+    # the same strikes, 150 m aside
+    assert beside.value == pytest.approx(1.0, abs=1e-3)
+    assert beside.p < 0.05
     assert compare_strikes(rough, LINES, ACROSS, draws=300, rng=rng)[0].p > 0.5
+
+
+def test_strikes_far_from_all_faults_are_not_compared(rough, rng):
+    lines = made(line((20, 10), (200, 12)))
+    far = [lines.lines[0].points - np.array([0.0, 6000.0])]
+    assert np.isnan(compare_strikes(rough, lines, far, draws=20, rng=rng)[1].p)
 
 
 def test_faults_are_cut_to_the_map(tmp_path):

@@ -10,8 +10,9 @@ from scipy import ndimage
 from seismo3d.errors import GeometryError, ShapeError
 from seismo3d.geometry.map_grid import MapGrid
 from seismo3d.terrain import lineaments, scarps, to_geojson, write_lineaments
+from seismo3d.terrain.choosing import share_along
 from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines, part_from
-from seismo3d.terrain.lineament_search import make_lineament, share_along
+from seismo3d.terrain.lineament_search import LineamentSet, make_lineament
 from seismo3d.terrain.tracing import TracedLine
 
 
@@ -142,6 +143,21 @@ def test_a_low_scarp_on_a_slope_has_its_height(rng):
     z = -0.1 * j - 0.5 * (j > 99.5) + ndimage.gaussian_filter(rng.normal(size=i.shape), 2.0) * 0.05
     (scarp, *_) = scarps(place(z, cell=1.0))
     assert scarp.height_m == pytest.approx(0.5, rel=0.15)
+
+
+@pytest.mark.parametrize(("width", "cell"), [(6.0, 1.0), (14.0, 1.0), (20.0, 5.0)])
+def test_a_worn_scarp_keeps_its_height_and_tells_its_age(width, cell):
+    elevation = place(make_scarp(n=200, height=3.0, width=width) * cell, cell=cell)
+    middle = TracedLine(np.column_stack([np.arange(2.0, 198.0), np.full(196, 99.5)]), np.full(196, 9.0), "step", 1)
+    grid = MapGrid.from_elevation(elevation)
+    found = LineamentSet((make_lineament(middle, grid, (1.0, 1.0), 3.5, 10.0),), None, grid)
+    (scarp,) = scarps(elevation, found)
+    assert scarp.height_m == pytest.approx(3.0 * cell, rel=0.1)
+    # its width is twice the root of the age
+    assert scarp.morphologic_age == pytest.approx(0.25 * (width * cell) ** 2, rel=0.25)
+    assert scarp.offset.max() >= 2.4 * width * cell
+    (short,) = scarps(elevation, found, half_width=1.5 * width * cell)
+    assert np.isnan(short.morphologic_age)
 
 
 def test_a_line_ends_at_the_map():

@@ -1,0 +1,156 @@
+"""The choice among traced lines: fused, joined, placed, and kept where they stand out and water or terraces did not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+from seismo3d._typing import Float32Array, Float64Array
+from seismo3d.terrain.contours import follows_contour
+from seismo3d.terrain.evidence import REGION, SCALE, TerrainEvidence
+from seismo3d.terrain.extending import extend_line
+from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines, part_from, runs_beside
+from seismo3d.terrain.placing import snap_line
+from seismo3d.terrain.prominence import measure_prominence
+from seismo3d.terrain.support import LineSupport
+from seismo3d.terrain.tracing import TracedLine
+from seismo3d.terrain.valleys import is_valley
+
+if TYPE_CHECKING:
+    from seismo3d.terrain.lineament_search import LineamentSettings
+
+
+def choose_lines(
+    pieces: list[TracedLine],
+    valleys: list[TracedLine],
+    supports: list[LineSupport],
+    filled: Float64Array,
+    levels: list[TerrainEvidence],
+    settings: LineamentSettings,
+) -> list[tuple[TracedLine, float]]:
+    """Fuse and join pieces, bring them to the crest, and keep long, significant lines with their prominence.
+
+    Parameters
+    ----------
+    pieces : list of TracedLine
+        Of all levels and kinds, that do not run along the slope.
+    valleys : list of TracedLine
+        From :func:`seismo3d.terrain.valleys.find_valleys`.
+    supports : list of LineSupport
+        Of the finest level.
+    filled : ndarray of shape (rows, columns), float64
+        Elevation without holes, in cells.
+    levels : list of TerrainEvidence
+    settings : LineamentSettings
+
+    Returns
+    -------
+    list of (TracedLine, float)
+        Most significant first.
+    """
+    gap = settings.gap * settings.length
+    crest = _crest(supports)
+
+    @cache
+    def judge(line: TracedLine) -> float:
+        reach = settings.n_valley_levels if line.kind == "valley" else settings.n_levels
+        value = measure_prominence(line, levels[:reach])
+        return value if np.isfinite(value) else 0.0
+
+    lines = join_lines(
+        fuse_lines(join_lines(pieces, gap=0.5 * gap), near=settings.near, judge=judge), gap=gap, judge=judge
+    )
+    # on the crest, pieces of other levels and kinds that looked apart come together
+    lines = [snap_line(line, crest, stiffness=SCALE, reach=settings.near) for line in lines]
+    best = np.maximum.reduce([support.score for support in supports])
+    lines = [
+        extend_line(line, crest, best, window=settings.length, reach=1.5 * settings.near, judge=judge)
+        if line.length >= 2.0 * settings.length and _stands_out(line, judge(line), settings)
+        else line
+        for line in lines
+    ]
+    lines = join_lines(fuse_lines(lines, near=settings.near, judge=judge), gap=gap, judge=judge)
+    # the line that is reported is straight over two windows, and over an eighth of its length
+    lines = _placed(lines, supports, settings, judge)
+    # the regional surface answers to a line with two of the other sign beside it
+    lines = drop_echoes(lines, near=REGION * SCALE + SCALE, judge=judge)
+    slope = regional_slope(filled, 0.5 * settings.length)
+    ground = ndimage.gaussian_filter(filled, SCALE)
+
+    def is_good(line: TracedLine) -> bool:
+        if line.kind == "valley":
+            return is_valley(line, judge(line), filled, settings)
+        return (
+            line.length >= settings.least_length * settings.length
+            and line.strength >= settings.least_strength
+            and _stands_out(line, judge(line), settings)
+            and share_along(line.places, slope) < settings.drainage
+            and not follows_contour(ground, line.places)
+        )
+
+    lines = list(filter(is_good, lines))
+    # a valley is a part of a line that goes on beyond it
+    near = REGION * SCALE + SCALE
+    valleys = [one for one in valleys if not runs_beside(one, [o for o in lines if o.length > one.length], near=near)]
+    kept: list[TracedLine] = []
+    for line in sorted(lines + valleys, key=lambda one: -judge(one) * np.sqrt(one.length)):
+        # a weaker line that leaves a stronger one must stand out where it is alone
+        rest = part_from(line, kept, near=near)
+        if is_good(rest) and not runs_beside(rest, kept, near=near):
+            kept.append(rest)
+    return sorted(((line, judge(line)) for line in kept), key=lambda pair: -pair[0].strength)
+
+
+def _stands_out(line: TracedLine, prominence: float, settings: LineamentSettings) -> bool:
+    shortest = settings.least_length * settings.length
+    return prominence * float(np.sqrt(line.length / shortest)) >= settings.least_prominence
+
+
+def _placed(
+    lines: list[TracedLine],
+    supports: list[LineSupport],
+    settings: LineamentSettings,
+    judge: Callable[[TracedLine], float],
+) -> list[TracedLine]:
+    """Return lines brought to the scarp's middle, or to the hollow at its foot where only there they stand out."""
+    middle, foot = (_crest(supports, trough=weight) for weight in (0.5, 1.0))
+    out = []
+    for line in lines:
+        stiffness, reach = max(2.0 * settings.length, line.length / 8.0), 3.0 * settings.near
+        made = snap_line(line, middle, stiffness=stiffness, reach=reach)
+        if not _stands_out(made, judge(made), settings):
+            other = snap_line(line, foot, stiffness=stiffness, reach=reach)
+            made = other if judge(other) > judge(made) else made
+        out.append(made)
+    return out
+
+
+def _crest(supports: list[LineSupport], *, trough: float | None = None) -> Float32Array:
+    """Return where a line belongs: by score, or by contrast as well with a weight for troughs beside steps."""
+    step, hollow = (next(one for one in supports if one.kind == kind) for kind in ("step", "trough"))
+    if trough is None:
+        parts, blur = [step.score, hollow.score], 2.0 * SCALE
+    else:
+        # a certain line's score is flat across it: there the contrast tells where it is; a scarp wears about its
+        # middle, which stays on the fault, and the hollow at its foot lies aside
+        parts, blur = [step.score * step.contrast, trough * hollow.score * hollow.contrast], SCALE
+    return np.asarray(sum(ndimage.gaussian_filter(part, blur) for part in parts), np.float32)
+
+
+def regional_slope(filled: Float64Array, width: float) -> tuple[Float64Array, Float64Array]:
+    """Return the slope along rows and columns of the map smoothed by a Gaussian of a width in cells."""
+    smooth = ndimage.gaussian_filter(filled, width, mode="nearest")
+    along_rows, along_columns = np.gradient(smooth)
+    return np.asarray(along_rows), np.asarray(along_columns)
+
+
+def share_along(places: Float64Array, slope: tuple[Float64Array, Float64Array]) -> float:
+    """Return which share of the slope at a line's places (row, column) runs along it, 0 to 1."""
+    way = np.gradient(places, axis=0)
+    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    g = np.stack([ndimage.map_coordinates(part, places.T, order=1, mode="nearest") for part in slope], axis=1)
+    return float(np.abs((g * way).sum(axis=1)).sum() / max(np.linalg.norm(g, axis=1).sum(), 1e-12))
