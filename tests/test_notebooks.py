@@ -17,7 +17,7 @@ from seismo3d.plot.rendering import find_windowless
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-PRINTED = {"02_registration": "fusion, by variance", "04_tracks": "within 1 sample of the truth on 9"}
+PRINTED = {"02_registration": "fusion, by variance", "04_tracks": "within 1 sample of the truth on 100"}
 
 
 def pictures(cell: Any) -> list[np.ndarray]:

@@ -7,6 +7,7 @@ seeds of the suite, :data:`SUITE_SEEDS`, are for measuring only; settings are tu
 from __future__ import annotations
 
 import argparse
+import ctypes
 import json
 import math
 import statistics
@@ -149,6 +150,7 @@ def reference_seconds(seismic: Any, *, repeats: int = 5) -> float:
 
 def _peak_mb(trace: Tracer, seismic: Any) -> float:
     """Largest resident memory while tracing, above what was resident before; compiled code's own arrays included."""
+    _return_freed_memory()
     try:
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
     except OSError as error:
@@ -158,6 +160,13 @@ def _peak_mb(trace: Tracer, seismic: Any) -> float:
     before = _resident_mb("VmRSS")
     trace(seismic)
     return _resident_mb("VmHWM") - before
+
+
+def _return_freed_memory() -> None:
+    """Give the system what was freed but is kept for later: arrays that reuse it would not be seen to grow."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(0)
 
 
 def _resident_mb(field: str) -> float:

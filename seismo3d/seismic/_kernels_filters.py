@@ -5,7 +5,31 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from seismo3d._typing import Float32Array
+from seismo3d._typing import AnyArray, Float32Array
+
+Traces = tuple[slice, slice]
+"""Inlines and crosslines of a volume, each from a start to a stop."""
+
+
+def all_traces(volume: AnyArray) -> Traces:
+    """Return all traces of a volume."""
+    return slice(0, volume.shape[0]), slice(0, volume.shape[1])
+
+
+def grow_traces(traces: Traces, reach: tuple[int, int], shape: tuple[int, ...]) -> Traces:
+    """Return traces with so many inlines and crosslines more on every side, as far as a volume has them."""
+    return (
+        slice(max(0, traces[0].start - reach[0]), min(shape[0], traces[0].stop + reach[0])),
+        slice(max(0, traces[1].start - reach[1]), min(shape[1], traces[1].stop + reach[1])),
+    )
+
+
+def shift_traces(traces: Traces, other: Traces) -> Traces:
+    """Return where traces lie among others."""
+    return (
+        slice(traces[0].start - other[0].start, traces[0].stop - other[0].start),
+        slice(traces[1].start - other[1].start, traces[1].stop - other[1].start),
+    )
 
 
 def gaussian_taps(sigma: float) -> Float32Array:
@@ -28,7 +52,7 @@ def derivative_taps(sigma: float) -> Float32Array:
 
 @njit(cache=True, nogil=True, parallel=True)
 def filter_samples(volume, taps, out):  # type: ignore[no-untyped-def]
-    """Correlate with the taps along the sample axis; the ends repeat."""
+    """Correlate with the taps along the sample axis; the ends repeat. `out` may be the volume itself."""
     n0, n1, n2 = volume.shape
     half = len(taps) // 2
     for i in prange(n0):
@@ -48,35 +72,78 @@ def filter_samples(volume, taps, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def filter_crosslines(volume, taps, out):  # type: ignore[no-untyped-def]
-    """Correlate with the taps along the crossline axis; the ends repeat."""
+def filter_carried(volume, valid, taps, beyond, out):  # type: ignore[no-untyped-def]
+    """Correlate traces with the taps from their first to their last valid sample; 0 where they are not valid.
+
+    Row t of `beyond` tells the sample t + 1 beyond an end from the last ones, the end first.
+    """
+    n0, n1, n2 = volume.shape
+    half, n = len(taps) // 2, beyond.shape[1]
+    zero = np.float32(0.0)
+    for i in prange(n0):
+        row = np.empty(n2 + 2 * half, np.float32)
+        for j in range(n1):
+            own, there = volume[i, j], valid[i, j]
+            out[i, j] = zero
+            first, last = 0, n2 - 1
+            while first < n2 and not there[first]:
+                first += 1
+            while last > first and not there[last]:
+                last -= 1
+            if first == n2:
+                continue
+            row[:] = zero
+            for k in range(first, last + 1):
+                row[k + half] = own[k] if there[k] else zero
+            for t in range(half):
+                above, below = zero, zero
+                for k in range(min(n, last - first + 1)):
+                    above += beyond[t, k] * row[first + half + k]
+                    below += beyond[t, k] * row[last + half - k]
+                row[first + half - 1 - t], row[last + half + 1 + t] = above, below
+            for t in range(2 * half + 1):
+                weight = taps[t]
+                for k in range(first, last + 1):
+                    out[i, j, k] += weight * row[k + t]
+            for k in range(first, last + 1):
+                if not there[k]:
+                    out[i, j, k] = zero
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def filter_crosslines(volume, taps, out, first):  # type: ignore[no-untyped-def]
+    """Correlate with the taps along the crossline axis; the ends repeat.
+
+    `out` may have fewer crosslines, the first of which is the volume's at `first`.
+    """
     n0, n1, n2 = volume.shape
     half = len(taps) // 2
     for i in prange(n0):
-        for j in range(n1):
+        for j in range(out.shape[1]):
             for k in range(n2):
                 out[i, j, k] = 0.0
             for t in range(-half, half + 1):
-                jj = min(max(j + t, 0), n1 - 1)
+                jj = min(max(first + j + t, 0), n1 - 1)
                 weight = taps[t + half]
                 for k in range(n2):
                     out[i, j, k] += weight * volume[i, jj, k]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def filter_inlines(volume, taps, out):  # type: ignore[no-untyped-def]
+def filter_inlines(volume, taps, out, first):  # type: ignore[no-untyped-def]
     """Correlate with the taps along the inline axis; the ends repeat.
 
-    Inlines are the inner loop, so that the traces a window shares with the next one are still in the cache.
+    `out` may have fewer inlines, the first of which is the volume's at `first`. Inlines are the inner loop, so that the
+    traces a window shares with the next one are still in the cache.
     """
     n0, n1, n2 = volume.shape
     half = len(taps) // 2
     for j in prange(n1):
-        for i in range(n0):
+        for i in range(out.shape[0]):
             for k in range(n2):
                 out[i, j, k] = 0.0
             for t in range(-half, half + 1):
-                ii = min(max(i + t, 0), n0 - 1)
+                ii = min(max(first + i + t, 0), n0 - 1)
                 weight = taps[t + half]
                 for k in range(n2):
                     out[i, j, k] += weight * volume[ii, j, k]
@@ -124,16 +191,36 @@ def tensor_slopes(txx, txy, txz, tyy, tyz, tzz, steepest, p, q):  # type: ignore
                 q[i, j, k] = min(max(-e / f, -steepest), steepest)
 
 
-def smooth(
-    volume: Float32Array, sigma: tuple[float, float, float], *, scratch: Float32Array | None = None
-) -> Float32Array:
+def smooth(volume: Float32Array, sigma: tuple[float, float, float], *, within: Traces | None = None) -> Float32Array:
     """Return the volume smoothed by a Gaussian of the given widths along its three axes; the ends repeat.
 
-    `scratch`, an array of the same shape, is written over: a caller that smooths many volumes saves as many.
+    Given traces within it, only those are returned; the filter along the samples, mostly the longest, then runs on no
+    others.
     """
-    out = np.empty_like(volume)
-    scratch = np.empty_like(volume) if scratch is None else scratch
-    filter_samples(volume, gaussian_taps(sigma[2]), out)
-    filter_crosslines(out, gaussian_taps(sigma[1]), scratch)
-    filter_inlines(scratch, gaussian_taps(sigma[0]), out)
-    return out
+    return filter_traces(volume, *(gaussian_taps(width) for width in sigma), within=within)
+
+
+def filter_traces(
+    volume: Float32Array,
+    inline_taps: Float32Array,
+    crossline_taps: Float32Array,
+    sample_taps: Float32Array,
+    *,
+    within: Traces | None = None,
+) -> Float32Array:
+    """Return the volume, or traces within it, correlated with taps along all three axes; the ends repeat."""
+    found = spread_traces(volume, inline_taps, crossline_taps, within=within)
+    filter_samples(found, sample_taps, found)
+    return found
+
+
+def spread_traces(
+    volume: Float32Array, inline_taps: Float32Array, crossline_taps: Float32Array, *, within: Traces | None = None
+) -> Float32Array:
+    """Return the volume, or traces within it, correlated with taps along inlines and crosslines; the ends repeat."""
+    inlines, crosslines = within or all_traces(volume)
+    across = np.empty((inlines.stop - inlines.start, *volume.shape[1:]), np.float32)
+    filter_inlines(volume, inline_taps, across, inlines.start)
+    found = np.empty((len(across), crosslines.stop - crosslines.start, volume.shape[2]), np.float32)
+    filter_crosslines(across, crossline_taps, found, crosslines.start)
+    return found

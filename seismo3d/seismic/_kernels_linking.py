@@ -31,16 +31,32 @@ def fill_cells(voxels, cells, points):  # type: ignore[no-untyped-def]
     points[:] = -1
     for a in range(len(voxels)):
         i, j, k = voxels[a, 0], voxels[a, 1], voxels[a, 2]
-        points[cells[i >> 2, j >> 2, k >> 2], ((i & 3) << 4) | ((j & 3) << 2) | (k & 3)] = a
+        points[cells[i >> 2, j >> 2, k >> 2], ((k & 3) << 4) | ((i & 3) << 2) | (j & 3)] = a
 
 
-@njit(cache=True, nogil=True, inline="always")
-def find_point(cells, points, i, j, k):  # type: ignore[no-untyped-def]
-    """Return the number of the point in a voxel, -1 where there is none."""
-    cell = cells[i >> 2, j >> 2, k >> 2]
-    if cell < 0:
-        return np.int32(-1)
-    return points[cell, ((i & 3) << 4) | ((j & 3) << 2) | (k & 3)]
+@njit(cache=True, nogil=True)
+def find_points(cells, points, i, j, k, reach, holds, but, found):  # type: ignore[no-untyped-def]
+    """Write the numbers of the points within reach of a voxel in its time slice; return how many there are.
+
+    Cells are looked up once each: most hold no points. Those that hold nothing `but` one surface are left out, where
+    `holds` has a surface for each cell.
+    """
+    n0, n1 = cells.shape[0] << 2, cells.shape[1] << 2
+    i0, i1, j0, j1 = max(0, i - reach), min(n0, i + reach + 1), max(0, j - reach), min(n1, j + reach + 1)
+    count = 0
+    level = (k & 3) << 4
+    for ci in range(i0 >> 2, (i1 + 3) >> 2):
+        for cj in range(j0 >> 2, (j1 + 3) >> 2):
+            cell = cells[ci, cj, k >> 2]
+            if cell < 0 or (len(holds) > 0 and holds[cell] == but):
+                continue
+            for ii in range(max(i0, ci << 2), min(i1, (ci << 2) + 4)):
+                for jj in range(max(j0, cj << 2), min(j1, (cj << 2) + 4)):
+                    b = points[cell, level | ((ii & 3) << 2) | (jj & 3)]
+                    if b >= 0:
+                        found[count] = b
+                        count += 1
+    return count
 
 
 @njit(cache=True, nogil=True)
@@ -100,6 +116,7 @@ def grow_surfaces(  # type: ignore[no-untyped-def]
     """
     n0, n1, n2 = shape
     cells, points = index
+    found, any_cell = np.empty((2 * reach + 1) ** 2, np.int64), np.empty(0, np.int32)
     span = n0 + n1
     taken = 0
     for place in range(first, len(order)):
@@ -139,22 +156,35 @@ def grow_surfaces(  # type: ignore[no-untyped-def]
             height[row, k] = w
             for kk in range(max(0, k - reach), min(n2, k + reach + 1)):
                 i, j = _carried(voxels, normals, a, (kk - k) * step)
-                for ii in range(max(0, i - reach), min(n0, i + reach + 1)):
-                    for jj in range(max(0, j - reach), min(n1, j + reach + 1)):
-                        b = find_point(cells, points, ii, jj, kk)
-                        if b < 0 or label[b] >= 0:
-                            continue
-                        turned = (
-                            normals[b, 0] * normals[seed, 0]
-                            + normals[b, 1] * normals[seed, 1]
-                            + normals[b, 2] * normals[seed, 2]
-                        )
-                        if abs(turned) < widest:
-                            continue
-                        if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
-                            heapq.heappush(heap, (-score[b], np.int64(b)))
+                for m in range(find_points(cells, points, i, j, kk, reach, any_cell, 0, found)):
+                    b = found[m]
+                    if label[b] >= 0:
+                        continue
+                    turned = (
+                        normals[b, 0] * normals[seed, 0]
+                        + normals[b, 1] * normals[seed, 1]
+                        + normals[b, 2] * normals[seed, 2]
+                    )
+                    if abs(turned) < widest:
+                        continue
+                    if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
+                        heapq.heappush(heap, (-score[b], b))
         number += 1
     return len(order), number
+
+
+@njit(cache=True, nogil=True)
+def find_lone_surfaces(voxels, label, cells, n_cells):  # type: ignore[no-untyped-def]
+    """Return the surface of each cell whose points are of no other; -1 where none is, -2 where more are."""
+    holds = np.full(n_cells, -1, np.int32)
+    for a in range(len(voxels)):
+        if label[a] >= 0:
+            cell = cells[voxels[a, 0] >> 2, voxels[a, 1] >> 2, voxels[a, 2] >> 2]
+            if holds[cell] == -1:
+                holds[cell] = label[a]
+            elif holds[cell] != label[a]:
+                holds[cell] = -2
+    return holds
 
 
 @njit(cache=True, nogil=True)
@@ -166,6 +196,7 @@ def count_contacts(  # type: ignore[no-untyped-def]
     n_surfaces,
     shape,
     index,
+    holds,
     step,
     reach,
     least_cosine,
@@ -178,9 +209,11 @@ def count_contacts(  # type: ignore[no-untyped-def]
     """Count, for every two surfaces in touch, pairs of near points, and those of them that agree.
 
     Looks from the points `first` to `last`, and adds to `near` and `along`, whose keys are both surfaces in one number.
+    `holds` is from :func:`find_lone_surfaces`.
     """
-    n0, n1, n2 = shape
+    n2 = shape[2]
     cells, points = index
+    found = np.empty((2 * reach + 1) ** 2, np.int64)
     for a in range(first, last):
         la = np.int64(label[a])
         if la < 0:
@@ -188,16 +221,15 @@ def count_contacts(  # type: ignore[no-untyped-def]
         k = voxels[a, 2]
         for kk in range(max(0, k - reach), min(n2, k + reach + 1)):
             i, j = _carried(voxels, normals, a, (kk - k) * step)
-            for ii in range(max(0, i - reach), min(n0, i + reach + 1)):
-                for jj in range(max(0, j - reach), min(n1, j + reach + 1)):
-                    b = find_point(cells, points, ii, jj, kk)
-                    if b < 0 or label[b] < 0 or label[b] == la:
-                        continue
-                    lb = np.int64(label[b])
-                    key = min(la, lb) * n_surfaces + max(la, lb)
-                    near[key] = near.get(key, 0) + 1
-                    if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
-                        along[key] = along.get(key, 0) + 1
+            for m in range(find_points(cells, points, i, j, kk, reach, holds, la, found)):
+                b = found[m]
+                if label[b] < 0 or label[b] == la:
+                    continue
+                lb = np.int64(label[b])
+                key = min(la, lb) * n_surfaces + max(la, lb)
+                near[key] = near.get(key, 0) + 1
+                if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
+                    along[key] = along.get(key, 0) + 1
 
 
 @njit(cache=True, nogil=True)

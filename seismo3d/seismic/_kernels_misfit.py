@@ -78,20 +78,22 @@ def compare_sides(side, count, difference, energy):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def side_misfit(volume, valid, slope, axis, reach, difference, energy):  # type: ignore[no-untyped-def]
+def side_misfit(volume, valid, slope, axis, reach, corner, difference, energy):  # type: ignore[no-untyped-def]
     """Write (L - R)^2 and L^2 + R^2, L and R the means of up to `reach` traces on either side.
 
     The energy is -1 where a side is empty. Every trace is carried along the slope found on it, so that the two
-    sides keep their own dips.
+    sides keep their own dips. The first trace of what is written is the volume's at the corner.
     """
     n0, n1, n2 = volume.shape
     di, dj = (1, 0) if axis == 0 else (0, 1)
-    for line in prange(n0):
-        i = np.int64(line)
+    for line in prange(len(difference)):
+        row = np.int64(line)
+        i = row + corner[0]
         padded = np.empty(n2 + 3, np.float32)
         side = np.empty((2, n2), np.float32)
         count = np.empty((2, n2), np.float32)
-        for j in range(n1):
+        for column in range(difference.shape[1]):
+            j = column + corner[1]
             side[:] = 0.0
             count[:] = 0.0
             for t in range(1, reach + 1):
@@ -102,7 +104,7 @@ def side_misfit(volume, valid, slope, axis, reach, difference, energy):  # type:
                         add_carried(
                             volume[x, y], valid[x, y], slope[x, y], signed, padded, side[which], count[which]
                         )  # fmt: skip
-            compare_sides(side, count, difference[i, j], energy[i, j])
+            compare_sides(side, count, difference[row, column], energy[row, column])
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -120,17 +122,16 @@ def clear_unknown(energy, known):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def divide_thinned(difference, energy, known, step, floor, most, out, weight):  # type: ignore[no-untyped-def]
-    """Write difference / energy at every step-th sample, at most `most`, and how far it is known."""
+def divide_known(difference, energy, known, floor, most, out, weight):  # type: ignore[no-untyped-def]
+    """Write difference / energy, at most `most`, and how far it is known."""
     n0, n1, n2 = out.shape
     for i in prange(n0):
         for j in range(n1):
             for k in range(n2):
-                kk = min(k * step, difference.shape[2] - 1)
-                w = known[i, j, kk]
-                weight[i, j, k] = w
+                w = known[i, j, k]
                 if w > np.float32(0.05):
-                    out[i, j, k] = min(difference[i, j, kk] / w / (energy[i, j, kk] + floor), most)
+                    out[i, j, k] = min(difference[i, j, k] / w / (energy[i, j, k] + floor), most)
+                    weight[i, j, k] = w
                 else:
                     out[i, j, k] = 0.0
                     weight[i, j, k] = 0.0

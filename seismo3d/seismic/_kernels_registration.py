@@ -118,22 +118,24 @@ def one_sided_means(product, weight, shares, behind, ahead):  # type: ignore[no-
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def registered_misfit(volume, valid, behind, ahead, axis, reach, step, difference, energy):  # type: ignore[no-untyped-def]
+def registered_misfit(volume, valid, behind, ahead, axis, reach, step, corner, difference, energy):  # type: ignore[no-untyped-def]
     """Write (L - R)^2 and L^2 + R^2, each side carried by the shifts that were found on that side alone.
 
     L and R are means of up to `reach` traces. `behind` and `ahead` are shifts a trace at every step-th sample: those of
     the traces before a trace carry it when it lies on the left, those after it when it lies on the right. The energy is
-    -1 where a side is empty.
+    -1 where a side is empty. The first trace of what is written is the volume's at the corner.
     """
     n0, n1, n2 = volume.shape
     di, dj = (1, 0) if axis == 0 else (0, 1)
-    for line in prange(n0):
-        i = np.int64(line)
+    for line in prange(len(difference)):
+        row = np.int64(line)
+        i = row + corner[0]
         slope = np.empty(n2, np.float32)
         padded = np.empty(n2 + 3, np.float32)
         side = np.empty((2, n2), np.float32)
         count = np.empty((2, n2), np.float32)
-        for j in range(n1):
+        for column in range(difference.shape[1]):
+            j = column + corner[1]
             side[:] = 0.0
             count[:] = 0.0
             for t in range(1, reach + 1):
@@ -143,4 +145,4 @@ def registered_misfit(volume, valid, behind, ahead, axis, reach, step, differenc
                     if 0 <= x < n0 and 0 <= y < n1:
                         refine(ahead[x, y] if which == 1 else behind[x, y], step, slope)
                         add_carried(volume[x, y], valid[x, y], slope, signed, padded, side[which], count[which])
-            compare_sides(side, count, difference[i, j], energy[i, j])
+            compare_sides(side, count, difference[row, column], energy[row, column])

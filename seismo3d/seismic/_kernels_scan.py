@@ -9,6 +9,9 @@ from numba import njit, prange
 
 from seismo3d._multiply_add import multiply_add
 
+_BATCH = 2560
+"""Samples of rows that are laid end to end."""
+
 
 @njit(cache=True, nogil=True, parallel=True)
 def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, corner, out):  # type: ignore[no-untyped-def]
@@ -49,6 +52,26 @@ def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, corner,
                 values[k + pad] *= scale
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _between_lines(i, moved, tap, n0):  # type: ignore[no-untyped-def]
+    """Return the two lines that a plane passes between, `moved` lines off line i, with the tap's shares of each.
+
+    A line that is not there is line i itself, with no share.
+    """
+    base = math.floor(moved)
+    w1 = tap * np.float32(moved - base)
+    w0 = tap - w1
+    a = i + base
+    b = a + 1
+    if a < 0 or a >= n0:
+        a = i
+        w0 = np.float32(0.0)
+    if b < 0 or b >= n0:
+        b = i
+        w1 = np.float32(0.0)
+    return a, b, w0, w1
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, code, best, arg):  # type: ignore[no-untyped-def]
     """Sum the lines down every dip; keep the largest mean and the number of its orientation.
@@ -64,12 +87,23 @@ def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, cod
     width = n2 + 2 * half
     flat = lines.reshape(n0, n1 * width)
     whole = np.float32(1.0) - evenness
-    batch = 16
+    # sums and what is added to them stay in the nearest cache
+    batch = max(1, _BATCH // width)
     for line in prange(best.shape[0]):
         r = np.int64(line)
         i = r + first
         sums = np.empty((2, batch * width), np.float32)
-        weights = np.empty((2, n2), np.float32)
+        weights = np.empty((len(shears), 2, n2), np.float32)
+        for c in range(len(shears)):
+            weights[c] = prior_weight
+            for t in range(-half, half + 1):
+                _, _, w0, w1 = _between_lines(i, shears[c] * t, taps[t + half], n0)
+                weight = w0 + w1
+                if weight > np.float32(0.0):
+                    for part in range(0 if t <= 0 else 1, 2 if t >= 0 else 1):
+                        counted = weights[c, part]
+                        for k in range(max(0, -t), min(n2, n2 - t)):
+                            counted[k] += weight
         for j0 in range(0, n1, batch):
             n_rows = min(batch, n1 - j0)
             # the outermost padding of the batch is never read: shifts stay within `half`
@@ -77,22 +111,9 @@ def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, cod
             length = n_rows * width - 2 * half
             for c in range(len(shears)):
                 sums[:] = prior_weight * prior
-                weights[:] = prior_weight
                 for t in range(-half, half + 1):
-                    moved = shears[c] * t
-                    base = math.floor(moved)
-                    w1 = taps[t + half] * np.float32(moved - base)
-                    w0 = taps[t + half] - w1
-                    a = i + base
-                    b = a + 1
-                    if a < 0 or a >= n0:
-                        a = i
-                        w0 = np.float32(0.0)
-                    if b < 0 or b >= n0:
-                        b = i
-                        w1 = np.float32(0.0)
-                    weight = w0 + w1
-                    if weight <= np.float32(0.0):
+                    a, b, w0, w1 = _between_lines(i, shears[c] * t, taps[t + half], n0)
+                    if w0 + w1 <= np.float32(0.0):
                         continue
                     row0 = flat[a, start + t : start + t + length]
                     row1 = flat[b, start + t : start + t + length]
@@ -100,17 +121,14 @@ def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, cod
                         into = sums[part, :length]
                         for m in range(length):
                             into[m] = multiply_add(w0, row0[m], multiply_add(w1, row1[m], into[m]))
-                        counted = weights[part]
-                        for k in range(max(0, -t), min(n2, n2 - t)):
-                            counted[k] += weight
                 number = np.int16(code + c)
                 for row in range(n_rows):
                     above = sums[0, row * width : row * width + n2]
                     below = sums[1, row * width : row * width + n2]
                     top, top_arg = best[r, j0 + row], arg[r, j0 + row]
                     for k in range(n2):
-                        mean = (above[k] + below[k]) / (weights[0, k] + weights[1, k])
-                        poorer = min(above[k] / weights[0, k], below[k] / weights[1, k])
+                        mean = (above[k] + below[k]) / (weights[c, 0, k] + weights[c, 1, k])
+                        poorer = min(above[k] / weights[c, 0, k], below[k] / weights[c, 1, k])
                         value = whole * mean + evenness * poorer
                         better = value > top[k]
                         top[k] = value if better else top[k]

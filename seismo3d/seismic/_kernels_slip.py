@@ -1,46 +1,9 @@
-"""Both sides of a fault compared about a throw that is known roughly, and smooth fields fitted to what matched."""
+"""Throws pulled towards those that are known roughly, and smooth fields fitted to what matched."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
-
-
-@njit(cache=True, nogil=True, parallel=True)
-def match_about(hanging, foot, in_hanging, in_foot, usual, share, thin, loud, cost, energy, weight):  # type: ignore[no-untyped-def]
-    """Compare every `thin`-th place of the hanging wall with where throws about the usual one say that it came from.
-
-    Throw number c is the usual one there plus c - n // 2 samples, and the place has moved along the rows by `share`
-    times that. Written are the squared difference, at most `loud`, the energy of both sides, and 1 where both are
-    known.
-    """
-    n_rows, n_samples = hanging.shape
-    n_shifts, thin_rows, thin_samples = cost.shape
-    for number in prange(n_shifts):
-        shift = np.float32(np.int64(number) - n_shifts // 2)
-        for a in range(thin_rows):
-            for b in range(thin_samples):
-                r, k = a * thin, b * thin
-                cost[number, a, b] = 0.0
-                energy[number, a, b] = 0.0
-                weight[number, a, b] = 0.0
-                throw = usual[a, b] + shift
-                row, above = r - share * throw, k - throw
-                inside = 0.0 <= row <= n_rows - 1 and 0.0 <= above <= n_samples - 1
-                if not inside or in_hanging[r, k] <= 0:
-                    continue
-                i, j = int(row), int(above)
-                fr, fk = np.float32(row - i), np.float32(above - j)
-                i1 = i + 1 if fr > 0 else i
-                j1 = j + 1 if fk > 0 else j
-                if in_foot[i, j] > 0 and in_foot[i1, j] > 0 and in_foot[i, j1] > 0 and in_foot[i1, j1] > 0:
-                    one = np.float32(1.0)
-                    value = (foot[i, j] * (one - fk) + foot[i, j1] * fk) * (one - fr)
-                    value += (foot[i1, j] * (one - fk) + foot[i1, j1] * fk) * fr
-                    difference = hanging[r, k] - value
-                    cost[number, a, b] = min(difference * difference, loud)
-                    energy[number, a, b] = hanging[r, k] * hanging[r, k] + value * value
-                    weight[number, a, b] = 1.0
+from numba import njit
 
 
 @njit(cache=True, nogil=True)
@@ -142,13 +105,24 @@ def solve_bands(bands, right):  # type: ignore[no-untyped-def]
     kernels' threads.
     """
     width, n = bands.shape[0] - 1, bands.shape[1]
+    # row k of the factor U, with A = U' U, lies along a row here, and is taken off all that is left below it
+    rows = np.zeros((n, width + 1))
     for j in range(n):
-        # column j of the factor U, with A = U' U
         for i in range(max(0, j - width), j + 1):
-            total = bands[width - j + i, j]
-            for k in range(max(0, j - width), i):
-                total -= bands[width - i + k, i] * bands[width - j + k, j]
-            bands[width - j + i, j] = np.sqrt(total) if i == j else total / bands[width, i]
+            rows[i, j - i] = bands[width - j + i, j]
+    for k in range(n):
+        own = rows[k]
+        own[0] = np.sqrt(own[0])
+        reach = min(width, n - 1 - k)
+        for m in range(1, reach + 1):
+            own[m] /= own[0]
+        for i in range(1, reach + 1):
+            below, pull, ahead = rows[k + i], own[i], own[i:]
+            for m in range(reach + 1 - i):
+                below[m] -= pull * ahead[m]
+    for j in range(n):
+        for i in range(max(0, j - width), j + 1):
+            bands[width - j + i, j] = rows[i, j - i]
     for j in range(n):
         for k in range(max(0, j - width), j):
             right[j] -= bands[width - j + k, j] * right[k]

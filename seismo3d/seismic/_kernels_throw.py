@@ -60,7 +60,7 @@ def read_sides(  # type: ignore[no-untyped-def]
                     z = float(first_sample + k)
                     if x < 0.0 or y < 0.0 or x > n0 - 1 or y > n1 - 1:
                         continue
-                    # slopes beside the fault are bent by it: they are read farther off
+                    # slopes right beside the fault are the least sure: they are read farther off
                     away = float(clear) if side == 1 else -float(clear)
                     i = min(max(int(np.rint(x + away * across[0])), 0), n0 - 1)
                     j = min(max(int(np.rint(y + away * across[1])), 0), n1 - 1)
@@ -74,50 +74,20 @@ def read_sides(  # type: ignore[no-untyped-def]
                     known[side, r, k] = 1.0
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def match_costs(hanging, foot, in_hanging, in_foot, lateral, thin, loud, cost, energy, weight):  # type: ignore[no-untyped-def]
-    """Compare every `thin`-th place of the hanging wall with where each throw says that it came from.
-
-    Throw number c is c - n // 2 samples, and the place has moved along strike by `lateral` times that. Written are the
-    squared difference, at most `loud`, the energy of both sides, and 1 where both are known.
-    """
-    n_rows, n_samples = hanging.shape
-    n_shifts, thin_rows, thin_samples = cost.shape
-    for number in prange(n_shifts):
-        throw = np.int64(number) - n_shifts // 2
-        for a in range(thin_rows):
-            row = a * thin - lateral * throw
-            inside = 0.0 <= row <= n_rows - 1
-            low = int(row) if inside else 0
-            high = min(low + 1, n_rows - 1)
-            share = np.float32(row - low)
-            for b in range(thin_samples):
-                r, k = a * thin, b * thin
-                cost[number, a, b] = 0.0
-                energy[number, a, b] = 0.0
-                weight[number, a, b] = 0.0
-                above = k - throw
-                if not inside or above < 0 or above >= n_samples or in_hanging[r, k] <= 0:
-                    continue
-                if in_foot[low, above] > 0 and in_foot[high, above] > 0:
-                    value = foot[low, above] * (np.float32(1.0) - share) + foot[high, above] * share
-                    difference = hanging[r, k] - value
-                    cost[number, a, b] = min(difference * difference, loud)
-                    energy[number, a, b] = hanging[r, k] * hanging[r, k] + value * value
-                    weight[number, a, b] = 1.0
-
-
-@njit(cache=True, nogil=True, parallel=True)
-def finish_costs(cost, energy, weight, quiet, unmatched, out):  # type: ignore[no-untyped-def]
-    """Turn smoothed sums into ratios, laid out as (row, sample, shift); `unmatched` where the sides do not overlap."""
-    n_shifts, n_rows, n_samples = cost.shape
-    for r in prange(n_rows):
-        for k in range(n_samples):
-            for c in range(n_shifts):
-                if weight[c, r, k] > np.float32(0.3):
-                    out[r, k, c] = cost[c, r, k] / (energy[c, r, k] + quiet * weight[c, r, k])
-                else:
-                    out[r, k, c] = unmatched
+@njit(cache=True, nogil=True)
+def mark_beside(w, origin, along, across, first_s, first_sample, beside, corner, clear):  # type: ignore[no-untyped-def]
+    """Clear what lies within `beside` traces of a sheet at `w`, in a block whose first trace is the corner."""
+    n0, n1, n2 = clear.shape
+    for r in range(w.shape[0]):
+        for k in range(w.shape[1]):
+            if not np.isfinite(w[r, k]) or first_sample + k >= n2:
+                continue
+            for d in range(-beside, beside + 1):
+                x = origin[0] + (first_s + r) * along[0] + (w[r, k] + d) * across[0]
+                y = origin[1] + (first_s + r) * along[1] + (w[r, k] + d) * across[1]
+                i, j = int(np.rint(x)) - corner[0], int(np.rint(y)) - corner[1]
+                if 0 <= i < n0 and 0 <= j < n1:
+                    clear[i, j, first_sample + k] = False
 
 
 @njit(cache=True, nogil=True)

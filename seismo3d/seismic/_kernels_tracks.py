@@ -54,10 +54,10 @@ def read_waveforms(volume, valid, depth, half, out):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def cross_levels(times, cuts, target, crossings):  # type: ignore[no-untyped-def]
+def cross_levels(times, cuts, target, beyond, crossings):  # type: ignore[no-untyped-def]
     """Write the fractional samples at which every trace reaches its target, from above; NaN for those it lacks.
 
-    Between faults layer time goes on for half a sample at either end.
+    Layer time goes on for half a sample at faults, and for `beyond` samples above and below the cube.
     """
     n0, n1, n2 = times.shape
     for line in prange(n0):
@@ -74,10 +74,10 @@ def cross_levels(times, cuts, target, crossings):  # type: ignore[no-untyped-def
                 if below and row[k] <= wanted < row[k + 1]:
                     crossings[found, i, j] = k + (wanted - row[k]) / (row[k + 1] - row[k])
                     found += 1
-                elif not above and wanted < row[k] and wanted >= row[k] - np.float32(0.5) and k > 0:
+                elif not above and wanted < row[k] and wanted >= row[k] - (np.float32(0.5) if k > 0 else beyond):
                     crossings[found, i, j] = k - (row[k] - wanted)
                     found += 1
-                elif not below and wanted >= row[k] and wanted <= row[k] + np.float32(0.5) and k < n2 - 1:
+                elif not below and wanted >= row[k] and wanted <= row[k] + (np.float32(0.5) if k < n2 - 1 else beyond):
                     crossings[found, i, j] = k + (wanted - row[k])
                     found += 1
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
-from scipy.spatial import cKDTree
 
-from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.misfit import NOISES
+from seismo3d.seismic.sheet_distances import SheetNodes
 from seismo3d.seismic.throw import SheetThrow
 
 
@@ -53,6 +52,9 @@ class ChoiceSettings:
     low_dip_deg, alike_deg : float
         Beside a host of a lower dip than the first, what is steep, weaker than a host and strikes alike within the
         second is such a bend, and no fault.
+    upright_deg, upright_share, upright_throw : float
+        What lies within `gap` of a stronger fault with so large a share of it, strikes alike, is steeper by the angle
+        and moves as that one does to within this share, or a sample, is that one's own break seen upright.
     overlap, beside : float
         Largest share of it that may lie within `beside` of faults chosen before: more is the same fault once more.
     """
@@ -77,6 +79,9 @@ class ChoiceSettings:
     steep_deg: float = 65.0
     low_dip_deg: float = 55.0
     alike_deg: float = 25.0
+    upright_deg: float = 15.0
+    upright_share: float = 0.5
+    upright_throw: float = 0.1
     overlap: float = 0.3
     beside: float = 2.5
 
@@ -185,28 +190,42 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
         Their numbers, increasing.
     """
     significance = np.array([strength(sheet) for sheet, _ in candidates])
-    keep = np.array([_stands(*candidate, settings) for candidate in candidates], bool)
-    order = [int(n) for n in np.argsort(-significance, kind="stable")]
-    nodes = [_nodes(sheet) for sheet, _ in candidates]
-    hosts = [(n, cKDTree(nodes[n])) for n in order if keep[n] and significance[n] >= settings.host_strength]
-    kept = [tree for _, tree in hosts]
-    for n in order:
+    keep = np.zeros(len(candidates), bool)
+    hosts: list[_Chosen] = []
+    kept: list[SheetNodes] = []
+    for n in (int(n) for n in np.argsort(-significance, kind="stable")):
         sheet, throw = candidates[n]
-        if significance[n] >= settings.host_strength or not (keep[n] or _may_join(sheet, throw, settings)):
+        stands = _stands(sheet, throw, settings)
+        if not (stands or _may_join(sheet, throw, settings)):
             continue
-        near = [candidates[host][0] for host, tree in hosts if _within(tree, nodes[n], settings.gap).any()]
-        is_bend = any(_is_bend(sheet, host, settings) for host in near)
-        keep[n] = not is_bend and (keep[n] or (bool(near) and _is_new(nodes[n], kept, settings)))
+        nodes = SheetNodes.of(sheet)
+        near = [host for host in hosts if nodes.touches(host.nodes, settings.gap)]
+        if any(_is_upright(sheet, throw, nodes, host, settings) for host in near):
+            continue
+        is_host = stands and significance[n] >= settings.host_strength
+        is_bend = not is_host and any(_is_bend(sheet, host.sheet, settings) for host in near)
+        keep[n] = not is_bend and (stands or (bool(near) and _is_new(nodes, kept, settings)))
         if keep[n]:
-            kept.append(cKDTree(nodes[n]))
+            kept.append(nodes)
+        if is_host:
+            hosts.append(_Chosen(sheet, throw, nodes))
     return [int(n) for n in np.flatnonzero(keep)]
 
 
-def _is_new(nodes: Float64Array, kept: Sequence[cKDTree], settings: ChoiceSettings) -> bool:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chosen:
+    """A fault beside which others are looked at: its sheet, throw and nodes."""
+
+    sheet: Sheet
+    throw: SheetThrow
+    nodes: SheetNodes
+
+
+def _is_new(nodes: SheetNodes, kept: Sequence[SheetNodes], settings: ChoiceSettings) -> bool:
     """Tell whether a sheet does not double those chosen before."""
-    taken = np.zeros(len(nodes), bool)
-    for tree in kept:
-        taken |= _within(tree, nodes, settings.beside)
+    taken = np.zeros(len(nodes.points), bool)
+    for other in kept:
+        taken |= nodes.are_within(other, settings.beside)
     return bool(taken.mean() <= settings.overlap)
 
 
@@ -261,19 +280,29 @@ def length_down_dip(sheet: Sheet) -> float:
     return _height(sheet) / np.sin(np.radians(max(dip_deg(sheet), 10.0)))
 
 
+def _is_upright(sheet: Sheet, throw: SheetThrow, nodes: SheetNodes, host: _Chosen, settings: ChoiceSettings) -> bool:
+    """Tell whether a sheet is the break at a stronger, less steep fault once more, upright through it."""
+    if not _strike_alike(sheet, host.sheet, settings):
+        return False
+    if dip_deg(sheet) - dip_deg(host.sheet) < settings.upright_deg:
+        return False
+    distance, nearest = (np.asarray(a) for a in host.nodes.tree.query(nodes.points, distance_upper_bound=settings.gap))
+    near = np.isfinite(distance)
+    if near.mean() < settings.upright_share:
+        return False
+    own, its = throw.throw[sheet.inside][near], host.throw.throw[host.sheet.inside][nearest[near]]
+    apart = np.abs(own - its)
+    known = np.isfinite(apart)
+    return bool(
+        known.any() and np.median(apart[known]) <= max(1.0, settings.upright_throw * np.median(np.abs(its[known])))
+    )
+
+
 def _is_bend(sheet: Sheet, host: Sheet, settings: ChoiceSettings) -> bool:
-    strikes_alike = abs(float(sheet.across @ host.across)) > np.cos(np.radians(settings.alike_deg))
-    return strikes_alike and dip_deg(sheet) >= settings.steep_deg and dip_deg(host) < settings.low_dip_deg
+    if not _strike_alike(sheet, host, settings):
+        return False
+    return dip_deg(sheet) >= settings.steep_deg and dip_deg(host) < settings.low_dip_deg
 
 
-def _nodes(sheet: Sheet) -> Float64Array:
-    rows, columns = np.nonzero(sheet.inside)
-    return sheet.points(rows.astype(np.float64), columns.astype(np.float64), sheet.w[rows, columns].astype(np.float64))
-
-
-def _within(tree: cKDTree, nodes: Float64Array, distance: float) -> BoolArray:
-    """Tell which nodes lie within a distance of those of a tree; boxes that are apart are not searched."""
-    apart = (nodes.min(axis=0) > tree.maxes + distance) | (nodes.max(axis=0) < tree.mins - distance)
-    if apart.any():
-        return np.zeros(len(nodes), bool)
-    return np.asarray(tree.query(nodes, distance_upper_bound=distance)[0] < np.inf)
+def _strike_alike(sheet: Sheet, host: Sheet, settings: ChoiceSettings) -> bool:
+    return abs(float(sheet.across @ host.across)) > np.cos(np.radians(settings.alike_deg))

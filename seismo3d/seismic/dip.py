@@ -8,12 +8,13 @@ import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import (
+    Traces,
     derivative_taps,
-    filter_crosslines,
-    filter_inlines,
-    filter_samples,
+    filter_traces,
     gaussian_taps,
+    grow_traces,
     multiply_weighted,
+    shift_traces,
     smooth,
     tensor_slopes,
 )
@@ -79,58 +80,58 @@ def estimate_slopes(
         stop = min(start + settings.slab, len(volume))
         low, high = max(0, start - reach), min(len(volume), stop + reach)
         ends = ((low == 0, high == len(volume)), (True, True))
-        slab_p, slab_q = block_slopes(volume[low:high], valid[low:high], ends, settings)
-        p[start:stop] = slab_p[start - low : stop - low]
-        q[start:stop] = slab_q[start - low : stop - low]
+        within = (slice(start - low, stop - low), slice(0, volume.shape[1]))
+        p[start:stop], q[start:stop] = block_slopes(volume[low:high], valid[low:high], ends, settings, within)
     return p, q
 
 
 def dip_reach(settings: DipSettings) -> int:
     """Return how many traces off a slope depends on."""
-    return int(np.ceil(3.0 * settings.derivative)) + int(np.ceil(2.5 * settings.lateral)) + 1
+    return int(np.ceil(3.0 * settings.derivative)) + tensor_reach(settings) + 1
+
+
+def tensor_reach(settings: DipSettings) -> int:
+    """Return over how many traces to either side the structure tensor is averaged."""
+    return len(gaussian_taps(settings.lateral)) // 2
 
 
 def block_slopes(
-    volume: Float32Array, valid: BoolArray, ends: tuple[tuple[bool, bool], tuple[bool, bool]], settings: DipSettings
+    volume: Float32Array,
+    valid: BoolArray,
+    ends: tuple[tuple[bool, bool], tuple[bool, bool]],
+    settings: DipSettings,
+    within: Traces,
 ) -> tuple[Float32Array, Float32Array]:
-    """Return the slopes of a block of whole traces, right where its `dip_reach` lies in it or beyond the cube.
+    """Return the slopes at traces within a block, right where their `dip_reach` lies in it or beyond the cube.
 
     `ends` says, for inlines and for crosslines, whether the block's first and last are the cube's.
     """
     weight = _trusted(valid, int(np.ceil(1.5 * settings.derivative)))
     _weigh_rim(weight, settings, (*ends, (True, True)))
-    return _slab_slopes(volume, weight, settings)
-
-
-def _slab_slopes(
-    volume: Float32Array, weight: Float32Array, settings: DipSettings
-) -> tuple[Float32Array, Float32Array]:
-    gradient = _gradient(volume, settings.derivative)
+    around = grow_traces(within, (tensor_reach(settings),) * 2, volume.shape)
+    weight = np.ascontiguousarray(weight[around])
+    gradient = _gradient(volume, settings.derivative, around)
+    inner = shift_traces(within, around)
     sigma = (settings.lateral, settings.lateral, settings.vertical)
-    product, scratch = np.empty_like(volume), np.empty_like(volume)
+    product = np.empty_like(weight)
     tensor = []
     for a, b in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
         multiply_weighted(gradient[a], gradient[b], weight, product)
-        tensor.append(smooth(product, sigma, scratch=scratch))
-    p, q = product, scratch
+        tensor.append(smooth(product, sigma, within=inner))
+    del product, gradient, weight
+    p, q = np.empty_like(tensor[0]), np.empty_like(tensor[0])
     txx, txy, txz, tyy, tyz, tzz = tensor
     tensor_slopes(txx, txy, txz, tyy, tyz, tzz, np.float32(settings.steepest), p, q)
     return p, q
 
 
-def _gradient(volume: Float32Array, sigma: float) -> tuple[Float32Array, Float32Array, Float32Array]:
+def _gradient(volume: Float32Array, sigma: float, within: Traces) -> tuple[Float32Array, Float32Array, Float32Array]:
     even, odd = gaussian_taps(sigma), derivative_taps(sigma)
-    samples, lines = np.empty_like(volume), np.empty_like(volume)
-    parts = (np.empty_like(volume), np.empty_like(volume), np.empty_like(volume))
-    filter_samples(volume, even, samples)
-    filter_crosslines(samples, even, lines)
-    filter_inlines(lines, odd, parts[0])
-    filter_crosslines(samples, odd, lines)
-    filter_inlines(lines, even, parts[1])
-    filter_samples(volume, odd, samples)
-    filter_crosslines(samples, even, lines)
-    filter_inlines(lines, even, parts[2])
-    return parts
+    return (
+        filter_traces(volume, odd, even, even, within=within),
+        filter_traces(volume, even, odd, even, within=within),
+        filter_traces(volume, even, even, odd, within=within),
+    )
 
 
 def _trusted(valid: BoolArray, reach: int) -> Float32Array:
@@ -138,13 +139,8 @@ def _trusted(valid: BoolArray, reach: int) -> Float32Array:
     weight = np.ones(valid.shape, np.float32)
     if valid.all():
         return weight
-    bad = (~valid).astype(np.float32)
     box = np.ones(2 * reach + 1, np.float32)
-    first, second = np.empty_like(bad), np.empty_like(bad)
-    filter_samples(bad, box, first)
-    filter_crosslines(first, box, second)
-    filter_inlines(second, box, first)
-    weight[first > 0.5] = 0.0
+    weight[filter_traces((~valid).astype(np.float32), box, box, box) > 0.5] = 0.0
     return weight
 
 

@@ -1,15 +1,20 @@
-"""Certain sheets followed on in their own plane, along support too weak to be a fault by itself."""
+"""Certain sheets, and those beside them, followed on in their own plane along support too weak to be a fault itself."""
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic._kernels_extending import find_beside, fit_local_planes, follow_planes, lay_on_grid
+from seismo3d.seismic.choosing import strength
+from seismo3d.seismic.linking import Room, Sheet
 from seismo3d.seismic.scan import RidgePoints
+from seismo3d.seismic.sheet_distances import SheetNodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +25,9 @@ class ExtendSettings:
     ----------
     strength : float
         Significance from which on a sheet is certain, and followed on.
+    company_strength, gap : float
+        Significance from which on a sheet within `gap`, in traces and samples, of a certain one is followed on too:
+        faults come in families, and cut each other up.
     weakest : float
         Least support of a ridge that it is followed along.
     width : float
@@ -38,6 +46,8 @@ class ExtendSettings:
     """
 
     strength: float = 70.0
+    company_strength: float = 18.0
+    gap: float = 8.0
     weakest: float = 0.2
     width: float = 4.0
     off_plane: float = 1.5
@@ -48,6 +58,55 @@ class ExtendSettings:
 
 
 _RING = 2
+
+
+def extend_sheets(
+    sheets: Sequence[Sheet],
+    ridges: RidgePoints,
+    shape: tuple[int, ...],
+    *,
+    settings: ExtendSettings | None = None,
+    room: Room | None = None,
+) -> list[Sheet]:
+    """Carry the certain sheets on, and then those beside them.
+
+    Parameters
+    ----------
+    sheets : sequence of Sheet
+        All of a cube.
+    ridges : RidgePoints
+        Weak and strong ones of the cube, by growing inline as :func:`~seismo3d.seismic.scan.thin` gives them.
+    shape : tuple of int
+        Shape of the evidence's grid.
+    settings : ExtendSettings, optional
+        What is certain, what lies beside it, and what continues a sheet.
+    room : Room, optional
+        Bound of the memory; given a rest after each sheet.
+
+    Returns
+    -------
+    list of Sheet
+        In their order.
+    """
+    settings = settings or ExtendSettings()
+    found, certain = list(sheets), []
+
+    def carry_on(number: int) -> None:
+        found[number] = extend_sheet(found[number], ridges, shape, settings=settings)
+        if room is not None:
+            room.rest()
+
+    significance = [strength(sheet) for sheet in sheets]
+    for number, value in enumerate(significance):
+        if value >= settings.strength:
+            carry_on(number)
+            certain.append(SheetNodes.of(found[number]))
+    for number, value in enumerate(significance):
+        if settings.company_strength <= value < settings.strength:
+            nodes = SheetNodes.of(found[number])
+            if any(nodes.touches(other, settings.gap) for other in certain):
+                carry_on(number)
+    return found
 
 
 def extend_sheet(
@@ -62,7 +121,7 @@ def extend_sheet(
     Parameters
     ----------
     sheet : Sheet
-        A certain one.
+        One that is to be followed on.
     ridges : RidgePoints
         Weak and strong ones of the cube, by growing inline as :func:`~seismo3d.seismic.scan.thin` gives them.
     shape : tuple of int
@@ -131,63 +190,40 @@ def _trimmed(wide: Sheet, w: Float64Array, score: Float64Array) -> Sheet:
 
 def _beside(wide: Sheet, ridges: RidgePoints, spare: int, settings: ExtendSettings) -> _Beside:
     """Return the ridges whose nodes lie on the sheet's grid, not much farther across than the sheet does."""
-    rows, columns = (a.astype(np.float64) for a in np.nonzero(wide.inside))
-    inlines = wide.points(rows, columns, wide.w[wide.inside].astype(np.float64))[:, 0]
-    first, last = np.searchsorted(ridges.voxels[:, 0], [inlines.min() - spare, inlines.max() + spare + 1.0])
-    part = slice(int(first), int(last))
-    away = ridges.positions[part, :2].astype(np.float64) - wide.origin
-    row = np.rint(away @ wide.along - wide.first_s).astype(np.int64)
-    column = np.rint((ridges.positions[part, 2] - wide.first_sample) / wide.step).astype(np.int64)
-    height, score = away @ wide.across, ridges.score[part].astype(np.float64)
+    inlines = wide.nodes()[:, 0]
+    # not by numpy, which would turn all of them into numbers of the same type as these first
+    ends = inlines.min() - spare, inlines.max() + spare + 1.0
+    part = slice(*(bisect_left(ridges.voxels[:, 0], end) for end in ends))
+    positions, score = ridges.positions[part], ridges.score[part]
+    grid = (wide.origin, wide.along, wide.across, wide.first_s, wide.first_sample, wide.step, wide.w.shape)
     low, high = float(np.nanmin(wide.w)) - spare, float(np.nanmax(wide.w)) + spare
-    near = (row >= 0) & (row < wide.w.shape[0]) & (column >= 0) & (column < wide.w.shape[1])
-    near &= (height > low) & (height < high) & (score >= settings.weakest)
-    planes = ridges.planes[part][near].astype(np.float64)
-    normals = planes * np.array([1.0, 1.0, -1.0])
+    near = find_beside(positions, score, *grid, low, high, settings.weakest)
+    row, column, height = lay_on_grid(positions, near, *grid[:-1])
+    normals = ridges.planes[part][near].astype(np.float64) * np.array([1.0, 1.0, -1.0])
     normals /= np.sqrt((normals**2).sum(axis=1, keepdims=True))
-    return _Beside(row[near], column[near], height[near], score[near], normals)
+    return _Beside(row, column, height, score[near].astype(np.float64), normals)
 
 
 def _local_planes(w: Float64Array, inside: BoolArray, at: tuple[IntArray, IntArray], width: float) -> Float64Array:
     """Height and slopes, along rows and columns, at nodes beside a sheet: of the plane through it nearby."""
-    rows, columns = (n - 0.5 * size for n, size in zip(np.indices(w.shape), w.shape, strict=True))
-    weight, filled = inside.astype(np.float64), np.where(inside, w, 0.0)
-
-    def mean(values: Float64Array) -> Float64Array:
-        return np.asarray(ndimage.gaussian_filter(values, width, mode="constant", truncate=3.0)[at])
-
-    total = np.maximum(mean(weight), 1e-12)
-    r, c, h = mean(weight * rows) / total, mean(weight * columns) / total, mean(filled) / total
-    rr = mean(weight * rows**2) / total - r * r + 1e-2
-    cc = mean(weight * columns**2) / total - c * c + 1e-2
-    rc = mean(weight * rows * columns) / total - r * c
-    rh, ch = mean(filled * rows) / total - r * h, mean(filled * columns) / total - c * h
-    size = np.maximum(rr * cc - rc * rc, 1e-12)
-    along, down = (cc * rh - rc * ch) / size, (rr * ch - rc * rh) / size
-    return np.column_stack([h + along * (rows[at] - r) + down * (columns[at] - c), along, down])
+    reach = np.arange(-round(3.0 * width), round(3.0 * width) + 1)
+    taps = np.exp(-0.5 * (reach / width) ** 2)
+    planes = np.empty((len(at[0]), 3))
+    fit_local_planes(w, inside, *at, taps / taps.sum(), planes)
+    return planes
 
 
 def _continuing(
     wide: Sheet, found: _Beside, at: tuple[IntArray, IntArray], planes: Float64Array, settings: ExtendSettings
 ) -> tuple[Float64Array, Float64Array]:
     """Return, for nodes, the support and the height of the best ridge that lies on their planes; support 0 without."""
-    number = np.full(wide.w.shape, -1)
+    number = np.full(wide.w.shape, -1, np.int32)
     number[at] = np.arange(len(at[0]))
-    place = number[found.row, found.column]
-    there = np.flatnonzero(place >= 0)
-    place = place[there]
-    height, along, down = planes[place].T
-    flat = wide.across - along[:, None] * wide.along
-    normals = np.column_stack([flat, -down / wide.step])
-    cosine = (normals * found.normals[there]).sum(axis=1) / np.sqrt((normals**2).sum(axis=1))
-    fits = np.abs(found.height[there] - height) <= settings.off_plane
-    fits &= np.abs(cosine) >= np.cos(np.radians(settings.angle_deg))
-    there, place = there[fits], place[fits]
     best, heights = np.zeros(len(at[0])), np.zeros(len(at[0]))
-    # the best one last: it is what stays
-    order = np.argsort(found.score[there], kind="stable")
-    best[place[order]] = found.score[there[order]]
-    heights[place[order]] = found.height[there[order]]
+    follow_planes(
+        number, planes, wide.along, wide.across, wide.step, found.row, found.column, found.height, found.score,
+        found.normals, settings.off_plane, float(np.cos(np.radians(settings.angle_deg))), best, heights,
+    )  # fmt: skip
     return best, heights
 
 

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, fit_terms
+from seismo3d.seismic.sheet_distances import are_near, bounds_of, within_box
 
 # a place's part of the roughness of a surface, in squared traces, is at most this
 _ROUGHEST = 25.0
@@ -35,7 +36,8 @@ class HistorySettings:
     stiffness : float
         Of the field of throw by which others are moved back.
     least_match : float
-        How well the sides of a fault must match where others are taken back, in parts of how well they do today.
+        How well the sides of a fault must match where others are taken back, in parts of how well they do today: what
+        is moved there is interpolated, and matches a little worse for that alone.
     turn_deg, gap, around, overlap, roughness : float
         Two faults are parts of one where they strike alike within the first, lie no farther apart than the second, one
         covers no more than the fourth of the other, and one quadratic surface through both, within the third of each
@@ -49,7 +51,7 @@ class HistorySettings:
     least_gain: float = 0.65
     least_area: float = 1500.0
     stiffness: float = 300.0
-    least_match: float = 0.97
+    least_match: float = 0.9
     turn_deg: float = 20.0
     gap: float = 30.0
     around: float = 25.0
@@ -84,8 +86,10 @@ def order_faults(
     """
     n = len(motions)
     gains: list[tuple[float, int, int]] = []
+    bounds = np.array([bounds_of(places) for places in nodes]).reshape(n, 2, 3)
     for i in range(n):
-        for j in range(i):
+        near = (bounds[:i, 0] <= bounds[i, 1] + settings.reach) & (bounds[i, 0] <= bounds[:i, 1] + settings.reach)
+        for j in (int(j) for j in np.flatnonzero(near.all(axis=1))):
             gain = _gain(motions[i], motions[j], nodes[i], nodes[j], settings)
             if abs(gain) > settings.least_gain:
                 gains.append((abs(gain), i, j) if gain > 0 else (abs(gain), j, i))
@@ -126,13 +130,16 @@ def are_one(
     s, samples, _ = frame.lay(one)
     t, depths, _ = frame.lay(other)
     here, there = np.column_stack([s, samples]), np.column_stack([t, depths])
-    if (here.min(axis=0) > there.max(axis=0) + settings.gap).any():
+    if not are_near(bounds_of(here), bounds_of(there), settings.gap):
         return False
-    if (there.min(axis=0) > here.max(axis=0) + settings.gap).any():
-        return False
-    to_one, to_other = np.asarray(cKDTree(here).query(there)[0]), np.asarray(cKDTree(there).query(here)[0])
+    # farther than this nothing is asked of them
+    reach = settings.gap + settings.around + 1.0
+    to_one = _distances(there, here, reach)
     gap = float(to_one.min())
-    if gap > settings.gap or max((to_one < 1.5).mean(), (to_other < 1.5).mean()) > settings.overlap:
+    if gap > settings.gap or (to_one < 1.5).mean() > settings.overlap:
+        return False
+    to_other = _distances(here, there, reach)
+    if (to_other < 1.5).mean() > settings.overlap:
         return False
     near, far = one[to_other < gap + settings.around], other[to_one < gap + settings.around]
     count = min(len(near), len(far))
@@ -142,14 +149,20 @@ def are_one(
     return _roughness(frame, np.concatenate(both)) < settings.roughness
 
 
+def _distances(places: Float64Array, others: Float64Array, reach: float) -> Float64Array:
+    """Return how far each place is from the nearest of others; infinite where that is farther than the reach."""
+    distances = np.full(len(places), np.inf)
+    near = within_box(places, bounds_of(others), reach)
+    if near.any():
+        tree = cKDTree(others[within_box(others, bounds_of(places[near]), reach)])
+        distances[near] = tree.query(places[near], distance_upper_bound=reach)[0]
+    return distances
+
+
 def _gain(
     one: FaultMotion, other: FaultMotion, nodes: Float64Array, others: Float64Array, settings: HistorySettings
 ) -> float:
     """Return the logarithm of how many times smoother both are if the first is the younger than if the other is."""
-    if (nodes.min(axis=0) > others.max(axis=0) + settings.reach).any():
-        return 0.0
-    if (others.min(axis=0) > nodes.max(axis=0) + settings.reach).any():
-        return 0.0
     as_is, with_one = _roughness_across(one, other, others, settings)
     other_as_is, with_other = _roughness_across(other, one, nodes, settings)
     together = np.log((as_is + with_other + _SMOOTH) / (with_one + other_as_is + _SMOOTH))
@@ -162,11 +175,9 @@ def _roughness_across(
     motion: FaultMotion, other: FaultMotion, nodes: Float64Array, settings: HistorySettings
 ) -> tuple[float, float]:
     """Return how rough another fault, of which these are places, is across this one: as it is, and with this undone."""
-    side = motion.side(nodes)
-    near = np.asarray((np.abs(side) < settings.reach) & (np.abs(side) > settings.clear))
-    near[near] = motion.apart_at(nodes[near]) <= settings.edge
-    beyond = int((side[near] > 0).sum())
-    if min(beyond, int(near.sum()) - beyond) < settings.least_places:
+    near, side = motion.find_near(nodes, clear=settings.clear, reach=settings.reach, edge=settings.edge)
+    beyond = int((side > 0).sum())
+    if min(beyond, len(near) - beyond) < settings.least_places:
         return 0.0, 0.0
     return _roughness(other.frame, nodes[near]), _roughness(other.frame, motion.undo(nodes[near]))
 

@@ -97,10 +97,10 @@ def compare_registered(
     """
     sides: list[SideShifts] = []
 
-    def compare(lines: slice, axis: int, reach: int, difference: Float32Array, energy: Float32Array) -> None:
+    def compare(axis: int, reach: int, corner: tuple[int, int], difference: Float32Array, energy: Float32Array) -> None:
         if not sides:
             sides.extend(carry_sides(f, settings=settings) for f in register_slices(volume, valid, settings=settings))
-        compare_sides(volume, valid, sides)(lines, axis, reach, difference, energy)
+        compare_sides(volume, valid, sides)(axis, reach, corner, difference, energy)
 
     return compare
 
@@ -108,11 +108,8 @@ def compare_registered(
 def compare_sides(volume: Float32Array, valid: BoolArray, sides: Sequence[SideShifts]) -> Compare:
     """Return what :func:`compare_registered` does, for sides that are known, one of each axis."""
 
-    def compare(lines: slice, axis: int, reach: int, difference: Float32Array, energy: Float32Array) -> None:
+    def compare(axis: int, reach: int, corner: tuple[int, int], difference: Float32Array, energy: Float32Array) -> None:
         side = sides[axis]
-        registered_misfit(
-            volume[lines], valid[lines], side.behind[lines], side.ahead[lines], axis, reach, side.step,
-            difference, energy,
-        )  # fmt: skip
+        registered_misfit(volume, valid, side.behind, side.ahead, axis, reach, side.step, corner, difference, energy)
 
     return compare

@@ -15,6 +15,8 @@ from seismo3d.seismic.faultset import FaultSurface
 
 # places of a grid that are fitted at a time: about a kilobyte each
 _PLACES = 100_000
+# variance of a throw, in samples squared, where all of the energy is misfit
+_SPREAD = 16.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +35,8 @@ class LinkSettings:
         Steps of the least-squares fit of the throw.
     least : float
         Smallest standard deviation of a throw, in samples.
+    doubtful : float
+        Misfit ratio that, above twice the cube's usual one, makes a match doubtful: its variance grows from there.
     """
 
     beyond: int = 6
@@ -42,6 +46,7 @@ class LinkSettings:
     down: float = 10.0
     passes: int = 6
     least: float = 0.3
+    doubtful: float = 0.12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,9 +224,18 @@ def match_known(
         throw = ndimage.gaussian_filter(throw, (0.5 * settings.along, 0.5 * settings.down))
         throw = np.clip(throw, first - 5.0, first + 5.0)
     ratio = left / np.maximum(energy, 1e-12)
-    variance = settings.least**2 + 16.0 * np.clip(ratio, 0.0, 1.0) ** 2
+    variance = settings.least**2 + _SPREAD * np.clip(ratio, 0.0, 1.0) ** 2
     variance[(weight < 0.05) | ~grid.inside] = np.inf
     return throw, variance
+
+
+def doubt_matches(variance: Float64Array, usual: float, settings: LinkSettings) -> Float64Array:
+    """Raise the variances of doubtful matches in a cube with such misfit ratios of its shifts.
+
+    Sides that fit badly are mostly no match at all, but one of another cycle: off by far more than a misfit tells.
+    """
+    limit = _SPREAD * (settings.doubtful + 2.0 * usual) ** 2
+    return np.asarray(variance * (1.0 + (variance / limit) ** 2))
 
 
 def link_grid(

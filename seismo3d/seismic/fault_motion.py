@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d.seismic._kernels_restore import enlarge_grid, find_near_motion, read_between
 from seismo3d.seismic.slip_fields import smooth_field
 
 
@@ -82,8 +83,8 @@ class FaultMotion:
     def height_at(self, s: Float64Array, samples: Float64Array) -> Float64Array:
         """Return w of the surface, straight on beyond the grid."""
         rows, columns = s - self.first[0], samples - self.first[1]
+        inner = read_between(self.height, rows, columns)
         r, c = (np.clip(at, 0, n - 1) for at, n in zip((rows, columns), self.height.shape, strict=True))
-        inner = ndimage.map_coordinates(self.height, [r, c], order=1)
         return np.asarray(inner + self.slopes[0] * (rows - r) + self.slopes[1] * (columns - c))
 
     def side(self, points: Float64Array) -> Float64Array:
@@ -96,19 +97,27 @@ class FaultMotion:
         s, samples, _ = self.frame.lay(points)
         rows, columns = s - self.first[0], samples - self.first[1]
         r, c = (np.clip(at, 0, n - 1) for at, n in zip((rows, columns), self.height.shape, strict=True))
-        return np.asarray(
-            ndimage.map_coordinates(self.apart, [r, c], order=1) + np.hypot(rows - r, columns - c), np.float64
-        )
+        return np.asarray(read_between(self.apart, rows, columns) + np.hypot(rows - r, columns - c), np.float64)
+
+    def find_near(
+        self, points: Float64Array, *, clear: float, reach: float, edge: float
+    ) -> tuple[IntArray, Float64Array]:
+        """Find the points of shape (n, 3) between two distances across the strike, no farther than edge from a place.
+
+        Returns their numbers, and how far each lies on the side of the hanging wall.
+        """
+        found, off = find_near_motion(
+            points, self.frame.origin, self.frame.along, self.frame.across, self.first, self.height, self.apart,
+            self.slopes, reach, clear, edge,
+        )  # fmt: skip
+        return found, self.hanging_side * off
 
     def undo(self, points: Float64Array) -> Float64Array:
         """Return where points of shape (n, 3) lay before the fault moved; the footwall stays where it is."""
         s, samples, w = self.frame.lay(points)
         off = w - self.height_at(s, samples)
-        rows, columns = (
-            np.clip(at - first, 0, n - 1)
-            for at, first, n in zip((s, samples), self.first, self.height.shape, strict=True)
-        )
-        throw = np.where(off * self.hanging_side > 0, ndimage.map_coordinates(self.throw, [rows, columns], order=1), 0)
+        rows, columns = s - self.first[0], samples - self.first[1]
+        throw = np.where(off * self.hanging_side > 0, read_between(self.throw, rows, columns), 0)
         s0, samples0 = s - self.share * throw, samples - throw
         moved = self.frame.place(s0, samples0, self.height_at(s0, samples0) + off)
         return np.where((off * self.hanging_side > 0)[:, None], moved, points)
@@ -162,8 +171,7 @@ def find_motion(
 def enlarge(values: Float32Array, shape: tuple[int, ...], thin: int) -> Float32Array:
     """Interpolate what is known at every `thin`-th place of a grid."""
     rows, columns = (np.minimum(np.arange(n) / thin, m - 1) for n, m in zip(shape, values.shape, strict=True))
-    at = np.stack(np.meshgrid(rows, columns, indexing="ij"))
-    return np.asarray(ndimage.map_coordinates(values, at, order=1, mode="nearest"), np.float32)
+    return np.asarray(enlarge_grid(values, rows, columns), np.float32)
 
 
 def fit_terms(terms: tuple[Float64Array, ...], values: Float64Array) -> tuple[Float64Array, Float64Array]:

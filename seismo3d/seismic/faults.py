@@ -15,9 +15,10 @@ import numpy as np
 from seismo3d._typing import Float32Array, Int32Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults, strength
+from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults
+from seismo3d.seismic.cut_offsets import CutSettings, offset_sheets
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
-from seismo3d.seismic.extending import ExtendSettings, extend_sheet
+from seismo3d.seismic.extending import ExtendSettings, extend_sheets
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
@@ -29,7 +30,7 @@ from seismo3d.seismic.restored_throws import restore_throws
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface
-from seismo3d.seismic.throw import SheetThrow, ThrowSettings, gather_sides, measure_throw
+from seismo3d.seismic.throw import SheetThrow, ThrowSettings, gather_sides, measure_throw, slopes_beside
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ class FaultSettings:
         The same, averaged over the surface nearby, below which a surface ends.
     evidence : {"semblance", "registration", "both"}
         How the sides of a voxel are carried to it.
-    dip, misfit, registration, scan, link, extend, choice, throw, history
+    dip, misfit, registration, scan, link, extend, cut, choice, throw, history
         Settings of the stages.
     """
 
@@ -58,6 +59,7 @@ class FaultSettings:
     scan: ScanSettings = field(default_factory=ScanSettings)
     link: LinkSettings = field(default_factory=LinkSettings)
     extend: ExtendSettings = field(default_factory=ExtendSettings)
+    cut: CutSettings = field(default_factory=CutSettings)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
     throw: ThrowSettings = field(default_factory=ThrowSettings)
     history: HistorySettings = field(default_factory=HistorySettings)
@@ -82,6 +84,7 @@ class FaultSettings:
             link=LinkSettings(fragment=6, contacts=5),
             extend=ExtendSettings(strength=np.inf),
             choice=ChoiceSettings.for_section(),
+            throw=ThrowSettings(clear=8),
         )
 
 
@@ -178,6 +181,9 @@ def trace_faults(
     del support
     report("link", 0.0)
     sheets = find_candidates(strong, ridges, found.known.shape, found.noise, settings)
+    if sheets:
+        del slopes
+        slopes = slopes_beside(volume, valid, sheets, dip=settings.dip, settings=settings.throw)
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
@@ -239,7 +245,8 @@ def find_candidates(
 ) -> list[Sheet]:
     """Link the strong ridges of a cube, whose evidence has this shape and noise, into sheets that may be faults.
 
-    Certain ones are followed on along the weak ridges, among which the strong ones are once more.
+    Certain ones, and those beside them, are followed on along the weak ridges, among which the strong ones are once
+    more; those that others cut are offset there.
     """
     least_area = min(settings.choice.company_area, settings.choice.least_area)
     sheets = link_sheets(
@@ -247,12 +254,11 @@ def find_candidates(
         least_points=max(4, int(0.5 * least_area / settings.misfit.step)),
         end_score=score_at_noise(settings.end_score, noise), settings=settings.link, room=room,
     )  # fmt: skip
-    for number, sheet in enumerate(sheets):
-        if strength(sheet) >= settings.extend.strength:
-            sheets[number] = extend_sheet(sheet, weak, shape, settings=settings.extend)
-            if room is not None:
-                room.rest()
-    return may_be_faults(sheets, 1 in shape[:2], settings.choice)
+    sheets = extend_sheets(sheets, weak, shape, settings=settings.extend, room=room)
+    sheets = may_be_faults(sheets, 1 in shape[:2], settings.choice)
+    return offset_sheets(
+        sheets, patch=(settings.scan.along_strike[0], settings.scan.along_dip[0]), settings=settings.cut
+    )
 
 
 def finish_throws(

@@ -11,7 +11,7 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
 from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_layer_solve import keep_free
 from seismo3d.seismic.dip import DipSettings
-from seismo3d.seismic.fault_links import LinkSettings, SurfaceGrid, link_grid
+from seismo3d.seismic.fault_links import LinkSettings, SurfaceGrid, doubt_matches, link_grid
 from seismo3d.seismic.layer_system import LayerSystem, LinkFields
 from seismo3d.seismic.linking import InMemory
 from seismo3d.seismic.shifts import ShiftField, ShiftSettings
@@ -32,7 +32,11 @@ class LayerTimeSettings:
         The graph is solved on every so-many-th trace; each is half of the one before, the last is 1.
     thickness : float
         Standard deviation, in samples, of the growth of layer time over one coarse sample about that of its
-        surroundings: what ties the layers of a trace together.
+        surroundings in a cube without noise: what ties the layers of a trace together.
+    noisy : float
+        The same of a cube that is all noise; in between it grows with the noise's share of the energy (`usual` of its
+        shifts). A noisy cube's shifts weigh less, and ties as stiff as ever would make its layers parallel, whatever
+        the shifts say.
     wide : (float, float)
         Widths of these surroundings, in traces and samples.
     clear : int
@@ -52,6 +56,7 @@ class LayerTimeSettings:
     lengths: tuple[int, ...] = (1, 2, 4)
     strides: tuple[int, ...] = (4, 2, 1)
     thickness: float = 0.3
+    noisy: float = 16.0
     wide: tuple[float, float] = (8.0, 8.0)
     clear: int = 2
     least: float = 1e-3
@@ -132,9 +137,20 @@ def _round(
     """One robust round; the thickness of layers is that of their surroundings in the round before."""
     settings, found = graph.settings, values.copy()
     system.thickness[...] = smooth_thickness(values, system.breaks, settings, stride)
-    system.weigh(found, cutoff, settings.thickness**2)
+    spread = thickness_variance([f.usual for f in graph.fields], settings)
+    system.weigh(found, cutoff, spread)
     system.improve(found, settings.iterations * stride**2)
-    return found, system.weigh(found, cutoff, settings.thickness**2)
+    return found, system.weigh(found, cutoff, spread)
+
+
+def thickness_variance(usual: list[float], settings: LayerTimeSettings) -> float:
+    """Return the variance of thickness in a cube with such misfits of its shifts, by length, then axis."""
+    return settings.thickness**2 + (settings.noisy * nearest_misfit(usual)) ** 2
+
+
+def nearest_misfit(usual: list[float]) -> float:
+    """Return the cube's usual misfit, of shifts to the next traces, from those of all its shifts."""
+    return (usual[0] + usual[1]) / 2
 
 
 def _doubt(graph: LayerGraph) -> list[ShiftField]:
@@ -183,10 +199,14 @@ def _system(graph: LayerGraph, fields: list[ShiftField], stride: int) -> LayerSy
         keep_free(
             graph.nearest[f.axis], graph.cuts, f.variance, f.axis, f.length, stride, step, 0, 0, links.variance[n]
         )
+    usual = nearest_misfit([f.usual for f in graph.fields])
     listed = [
-        link_grid(grid, throw, variance, graph.nearest, graph.breaks, stride=stride, step=step)
+        link_grid(
+            grid, throw, doubt_matches(variance, usual, graph.settings.links), graph.nearest, graph.breaks,
+            stride=stride, step=step,
+        )
         for grid, throw, variance in graph.faults
-    ]
+    ]  # fmt: skip
     return LayerSystem.of(links, breaks, ScalarEdges.join(ScalarEdges.none(), *listed), InMemory(), step=step)
 
 

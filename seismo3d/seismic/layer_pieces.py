@@ -34,10 +34,13 @@ def places(layers: LayerModel) -> list[Place]:
     return getattr(layers.times, "places", [(slice(None), slice(None))])
 
 
-def find_levels(layers: LayerModel, target: Float64Array, crossings: Float64Array) -> None:
-    """Write the fractional samples, from above, at which every trace reaches its target; NaN for those it lacks."""
+def find_levels(layers: LayerModel, target: Float64Array, beyond: float, crossings: Float64Array) -> None:
+    """Write the fractional samples, from above, at which every trace reaches its target; NaN for those it lacks.
+
+    They may lie up to `beyond` samples off the cube.
+    """
     for at, (times, cuts) in layer_pieces(layers, "times", "cuts"):
-        cross_levels(times, cuts, target[at], crossings[(slice(None), *at)])
+        cross_levels(times, cuts, target[at], np.float32(beyond), crossings[(slice(None), *at)])
 
 
 def read_around(layers: LayerModel, depth: Float64Array, half: int) -> Waves:

@@ -140,7 +140,7 @@ def model_layers(
     report = progress or _unheard
     check_layers_of(cube, faults)
     amplitudes, _, (_, unit) = as_volume(cube)
-    volume, valid = clean_volume(amplitudes)
+    volume, valid = clean_volume(amplitudes, carried=True)
     cuts = np.zeros(volume.shape, np.uint8)
     grids = [grid_surface(s, beyond=settings.links.beyond) for s in (faults.surfaces if faults is not None else ())]
     for grid in grids:

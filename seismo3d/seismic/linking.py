@@ -14,6 +14,7 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, In
 from seismo3d.seismic._kernels_linking import (
     count_contacts,
     fill_cells,
+    find_lone_surfaces,
     grow_surfaces,
     list_contacts,
     new_counts,
@@ -126,6 +127,12 @@ class Sheet:
         s = self.first_s + rows
         flat = self.origin + s[:, None] * self.along + w[:, None] * self.across
         return np.column_stack([flat, self.first_sample + columns * self.step])
+
+    def nodes(self) -> Float64Array:
+        """Return (inline, crossline, sample) of the nodes that belong to the sheet, in the order of the grid."""
+        rows, columns = np.nonzero(self.inside)
+        heights = self.w[rows, columns].astype(np.float64)
+        return self.points(rows.astype(np.float64), columns.astype(np.float64), heights)
 
 
 class Room(Protocol):
@@ -250,10 +257,11 @@ def _grow(
     if n_surfaces == 0:
         return []
     near, along = new_counts(), new_counts()
+    holds = find_lone_surfaces(ridges.voxels, label, cells, n_cells)
     for start in range(0, n, min(n, most)):
         room.rest()
         count_contacts(
-            ridges.voxels, ridges.positions, normals, label, n_surfaces, shape, index, step, settings.gap,
+            ridges.voxels, ridges.positions, normals, label, n_surfaces, shape, index, holds, step, settings.gap,
             np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(settings.off_plane),
             start, min(start + most, n), near, along,
         )  # fmt: skip

@@ -80,7 +80,7 @@ def loop_closure(
             f"faults are of a cube of shape {np.shape(faults.labels)}; cube has shape {np.shape(cube)}. "
             "Give the cube that they were traced in."
         )
-    volume, valid = clean_volume(as_volume(cube)[0])
+    volume, valid = clean_volume(as_volume(cube)[0], carried=True)
     cuts = np.zeros(volume.shape, np.uint8)
     for surface in faults.surfaces if faults is not None else ():
         cut_grid(grid_surface(surface, beyond=settings.links.beyond), cuts)

@@ -4,16 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import reduce
 
 import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array
-from seismo3d.seismic._kernels_filters import filter_crosslines, filter_inlines, filter_samples, gaussian_taps, smooth
-from seismo3d.seismic._kernels_misfit import clear_unknown, divide_thinned, log_ratio, side_misfit
+from seismo3d.seismic._kernels_filters import (
+    Traces,
+    all_traces,
+    filter_samples,
+    gaussian_taps,
+    grow_traces,
+    shift_traces,
+    smooth,
+    spread_traces,
+)
+from seismo3d.seismic._kernels_misfit import clear_unknown, divide_known, log_ratio, side_misfit
 
-Compare = Callable[[slice, int, int, Float32Array, Float32Array], None]
+Compare = Callable[[int, int, tuple[int, int], Float32Array, Float32Array], None]
 
 NOISES = (0.0, 0.08, 0.2)
 """Median misfit ratios of a cube without noise, of a good survey, and of one with nearly as much noise as signal."""
@@ -65,7 +74,7 @@ class MisfitSettings:
     step: int = 2
     softness: float = 0.02
     most: float = 1.5
-    slab: int = 48
+    slab: int = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,12 +149,12 @@ def compare_along(volume: Float32Array, valid: BoolArray, slopes: tuple[Float32A
     Returns
     -------
     callable
-        Takes a slice of inlines, the axis, the number of traces a side, and arrays for :math:`(L - R)^2` and
-        :math:`L^2 + R^2`, -1 where a side is empty.
+        Takes the axis, the number of traces a side, the inline and crossline to begin at, and arrays for
+        :math:`(L - R)^2` and :math:`L^2 + R^2`, -1 where a side is empty, of as many traces as are asked for.
     """
 
-    def compare(lines: slice, axis: int, reach: int, difference: Float32Array, energy: Float32Array) -> None:
-        side_misfit(volume[lines], valid[lines], slopes[axis][lines], axis, reach, difference, energy)
+    def compare(axis: int, reach: int, corner: tuple[int, int], difference: Float32Array, energy: Float32Array) -> None:
+        side_misfit(volume, valid, slopes[axis], axis, reach, corner, difference, energy)
 
     return compare
 
@@ -185,13 +194,13 @@ def fuse_misfits(
     settings = settings or MisfitSettings()
     floor = energy_floor(trace_energies(volume, valid), int(valid.sum()))
     least = settings.reach[0]
-    near = _ratios(volume, comparisons[0], least, floor, settings)
+    near = _ratios(volume.shape, comparisons[0], least, floor, settings)
     usual = _median_ratio(*near)
     noisiness, reach = judge_noise(usual, settings)
     counted = [1.0] if len(comparisons) == 1 else share_out(usual, share, share_noises)
     parts = (
         _log_ratios(
-            *(near if number == 0 and reach == least else _ratios(volume, compare, reach, floor, settings)),
+            *(near if number == 0 and reach == least else _ratios(volume.shape, compare, reach, floor, settings)),
             weight,
             settings,
         )
@@ -200,13 +209,13 @@ def fuse_misfits(
     )
     logs, known, noise, background = reduce(_add_logs, parts)
     del near
-    sums = [trace_moments(ratio, weight) for ratio, weight in zip(logs, known, strict=True)]
-    mean, spread = find_moments(sums, noisiness)
+    moments = [trace_moments(ratio, weight) for ratio, weight in zip(logs, known, strict=True)]
+    mean, spread = find_moments(moments, noisiness)
     filled = [fill_unknown(ratio, weight, background) for ratio, weight in zip(logs, known, strict=True)]
     for axis, values in enumerate(filled):
         take_out_lines(values, find_footprint(np.median(values, axis=2), axis, noise, settings), axis)
-        spread_laterally(values, settings.lateral)
-        values += level_mean(level(values, settings), values.shape, settings)
+        filled[axis], sums = level(spread_laterally(values, settings.lateral), settings)
+        filled[axis] += level_mean(sums, values.shape, settings)
     return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
 
 
@@ -285,25 +294,30 @@ def take_out_lines(evidence: Float32Array, excess: Float32Array | None, axis: in
         evidence -= excess.reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
 
 
-def spread_laterally(evidence: Float32Array, sigma: float) -> None:
+def spread_laterally(evidence: Float32Array, sigma: float, *, within: Traces | None = None) -> Float32Array:
     """Smooth over neighbouring traces: a wavelet ties samples of a trace together, and nothing else ties traces."""
     taps = gaussian_taps(sigma)
-    other = np.empty_like(evidence)
-    filter_crosslines(evidence, taps, other)
-    filter_inlines(other, taps, evidence)
+    return spread_traces(evidence, taps, taps, within=within)
 
 
-def level(evidence: Float32Array, settings: MisfitSettings) -> Float64Array:
-    """Take out part of the wide local mean, in place: chaotic and noisy zones have more evidence everywhere.
+def level(
+    evidence: Float32Array, settings: MisfitSettings, *, within: Traces | None = None
+) -> tuple[Float32Array, Float64Array]:
+    """Take out part of the wide local mean: chaotic and noisy zones have more evidence everywhere.
 
-    Returns the sums over every trace of what was the local mean, for :func:`level_mean` to put its own mean back.
+    Returns also the sums over every trace of what was the local mean, for :func:`level_mean` to put its own mean back.
     """
     lateral, vertical = settings.background
-    mean = smooth(evidence, (lateral, lateral, vertical / settings.step))
+    mean = smooth(evidence, (lateral, lateral, vertical / settings.step), within=within)
     sums = np.stack([line.astype(np.float64).sum(axis=1) for line in mean])
     mean *= np.float32(settings.levelling)
-    evidence -= mean
-    return sums
+    np.subtract(evidence[within or all_traces(evidence)], mean, out=mean)
+    return mean, sums
+
+
+def level_reach(settings: MisfitSettings) -> int:
+    """Return over how many traces to either side :func:`level` averages."""
+    return len(gaussian_taps(settings.background[0])) // 2
 
 
 def level_mean(sums: Float64Array, shape: tuple[int, ...], settings: MisfitSettings) -> np.float32:
@@ -339,69 +353,75 @@ def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> floa
 
 
 def _ratios(
-    volume: Float32Array, compare: Compare, reach: int, floor: np.float32, settings: MisfitSettings
+    shape: tuple[int, ...], compare: Compare, reach: int, floor: np.float32, settings: MisfitSettings
 ) -> tuple[list[Float32Array], list[Float32Array]]:
-    shape = (*volume.shape[:2], -(-volume.shape[2] // settings.step))
-    ratios = [np.zeros(shape, np.float32) for _ in range(2)]
-    known = [np.zeros(shape, np.float32) for _ in range(2)]
-    halo = misfit_reach(reach, settings)
-    for start in range(0, len(volume), settings.slab):
-        stop = min(start + settings.slab, len(volume))
-        low, high = max(0, start - halo), min(len(volume), stop + halo)
-        cut = slice(low, high)
-        inner = slice(start - low, stop - low)
-        block_ratios(
-            volume[cut], partial(compare, cut), reach, floor, settings, (inner, slice(None)),
-            [r[start:stop] for r in ratios], [w[start:stop] for w in known],
-        )  # fmt: skip
-    return ratios, known
+    return measure_ratios(shape, compare, reach, floor, settings, (slice(0, shape[0]), slice(0, shape[1])))
 
 
 def misfit_reach(reach: int, settings: MisfitSettings) -> int:
     """Return how many traces off the misfit depends on, besides the slopes there."""
-    return reach + len(gaussian_taps(settings.energy[0])) // 2 + 1
+    return reach + energy_reach(settings)
 
 
-def block_ratios(
-    volume: Float32Array,
-    compare: Callable[[int, int, Float32Array, Float32Array], None],
+def energy_reach(settings: MisfitSettings) -> int:
+    """Return over how many traces to either side the energy is averaged."""
+    return len(gaussian_taps(settings.energy[0])) // 2
+
+
+def measure_ratios(
+    shape: tuple[int, ...],
+    compare: Compare,
     reach: int,
     floor: np.float32,
     settings: MisfitSettings,
-    inner: tuple[slice, slice],
-    ratios: list[Float32Array],
-    known: list[Float32Array],
-) -> None:
-    """Write the misfit ratios of the inner traces of a block, both ways, and how far they are known."""
+    within: Traces,
+) -> tuple[list[Float32Array], list[Float32Array]]:
+    """Return the misfit ratios of traces within a volume of some shape, both ways, and how far they are known.
+
+    Some inlines are worked on at a time: what is held of the others is the result alone.
+    """
+    inlines, crosslines = within
+    thinned = (inlines.stop - inlines.start, crosslines.stop - crosslines.start, -(-shape[2] // settings.step))
+    ratios = [np.empty(thinned, np.float32) for _ in range(2)]
+    known = [np.empty(thinned, np.float32) for _ in range(2)]
+    for start in range(inlines.start, inlines.stop, settings.slab):
+        slab = slice(start, min(start + settings.slab, inlines.stop))
+        out = slice(slab.start - inlines.start, slab.stop - inlines.start)
+        _measure_slab(
+            shape, compare, reach, floor, settings, (slab, crosslines),
+            [values[out] for values in ratios], [values[out] for values in known],
+        )  # fmt: skip
+    return ratios, known
+
+
+def _measure_slab(
+    shape: tuple[int, ...], compare: Compare, reach: int, floor: np.float32, settings: MisfitSettings,
+    within: Traces, ratios: list[Float32Array], known: list[Float32Array],
+) -> None:  # fmt: skip
+    """Write the misfit ratios of traces, both ways, and how far they are known."""
     taps = gaussian_taps(settings.vertical)
-    total = np.zeros_like(volume)
-    weights = np.zeros_like(volume)
+    around = grow_traces(within, (energy_reach(settings),) * 2, shape)
+    inner, corner = shift_traces(within, around), (around[0].start, around[1].start)
+    size = (around[0].stop - corner[0], around[1].stop - corner[1], shape[2])
+    total, weights = np.zeros(size, np.float32), np.zeros(size, np.float32)
     parts = []
+    difference, energy, weight = (np.empty(size, np.float32) for _ in range(3))
     for axis in range(2):
-        difference, energy = np.empty_like(volume), np.empty_like(volume)
-        compare(axis, reach, difference, energy)
-        weight = np.empty_like(volume)
+        compare(axis, reach, corner, difference, energy)
         clear_unknown(energy, weight)
         total += energy
         weights += weight
-        smoothed = np.empty_like(volume)
-        filter_samples(difference, taps, smoothed)
-        filter_samples(weight, taps, difference)
-        parts.append((smoothed, difference))
+        smoothed = (difference[inner].copy(), weight[inner].copy())
+        for values in smoothed:
+            filter_samples(values, taps, values)
+        parts.append([np.ascontiguousarray(values[:, :, :: settings.step]) for values in smoothed])
+    del difference, energy, weight, smoothed
     lateral, vertical = settings.energy
-    total = smooth(total, (lateral, lateral, vertical))
-    total /= np.maximum(smooth(weights, (lateral, lateral, vertical)), np.float32(1e-3))
-    for axis, (smoothed, weight) in enumerate(parts):
-        divide_thinned(
-            np.ascontiguousarray(smoothed[inner]),
-            np.ascontiguousarray(total[inner]),
-            np.ascontiguousarray(weight[inner]),
-            settings.step,
-            floor,
-            np.float32(settings.most),
-            ratios[axis],
-            known[axis],
-        )
+    mean = smooth(total, (lateral, lateral, vertical), within=inner)
+    mean /= np.maximum(smooth(weights, (lateral, lateral, vertical), within=inner), np.float32(1e-3))
+    mean = np.ascontiguousarray(mean[:, :, :: settings.step])
+    for axis, (smoothed_difference, share) in enumerate(parts):
+        divide_known(smoothed_difference, mean, share, floor, np.float32(settings.most), ratios[axis], known[axis])
 
 
 def trace_energies(volume: Float32Array, valid: BoolArray) -> Float64Array:
@@ -423,14 +443,21 @@ FILL_WIDTH = 2.0
 """Width of the window over which unknown evidence is bridged, in traces and in steps of the samples."""
 
 
-def fill_unknown(evidence: Float32Array, weight: Float32Array, background: float) -> Float32Array:
+def fill_unknown(
+    evidence: Float32Array, weight: Float32Array, background: float, *, within: Traces | None = None
+) -> Float32Array:
     """Bridge what is not known by its neighbours' evidence, or by the background where they are far."""
-    unknown = weight < 0.5
+    unknown, inner = weight < 0.5, within or all_traces(evidence)
     if not unknown.any():
-        return evidence
+        return evidence[inner]
     near = np.where(unknown, np.float32(0.0), np.float32(1.0))
     sigma = (FILL_WIDTH, FILL_WIDTH, FILL_WIDTH)
-    share = smooth(near, sigma)
-    mean = smooth(evidence * near, sigma)
-    filled = np.where(share > 0.1, mean / np.maximum(share, np.float32(0.1)), np.float32(background))
-    return np.where(unknown, filled, evidence).astype(np.float32)
+    share = smooth(near, sigma, within=inner)
+    near *= evidence
+    filled = smooth(near, sigma, within=inner)
+    del near
+    far = share <= np.float32(0.1)
+    filled /= np.maximum(share, np.float32(0.1), out=share)
+    filled[far] = background
+    np.copyto(filled, evidence[inner], where=~unknown[inner])
+    return filled

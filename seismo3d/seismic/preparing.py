@@ -64,13 +64,15 @@ def describe_volume(cube: Any) -> tuple[float, str]:
     return 1.0, "samples"
 
 
-def clean_volume(amplitudes: Float32Array) -> tuple[Float32Array, BoolArray]:
+def clean_volume(amplitudes: Float32Array, *, carried: bool = False) -> tuple[Float32Array, BoolArray]:
     """Mark where there are data, put zero elsewhere, clip spikes, and whiten.
 
     Parameters
     ----------
     amplitudes : ndarray of shape (inline, crossline, sample), float32
         Written over.
+    carried : bool
+        Whether whitening carries traces on beyond their ends.
 
     Returns
     -------
@@ -83,7 +85,7 @@ def clean_volume(amplitudes: Float32Array) -> tuple[Float32Array, BoolArray]:
     step = sampling_step(amplitudes.size)
     sample = np.abs(amplitudes.ravel()[::step][valid.ravel()[::step]])
     scale_amplitudes(amplitudes, find_strength(sample))
-    return whiten(amplitudes, valid), valid
+    return whiten(amplitudes, valid, carried=carried), valid
 
 
 def find_valid(amplitudes: Float32Array) -> BoolArray:

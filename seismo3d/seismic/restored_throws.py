@@ -13,6 +13,7 @@ from seismo3d.seismic._kernels_restore import spread
 from seismo3d.seismic.fault_ages import HistorySettings, are_one, order_faults
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, enlarge, find_motion
 from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheet_distances import are_near, bounds_of
 from seismo3d.seismic.slip_direction import refine_free_slip
 from seismo3d.seismic.slip_fields import Sides, SlipField
 from seismo3d.seismic.throw import SheetThrow, ThrowSettings, every_sample, find_slip, fit_of
@@ -87,7 +88,7 @@ def restore_throws(
         [motion for motion in motions if motion is not None], [parts[n].points(_EVERY) for n in known],
         [sheets[n].area for n in known], history,
     )  # fmt: skip
-    found, undone = list(throws), _Undone(younger)
+    found, undone = list(throws), _Undone(parts, younger, history.reach)
     for group in _groups(parts, known, undone, history):
         if len(group) == 1 and not younger[:, group[0]].any():
             motion = motions[group[0]]
@@ -99,22 +100,51 @@ def restore_throws(
 
 
 class _Undone:
-    """The motions that are taken back so far, the youngest first, and what each of them moves."""
+    """The motions that are taken back so far, the youngest first, and where they bring the places of the others.
 
-    def __init__(self, younger: BoolArray) -> None:
+    A motion moves the older faults that come within `reach` of it: what a survey holds beyond is strained by neither.
+    """
+
+    def __init__(self, parts: list[_Part], younger: BoolArray, reach: float) -> None:
         self.younger = younger
-        self._motions: list[tuple[list[int], FaultMotion]] = []
+        self._parts = parts
+        self._reach = reach
+        self._motions: list[tuple[list[int], FaultMotion, Float64Array]] = []
+        self._places: dict[int, tuple[int, Float64Array, Float64Array, list[FaultMotion]]] = {}
 
     def add(self, group: list[int], motion: FaultMotion) -> None:
         """Take back the motion of these faults."""
-        self._motions.append((group, motion))
+        self._motions.append((group, motion, bounds_of(np.concatenate([self.bounds(n) for n in group]))))
 
-    def carry(self, number: int, points: Float64Array) -> Float64Array:
-        """Return where places on a fault lay before what is taken back."""
-        for group, motion in self._motions:
-            if self.younger[group, number].any():
-                points = motion.undo(points)
+    def places(self, number: int) -> Float64Array:
+        """Return where some places of a fault lay before what is taken back."""
+        return self._follow(number)[0]
+
+    def bounds(self, number: int) -> Float64Array:
+        """Return the bounds of these places."""
+        return self._follow(number)[1]
+
+    def all_places(self, number: int) -> Float64Array:
+        """Return where all places of a fault lay before what is taken back."""
+        points = self._parts[number].points()
+        for motion in self._follow(number)[2]:
+            points = motion.undo(points)
         return points
+
+    def _follow(self, number: int) -> tuple[Float64Array, Float64Array, list[FaultMotion]]:
+        """Return some places of a fault before what is taken back, their bounds, and by what they are moved."""
+        known = self._places.get(number)
+        if known is None:
+            points = self._parts[number].points(_EVERY)
+            known = (0, points, bounds_of(points), [])
+        seen, points, bounds, moved_by = known
+        for group, motion, reached in self._motions[seen:]:
+            if self.younger[group, number].any() and are_near(reached, bounds, self._reach):
+                points = motion.undo(points)
+                bounds = bounds_of(points)
+                moved_by.append(motion)
+        self._places[number] = (len(self._motions), points, bounds, moved_by)
+        return points, bounds, moved_by
 
 
 def _lay_out(sheet: Sheet, throw: SheetThrow) -> _Part:
@@ -147,17 +177,24 @@ def _groups(parts: list[_Part], known: list[int], undone: _Undone, history: Hist
     """Give the faults, the youngest first and the largest of these before others, each with its other parts."""
     left = list(known)
     while left:
-        free = [n for n in left if not undone.younger[left, n].any()]
+        held = np.asarray(undone.younger[left].any(axis=0))
+        free = [n for n in left if not held[n]]
         free.sort(key=lambda n: (-parts[n].sheet.area, n))
-        places = {n: undone.carry(n, parts[n].points(_EVERY)) for n in free}
         group = [free[0]]
         for n in free[1:]:
             if parts[n].hanging_side * parts[free[0]].hanging_side * _turned(parts[n], parts[free[0]]) < 0:
                 continue
-            if any(are_one(parts[m].frame, places[m], parts[n].frame.across, places[n], history) for m in group):
+            if any(_are_one(parts, m, n, undone, history) for m in group):
                 group.append(n)
         yield group
         left = [n for n in left if n not in group]
+
+
+def _are_one(parts: list[_Part], one: int, other: int, undone: _Undone, history: HistorySettings) -> bool:
+    # no surface bends so much that it goes on from farther away
+    if not are_near(undone.bounds(one), undone.bounds(other), 3.0 * history.gap):
+        return False
+    return are_one(parts[one].frame, undone.places(one), parts[other].frame.across, undone.places(other), history)
 
 
 def _turned(part: _Part, other: _Part) -> int:
@@ -178,7 +215,7 @@ def _measure(
     Where they match worse than they do today something was not taken back as it moved: None, and nothing is written.
     """
     first = parts[group[0]]
-    laid = [first.frame.lay(undone.carry(n, parts[n].points())) for n in group]
+    laid = [first.frame.lay(undone.all_places(n)) for n in group]
     low = [float(np.floor(min(at[axis].min() for at in laid))) - 1.0 for axis in (0, 1)]
     high = [max(float(at[axis].max()) for at in laid) for axis in (0, 1)]
     sums = np.zeros((7, int(high[0] - low[0]) + 3, int(high[1] - low[1]) + 3))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -154,9 +154,12 @@ class ScanPlan:
     @property
     def dip_reach(self) -> int:
         """Traces across a plane, at most, from a voxel to the ends of the plane down the dip."""
-        steepest = max(float(np.hypot(1.0, shear)) for _, shears in self.families for shear in shears)
-        half = len(self.dip_taps) // 2
-        return int(np.ceil(half * steepest * float(np.abs(self.cotangents).max()) * self.step)) + 1
+        return max(self.reach_across(shear) for _, shears in self.families for shear in shears)
+
+    def reach_across(self, shear: float) -> int:
+        """Return what :attr:`dip_reach` is for planes of one strike."""
+        half, length = len(self.dip_taps) // 2, float(np.hypot(1.0, shear))
+        return int(np.ceil(half * length * float(np.abs(self.cotangents).max()) * self.step)) + 1
 
     @property
     def reach(self) -> tuple[int, int]:
@@ -217,11 +220,15 @@ class ScanRegion:
 
     @classmethod
     def turned(
-        cls, both: tuple[Float32Array, Float32Array], across: int, corner: tuple[int, int], size: tuple[int, int]
+        cls, both: Iterable[Float32Array], across: int, corner: tuple[int, int], size: tuple[int, int]
     ) -> ScanRegion:
-        """Return the region with its axes as a family of planes needs them, from those of the cube."""
+        """Return the region with its axes as a family of planes needs them, from those of the cube.
+
+        `both` is the evidence along inlines and along crosslines, which need not be held at once.
+        """
         turn = (0, 1, 2) if across == 0 else (1, 0, 2)
-        facing, sideways = (np.ascontiguousarray(both[k].transpose(turn)) for k in (across, 1 - across))
+        turned = [np.ascontiguousarray(values.transpose(turn)) for values in both]
+        facing, sideways = turned[across], turned[1 - across]
         return cls(facing, sideways, (corner[turn[0]], corner[turn[1]]), (size[turn[0]], size[turn[1]]))
 
 
@@ -240,13 +247,13 @@ def scan_region(
         region = take(across)
         pad, n_samples = len(plan.dip_taps) // 2, region.facing.shape[2]
         row, column = region.corner
-        low = max(0, row - plan.dip_reach)
-        high = min(len(region.facing), row + region.size[0] + plan.dip_reach)
-        lines = np.empty((high - low, region.size[1], n_samples + 2 * pad), np.float32)
+        room = np.empty((len(region.facing), region.size[1], n_samples + 2 * pad), np.float32)
         best = np.full((*region.size, n_samples), -1.0, np.float32)
         arg = np.zeros(best.shape, np.int16)
         for shear in shears:
-            length = float(np.hypot(1.0, shear))
+            low = max(0, row - plan.reach_across(shear))
+            high = min(len(region.facing), row + region.size[0] + plan.reach_across(shear))
+            lines, length = room[: high - low], float(np.hypot(1.0, shear))
             shares = (np.float32(1.0 / length**2), np.float32(shear**2 / length**2))
             sum_strike_lines(
                 region.facing, region.sideways, *shares, shear, plan.strike_taps, pad, (low, column), lines
@@ -260,7 +267,7 @@ def scan_region(
             if progress is not None:
                 progress("scan", n_done / n_all)
         kept.append((best, arg))
-        del region, lines
+        del region, room, lines
     return _merge(plan.families, kept)
 
 

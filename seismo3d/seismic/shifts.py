@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,6 +52,8 @@ class ShiftField:
         How far a reflector at this sample lies deeper on the other trace, in samples, and its variance.
     misfit : ndarray of the same shape, float32
         What the shift leaves over the energy, relative to what counts as doubtful: 1 or more is doubtful.
+    usual : float
+        Its median before that, where there is one: how strong the cube's noise is, squared, beside its signal.
     """
 
     axis: int
@@ -59,6 +61,7 @@ class ShiftField:
     shift: Float32Array
     variance: Float32Array
     misfit: Float32Array
+    usual: float = 0.0
 
 
 def measure_shifts(
@@ -102,9 +105,7 @@ def measure_shifts(
     settings = settings or ShiftSettings()
     floor = matching_floor(float(np.mean(np.square(volume[::2, ::2]))), settings)
     found = match_lengths(volume, valid, slopes, cuts=cuts, lengths=lengths, floor=floor, settings=settings)
-    for f in found:
-        judge_misfits(f, usual_misfit(f), settings)
-    return found
+    return [judge_misfits(f, usual_misfit(f), settings) for f in found]
 
 
 def matching_floor(power: float, settings: ShiftSettings) -> np.float32:
@@ -146,13 +147,14 @@ def usual_misfit(found: ShiftField) -> float:
     return float(np.median(known)) if known.size else 0.0
 
 
-def judge_misfits(found: ShiftField, usual: float, settings: ShiftSettings) -> None:
+def judge_misfits(found: ShiftField, usual: float, settings: ShiftSettings) -> ShiftField:
     """Divide misfit ratios, in place, by what is doubtful, and raise the variances of shifts that are.
 
     A misfit far above the cube's `usual` one is no match: a fault that was not found, or noise.
     """
     found.misfit[...] /= np.float32(2.0 * usual + settings.misfit)
     found.variance[...] *= 1.0 + found.misfit**4
+    return replace(found, usual=usual)
 
 
 def _refine(
@@ -165,8 +167,8 @@ def _refine(
     match_products(volume, valid, cuts, any_cut, nearest, axis, length, shift, settings.step, taps, products)
     lateral, buffer = gaussian_taps(settings.lateral), variance
     for product in products:
-        filter_crosslines(product, lateral, buffer)
-        filter_inlines(buffer, lateral, product)
+        filter_crosslines(product, lateral, buffer, 0)
+        filter_inlines(buffer, lateral, product, 0)
     # a window holds about as many independent samples as quarter wavelengths of six samples, times traces
     n_free = np.float32(max(1.0, settings.vertical * 3.5 / 6.0 * (1.0 + 3.5 * settings.lateral)))
     most = np.float32(settings.most * length)

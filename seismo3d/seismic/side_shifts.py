@@ -7,7 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array
-from seismo3d.seismic._kernels_filters import filter_crosslines, filter_inlines, filter_samples, gaussian_taps
+from seismo3d.seismic._kernels_filters import (
+    Traces,
+    all_traces,
+    filter_traces,
+    gaussian_taps,
+    grow_traces,
+    shift_traces,
+    spread_traces,
+)
 from seismo3d.seismic._kernels_registration import one_sided_means, pick_cheapest, search_costs
 from seismo3d.seismic.misfit import trace_energies
 from seismo3d.seismic.shifts import (
@@ -16,11 +24,10 @@ from seismo3d.seismic.shifts import (
     judge_misfits,
     match_lengths,
     matching_floor,
-    shift_reach,
     usual_misfit,
 )
 
-_SLAB = 64
+SLAB = 64
 """Inlines whose costs of all shifts are held at a time."""
 _FLOOR = np.float32(1e-3)
 
@@ -102,18 +109,29 @@ def register_slices(
     settings = settings or RegistrationSettings()
     floor = slice_floor(trace_energies(volume, valid), volume.shape[2], settings)
     found = match_slices(volume, valid, floor=floor, settings=settings)
-    for one in found:
-        judge_misfits(one, usual_misfit(one), settings.shifts)
-    return found
+    return [judge_misfits(one, usual_misfit(one), settings.shifts) for one in found]
 
 
 def match_slices(
-    volume: Float32Array, valid: BoolArray, *, floor: np.float32, settings: RegistrationSettings
+    volume: Float32Array,
+    valid: BoolArray,
+    *,
+    floor: np.float32,
+    settings: RegistrationSettings,
+    within: Traces | None = None,
 ) -> list[ShiftField]:
-    """Register as :func:`register_slices` does; misfits are ratios to the energy, and not yet judged."""
-    coarse = (_search(volume, valid, 0, settings), _search(volume, valid, 1, settings))
-    cuts = np.zeros(volume.shape, np.uint8)
-    return match_lengths(volume, valid, coarse, cuts=cuts, lengths=(1,), floor=floor, settings=settings.shifts)
+    """Register as :func:`register_slices` does; misfits are ratios to the energy, and not yet judged.
+
+    Given traces within the volume, only theirs are returned.
+    """
+    asked = within or all_traces(volume)
+    around = grow_traces(asked, (fit_reach(settings),) * 2, volume.shape)
+    coarse = (_search(volume, valid, 0, settings, around), _search(volume, valid, 1, settings, around))
+    volume, valid = np.ascontiguousarray(volume[around]), np.ascontiguousarray(valid[around])
+    no_cuts = np.zeros((1, 1, 1), np.uint8)
+    found = match_lengths(volume, valid, coarse, cuts=no_cuts, lengths=(1,), floor=floor, settings=settings.shifts)
+    inner = shift_traces(asked, around)
+    return [ShiftField(f.axis, 1, f.shift[inner], f.variance[inner], f.misfit[inner]) for f in found]
 
 
 def slice_floor(energies: Float64Array, n_samples: int, settings: RegistrationSettings) -> np.float32:
@@ -123,16 +141,28 @@ def slice_floor(energies: Float64Array, n_samples: int, settings: RegistrationSe
 
 def match_reach(settings: RegistrationSettings) -> int:
     """Return how many traces off the shifts of :func:`match_slices` depend on."""
-    return shift_reach((1,), settings.shifts) + len(gaussian_taps(settings.coarse)) // 2 + 1
+    return fit_reach(settings) + len(gaussian_taps(settings.coarse)) // 2 + 1
+
+
+def fit_reach(settings: RegistrationSettings) -> int:
+    """Return how many traces off the fit depends on, besides those that the search does."""
+    return settings.shifts.passes * (len(gaussian_taps(settings.shifts.lateral)) // 2) + 1
 
 
 def carry_reach(settings: RegistrationSettings) -> int:
     """Return how many traces off the sides of :func:`carry_sides` depend on."""
-    beside = len(gaussian_taps(settings.wide)) // 2
-    return beside + max(len(_shares(settings)) + 1, len(gaussian_taps(settings.across)) // 2)
+    return len(gaussian_taps(settings.wide)) // 2 + max(_averaged_reach(0, settings))
 
 
-def carry_sides(found: ShiftField, *, settings: RegistrationSettings | None = None) -> SideShifts:
+def _averaged_reach(axis: int, settings: RegistrationSettings) -> tuple[int, int]:
+    """Return how many inlines and crosslines off the shifts lie that the sides along an axis are averaged of."""
+    along, beside = len(_shares(settings)), len(gaussian_taps(settings.across)) // 2
+    return (along, beside) if axis == 0 else (beside, along)
+
+
+def carry_sides(
+    found: ShiftField, *, settings: RegistrationSettings | None = None, within: Traces | None = None
+) -> SideShifts:
     """Average the shifts of either side of every trace, those left out that do not agree with their surroundings.
 
     A fault parts one pair of traces at each sample: that pair alone shows what moved, and the pairs on either side of
@@ -145,28 +175,36 @@ def carry_sides(found: ShiftField, *, settings: RegistrationSettings | None = No
         Shifts to the next trace.
     settings : RegistrationSettings, optional
         Windows.
+    within : tuple of slice, optional
+        Inlines and crosslines whose sides are wanted; all without them.
 
     Returns
     -------
     SideShifts
     """
-    settings = settings or RegistrationSettings()
+    settings, asked = settings or RegistrationSettings(), within or all_traces(found.shift)
+    around = grow_traces(asked, _averaged_reach(found.axis, settings), found.shift.shape)
     weight = np.where(found.misfit > 0.0, np.float32(4e-4) / found.variance, np.float32(0.0))
     wide = gaussian_taps(settings.wide)
-    spread = _spread(weight, wide, wide)
-    smooth = _spread(weight * found.shift, wide, wide) / np.maximum(spread, np.float32(1e-9))
-    weight /= 1.0 + ((found.shift - smooth) / np.float32(settings.jump)) ** 2
+    spread = spread_traces(weight, wide, wide, within=around)
+    smooth = spread_traces(weight * found.shift, wide, wide, within=around)
+    smooth /= np.maximum(spread, np.float32(1e-9))
+    weight, shift = weight[around], found.shift[around]
+    weight = weight / (1.0 + ((shift - smooth) / np.float32(settings.jump)) ** 2)
     one, across = gaussian_taps(0.0), gaussian_taps(settings.across)
-    taps = (one, across) if found.axis == 0 else (across, one)
     down = gaussian_taps(settings.down / settings.shifts.step)
-    sums = []
-    for values in (weight * found.shift, weight):
-        smoothed = np.empty_like(weight)
-        filter_samples(_spread(values, *taps), down, smoothed)
-        sums.append(np.ascontiguousarray(smoothed.swapaxes(0, found.axis)))
+    inner = shift_traces(asked, around)
+    # along the axis traces around are counted too
+    counted = (slice(0, len(weight)), inner[1]) if found.axis == 0 else (inner[0], slice(0, weight.shape[1]))
+    taps = (one, across) if found.axis == 0 else (across, one)
+    sums = [
+        np.ascontiguousarray(filter_traces(values, *taps, down, within=counted).swapaxes(0, found.axis))
+        for values in (weight * shift, weight)
+    ]
     behind, ahead = np.empty_like(sums[0]), np.empty_like(sums[0])
     one_sided_means(sums[0], sums[1], _shares(settings), behind, ahead)
-    behind, ahead = (np.ascontiguousarray(side.swapaxes(0, found.axis)) for side in (behind, ahead))
+    kept = inner[found.axis]
+    behind, ahead = (np.ascontiguousarray(side[kept].swapaxes(0, found.axis)) for side in (behind, ahead))
     return SideShifts(behind, ahead, settings.shifts.step)
 
 
@@ -175,30 +213,22 @@ def _shares(settings: RegistrationSettings) -> Float32Array:
     return np.asarray((1.0 - 1.0 / settings.memory) ** np.arange(round(4.0 * settings.memory)), np.float32)
 
 
-def _search(volume: Float32Array, valid: BoolArray, axis: int, settings: RegistrationSettings) -> Float32Array:
+def _search(
+    volume: Float32Array, valid: BoolArray, axis: int, settings: RegistrationSettings, within: Traces
+) -> Float32Array:
     """Return the shift to the next trace that costs least over a wide window; slab by slab, as the costs are many."""
     step, lateral = settings.shifts.step, gaussian_taps(settings.coarse)
     n0, n1, n2 = volume.shape
-    shift = np.empty((n0, n1, -(-n2 // step)), np.float32)
+    inlines, crosslines = within
+    shift = np.empty((inlines.stop - inlines.start, crosslines.stop - crosslines.start, -(-n2 // step)), np.float32)
     taps, halo = gaussian_taps(settings.shifts.vertical), len(lateral) // 2
-    for first in range(0, n0, _SLAB):
-        last = min(first + _SLAB, n0)
+    for first in range(inlines.start, inlines.stop, SLAB):
+        last = min(first + SLAB, inlines.stop)
         # the slab's last line has none next to it: it serves none but the one before
         wide = slice(max(first - halo, 0), min(last + halo + 1, n0))
-        costs = np.empty((2 * settings.farthest + 1, wide.stop - wide.start, *shift.shape[1:]), np.float32)
+        costs = np.empty((2 * settings.farthest + 1, wide.stop - wide.start, n1, shift.shape[2]), np.float32)
         search_costs(volume[wide], valid[wide], axis, settings.farthest, step, taps, _FLOOR, costs)
-        found = np.empty(costs.shape[1:], np.float32)
-        for cost in costs:
-            filter_crosslines(cost, lateral, found)
-            filter_inlines(found, lateral, cost)
-        pick_cheapest(costs, found)
-        shift[first:last] = found[first - wide.start : last - wide.start]
+        slab = (slice(first - wide.start, last - wide.start), crosslines)
+        smoothed = np.stack([spread_traces(cost, lateral, lateral, within=slab) for cost in costs])
+        pick_cheapest(smoothed, shift[first - inlines.start : last - inlines.start])
     return shift
-
-
-def _spread(values: Float32Array, along_inlines: Float32Array, along_crosslines: Float32Array) -> Float32Array:
-    """Smooth over neighbouring traces."""
-    other, out = np.empty_like(values), np.empty_like(values)
-    filter_crosslines(values, along_crosslines, other)
-    filter_inlines(other, along_inlines, out)
-    return out

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array
-from seismo3d.seismic._kernels_filters import filter_crosslines, filter_samples, gaussian_taps
-from seismo3d.seismic._kernels_slip import add_bending, add_places, match_about, pull_shifts, solve_bands
-from seismo3d.seismic._kernels_throw import finish_costs
+from seismo3d.seismic._kernels_costs import compare_about
+from seismo3d.seismic._kernels_filters import gaussian_taps
+from seismo3d.seismic._kernels_restore import enlarge_grid
+from seismo3d.seismic._kernels_slip import add_bending, add_places, pull_shifts, solve_bands
 
 # grid places between the nodes of a field, and how firmly a field that nothing holds stays at the mean
 _COARSE, _RIDGE = 4, 1e-3
@@ -197,8 +197,8 @@ def smooth_field(values: Float32Array, weights: Float32Array, *, stiffness: floa
     bands[-1] += _RIDGE
     solve_bands(bands, right)
     nodes = right.reshape(n_rows, n_columns)
-    at = np.stack(np.meshgrid(*(np.arange(n) / _COARSE for n in values.shape), indexing="ij"))
-    return np.asarray(ndimage.map_coordinates(nodes, at, order=1, mode="nearest") + mean, np.float32)
+    rows, columns = (np.arange(n) / _COARSE for n in values.shape)
+    return np.asarray(enlarge_grid(nodes, rows, columns) + mean, np.float32)
 
 
 def _refine(
@@ -226,20 +226,13 @@ def _refine(
 
 def _costs_about(sides: Sides, field: Float32Array, share: float, thin: int, settings: SlipSettings) -> Float32Array:
     """Return the misfit ratios of throws about a field: (row, sample, throw); infinite without a counterpart."""
-    shape = (2 * _REACH + 1, *field.shape)
-    cost, energy, weight = (np.empty(shape, np.float32) for _ in range(3))
-    mean = sides.mean_energy()
-    match_about(
+    n_shifts, mean = 2 * _REACH + 1, sides.mean_energy()
+    ratio, out = np.empty((n_shifts, *field.shape), np.float32), np.empty((*field.shape, n_shifts), np.float32)
+    compare_about(
         sides.hanging, sides.foot, sides.in_hanging, sides.in_foot, field, np.float32(share), thin,
-        np.float32(4.0 * mean), cost, energy, weight,
+        np.float32(4.0 * mean), gaussian_taps(settings.along_strike / thin), gaussian_taps(settings.down / thin),
+        np.float32(0.6 * mean), np.float32(np.inf), ratio, out,
     )  # fmt: skip
-    rows, samples = gaussian_taps(settings.along_strike / thin), gaussian_taps(settings.down / thin)
-    buffer = np.empty_like(cost)
-    for part in (cost, energy, weight):
-        filter_samples(part, samples, buffer)
-        filter_crosslines(buffer, rows, part)
-    out = np.empty((*field.shape, shape[0]), np.float32)
-    finish_costs(cost, energy, weight, np.float32(0.6 * mean), np.float32(np.inf), out)
     return out
 
 

@@ -7,15 +7,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array
-from seismo3d.seismic._kernels_filters import filter_crosslines, filter_samples, gaussian_taps
+from seismo3d.seismic._kernels_costs import compare_throws
+from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_throw import (
     bar_far_shifts,
-    finish_costs,
-    match_costs,
+    mark_beside,
     pick_shifts,
     read_sides,
     sum_paths,
 )
+from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.fault_motion import enlarge
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
@@ -35,9 +36,16 @@ class ThrowSettings:
     Attributes
     ----------
     near, far : int
-        Traces off the surface between which each side is averaged.
+        Traces off a steep surface between which each side is averaged.
+    clearance : float
+        Samples, down the trace, from the surface to these traces: beside a surface that dips gently they are taken
+        farther off, as the wavelet mixes what lies above it with what lies below.
+    farthest : int
+        By at most so many traces.
     clear : int
-        Traces farther off at which their slopes are read.
+        Traces still farther off at which their slopes are read.
+    beside : int
+        Traces beside a surface that are left out where these slopes are estimated.
     longest : int
         Largest throw looked for, either way.
     thin : int
@@ -54,7 +62,10 @@ class ThrowSettings:
 
     near: int = 2
     far: int = 4
-    clear: int = 8
+    clearance: float = 8.0
+    farthest: int = 11
+    clear: int = 3
+    beside: int = 1
     longest: int = 48
     thin: int = 2
     along_strike: float = 3.0
@@ -113,7 +124,7 @@ def measure_throw(
     volume, valid : ndarray of shape (inline, crossline, sample)
         Amplitudes, float32, and where there are any.
     slopes : tuple of ndarray
-        Reflector slopes along inlines and crosslines.
+        Reflector slopes along inlines and crosslines, of the layers alone: see :func:`slopes_beside`.
     sheet : Sheet
         The fault.
     settings : ThrowSettings, optional
@@ -139,20 +150,54 @@ def gather_sides(
     *,
     settings: ThrowSettings,
     w: Float32Array | None = None,
+    off: int | None = None,
     corner: tuple[int, int] = (0, 0),
 ) -> tuple[Float32Array, Float32Array]:
     """Read both sides of a sheet, one value a sample, where its position `w` at every sample is known.
 
-    The volumes may be a block of the cube that begins at a corner. Returns the sides, the first against the sheet's
+    They are read `off` traces farther off than `near` and `far`: of a part of a sheet, as the whole asks for. The
+    volumes may be a block of the cube that begins at a corner. Returns the sides, the first against the sheet's
     ``across``, and where each is known (1) or not (0).
     """
     w = every_sample(sheet) if w is None else w
+    off = farther_off(sheet, settings) if off is None else off
     sides, known = np.zeros((2, *w.shape), np.float32), np.zeros((2, *w.shape), np.float32)
     read_sides(
         volume, valid, *slopes, w, sheet.origin, sheet.along, sheet.across, sheet.first_s, sheet.first_sample,
-        settings.near, settings.far, settings.clear, corner, sides, known,
+        settings.near + off, settings.far + off, settings.clear, corner, sides, known,
     )  # fmt: skip
     return sides, known
+
+
+def side_reach(settings: ThrowSettings) -> int:
+    """Return how many traces off a sheet its sides are read at most."""
+    return settings.far + settings.farthest + settings.clear + 2
+
+
+def farther_off(sheet: Sheet, settings: ThrowSettings) -> int:
+    """Return how many traces farther off than `near` and `far` the sides of a sheet are read, for its dip's sake."""
+    steps = np.abs(np.diff(sheet.w.astype(np.float64), axis=1)) / sheet.step
+    steps = steps[np.isfinite(steps)]
+    if not steps.size:
+        return 0
+    wanted = settings.clearance * float(np.median(steps)) - 0.5 * (settings.near + settings.far)
+    return int(np.clip(np.rint(wanted), 0, settings.farthest))
+
+
+def mask_sheets(sheets: list[Sheet], valid: BoolArray, *, beside: int, corner: tuple[int, int] = (0, 0)) -> BoolArray:
+    """Return where there are data that lie more than `beside` traces from all sheets, in a block from a corner on."""
+    clear = valid.copy()
+    for sheet in sheets:
+        mark_beside(every_sample(sheet), sheet.origin, sheet.along, sheet.across, sheet.first_s, sheet.first_sample,
+                    beside, corner, clear)  # fmt: skip
+    return clear
+
+
+def slopes_beside(
+    volume: Float32Array, valid: BoolArray, sheets: list[Sheet], *, dip: DipSettings, settings: ThrowSettings
+) -> tuple[Float32Array, Float32Array]:
+    """Estimate slopes of the layers without what lies on the sheets: a break there is a slope of no layer."""
+    return estimate_slopes(volume, mask_sheets(sheets, valid, beside=settings.beside), settings=dip)
 
 
 def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settings: ThrowSettings) -> SheetThrow:
@@ -220,20 +265,14 @@ def _costs(sides: Sides, settings: ThrowSettings) -> Float32Array:
     n_rows, n_samples = sides.hanging.shape
     thin = settings.thin
     n_shifts = 2 * min(settings.longest, max(1, n_samples - 1)) + 1
-    shape = (n_shifts, (n_rows - 1) // thin + 1, (n_samples - 1) // thin + 1)
-    cost, energy, weight = (np.empty(shape, np.float32) for _ in range(3))
+    shape = ((n_rows - 1) // thin + 1, (n_samples - 1) // thin + 1)
     mean = sides.mean_energy()
-    match_costs(
-        sides.hanging, sides.foot, sides.in_hanging, sides.in_foot, 0.0, thin, np.float32(4.0 * mean),
-        cost, energy, weight,
+    ratio, out = np.empty((n_shifts, *shape), np.float32), np.empty((*shape, n_shifts), np.float32)
+    compare_throws(
+        sides.hanging, sides.foot, sides.in_hanging, sides.in_foot, thin, np.float32(4.0 * mean),
+        gaussian_taps(settings.along_strike / thin), gaussian_taps(settings.down / thin),
+        np.float32(0.6 * mean), np.float32(settings.unmatched), ratio, out,
     )  # fmt: skip
-    rows, samples = gaussian_taps(settings.along_strike / thin), gaussian_taps(settings.down / thin)
-    buffer = np.empty_like(cost)
-    for part in (cost, energy, weight):
-        filter_samples(part, samples, buffer)
-        filter_crosslines(buffer, rows, part)
-    out = np.empty((shape[1], shape[2], n_shifts), np.float32)
-    finish_costs(cost, energy, weight, np.float32(0.6 * mean), np.float32(settings.unmatched), out)
     return out
 
 

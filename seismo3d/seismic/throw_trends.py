@@ -6,6 +6,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d.seismic._kernels_restore import enlarge_grid
 from seismo3d.seismic._kernels_trends import search_trends
 
 # places of the grid that one place of a trend's own coarser grid stands for
@@ -120,5 +121,5 @@ def _planes(
 
 
 def _enlarge(values: Float64Array, shape: tuple[int, ...]) -> Float64Array:
-    at = np.stack(np.meshgrid(*((np.arange(n) - 0.5 * (_COARSE - 1)) / _COARSE for n in shape), indexing="ij"))
-    return np.asarray(ndimage.map_coordinates(values, at, order=1, mode="nearest"))
+    rows, columns = ((np.arange(n) - 0.5 * (_COARSE - 1)) / _COARSE for n in shape)
+    return np.asarray(enlarge_grid(values, rows, columns), np.float64)

@@ -10,6 +10,7 @@ from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_tracks import match_waveforms
 from seismo3d.seismic.layer_pieces import find_levels, read_along
 from seismo3d.seismic.layer_time import LayerModel
+from seismo3d.seismic.track_growing import grow_parts, keep_sides
 from seismo3d.seismic.track_refining import STRETCHES, TrackSettings, refine_depth, stretched
 
 # how often a trace may cross one layer, and a step between traces that is none of one part
@@ -41,21 +42,24 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
         Fractional sample; NaN where the horizon was not traced.
     confidence : ndarray of the same shape, float32
     """
-    crossings = find_crossings(layers, index)
+    crossings = find_crossings(layers, index, beyond=settings.farthest)
+    first = crossings
     parts = label_parts(crossings, layers.cuts)
     seeded = np.unique([_nearest_part(crossings, parts, at) for at in index])
     seeded = seeded[seeded >= 0]
     scores = np.isin(np.arange(int(parts.max(initial=-1)) + 1), seeded).astype(np.float32)
     for _ in range(settings.rounds):
         crossings, scores = _place_parts(layers, crossings, parts, seeded, scores, settings)
-    depth, parts = _uppermost(crossings, parts, seeded)
+    keep_sides(layers, first, crossings)
+    depth, parts = grow_parts(layers, *_uppermost(crossings, parts, seeded))
     return refine_depth(layers, depth, parts, index, seeded, scores, settings)
 
 
-def find_crossings(layers: LayerModel, index: Float64Array) -> Float64Array:
+def find_crossings(layers: LayerModel, index: Float64Array, *, beyond: float = 0.0) -> Float64Array:
     """Find where the layer of the seeds passes through every trace, from above; NaN where it does not (again).
 
-    Between seeds of differing layer times these are weighed by distance.
+    Between seeds of differing layer times these are weighed by distance. Crossings may lie `beyond` samples off the
+    cube: where layer time is off on the far side of a fault, the layer may be in the cube all the same.
     """
     times, weights = [], []
     n0, n1 = layers.times.shape[:2]
@@ -66,7 +70,7 @@ def find_crossings(layers: LayerModel, index: Float64Array) -> Float64Array:
         weights.append(1.0 / ((i - at[0]) ** 2 + (j - at[1]) ** 2 + 0.25))
     target = np.tensordot(times, weights, axes=1) / np.sum(weights, axis=0)
     crossings = np.empty((_CROSSINGS, n0, n1))
-    find_levels(layers, target, crossings)
+    find_levels(layers, target, beyond, crossings)
     crossings[:, ~layers.live] = np.nan
     return crossings
 
@@ -92,7 +96,7 @@ def label_parts(crossings: Float64Array, cuts: AnyArray) -> IntArray:
     """
     known = np.isfinite(crossings)
     numbers = np.arange(crossings.size).reshape(crossings.shape)
-    k: AnyArray = np.asarray(np.rint(np.nan_to_num(crossings)), dtype=np.int64)
+    k: AnyArray = np.clip(np.rint(np.nan_to_num(crossings)).astype(np.int64), 0, cuts.shape[2] - 1)
     i, j = np.meshgrid(*(np.arange(n) for n in crossings.shape[1:]), indexing="ij")
     first, second = [], []
     for axis in range(2):
@@ -110,8 +114,11 @@ def label_parts(crossings: Float64Array, cuts: AnyArray) -> IntArray:
             second.append(numbers[other][b][free])
     ends = (np.concatenate(first), np.concatenate(second))
     graph = coo_matrix((np.ones(len(ends[0]), bool), ends), shape=(crossings.size,) * 2)
-    parts = connected_components(graph, directed=False)[1].reshape(crossings.shape)
-    return np.where(known, parts, -1)
+    labels = connected_components(graph, directed=False)[1].reshape(crossings.shape)
+    # what is no crossing is labelled too, each by itself: far more labels than parts
+    parts = np.full(crossings.shape, -1, np.int64)
+    parts[known] = np.unique(labels[known], return_inverse=True)[1]
+    return parts
 
 
 def _nearest_part(crossings: Float64Array, parts: IntArray, at: Float64Array) -> int:

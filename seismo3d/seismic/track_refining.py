@@ -21,6 +21,8 @@ STRETCHES = 5
 _WHOLE = 0.9
 # share of the traces around that must be such for them to count as much as their price
 _DOUBT = 0.1
+# samples from an end of the cube within which a layer may leave it
+_LEAVING = 4.0
 # farthest that a track is moved as a whole to pass through its seeds
 _ANCHOR = 3.0
 
@@ -40,7 +42,8 @@ class TrackSettings:
     most : float
         Farthest that a trace is moved to fit its neighbours.
     rim : int
-        Traces this close to a fault are also looked for where the part's inner traces lead to.
+        Traces this close to a fault, whose waveforms hold some of what lies beyond it, go where the part's inner traces
+        lead to.
     bend : float
         Width, in traces, of the window over which they are led on.
     stretch, even : float
@@ -63,7 +66,7 @@ class TrackSettings:
     window: int = 32
     farthest: int = 12
     near: int = 16
-    most: float = 1.0
+    most: float = 2.0
     rim: int = 4
     bend: float = 4.0
     stretch: float = 0.2
@@ -83,9 +86,9 @@ def refine_depth(
 ) -> tuple[Float64Array, Float32Array]:  # fmt: skip
     """Align every trace with the waveform along the parts that the seeds lie on.
 
-    Next to a fault, where the layer time may be bent by what lies beyond it, a trace is also compared where its part's
-    inner traces lead to, and goes there where it fits better. Where a fault leaves too little of the waveform, a trace
-    goes with its neighbours. The track passes through its seeds.
+    Next to a fault, where what lies beyond it is mixed into the waveforms and may bend the layer time, a trace goes
+    where its part's inner traces lead to. Where a fault leaves too little of the waveform, a trace goes with its
+    neighbours. The track passes through its seeds.
 
     Parameters
     ----------
@@ -113,8 +116,7 @@ def refine_depth(
     if not there.any():
         return depth, np.full(depth.shape, np.nan, np.float32)
     of_seeds = np.isin(parts, seeded) & there
-    reference = _mean_waveform(layers, depth, of_seeds if of_seeds.any() else there, settings.near)
-    depth = _straighten_rims(layers, depth, parts, reference, settings)
+    depth = _straighten_rims(layers, depth, parts, settings)
     reach = int(np.ceil(settings.most)) + _SPARE
     score = _score_stretched(layers, depth, parts, of_seeds if of_seeds.any() else there, reach, settings)
     move, here = _best_moves(score, reach)
@@ -127,6 +129,7 @@ def refine_depth(
     confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
     common = np.median(move[of_seeds & trusted]) if (of_seeds & trusted).any() else 0.0
     depth = np.where(trusted, depth + common + np.clip(move - common, -settings.most, settings.most), np.nan)
+    depth = _straighten_rims(layers, depth, np.where(trusted, parts, -1), settings)
     miss = _miss(depth, of_seeds & trusted, index)
     return depth - (common if miss is None else miss), confidence
 
@@ -143,14 +146,6 @@ def _mean_waveform(layers: LayerModel, depth: Float64Array, chosen: BoolArray, h
     waves, known = read_around(layers, np.where(chosen, depth, np.nan), half)
     total = known.sum(axis=(0, 1))
     return ((waves * known).sum(axis=(0, 1)) / np.maximum(total, 1.0)).astype(np.float32)
-
-
-def _score_traces(
-    layers: LayerModel, depth: Float64Array, parts: IntArray, reference: Float32Array, reach: int, least: float
-) -> Float32Array:
-    """Correlation of every trace, averaged with its neighbours of the same part, with a waveform at every lag."""
-    waves, known = _read_smoothly(layers, depth, parts, len(reference) // 2 + reach)
-    return _match_traces(waves, known, reference, reach, least).reshape(*depth.shape, -1)
 
 
 def _read_smoothly(
@@ -184,9 +179,10 @@ def stretched(waveform: Float32Array, half: int, shares: Float64Array) -> Float3
 def _score_stretched(
     layers: LayerModel, depth: Float64Array, parts: IntArray, chosen: BoolArray, reach: int, settings: TrackSettings
 ) -> Float32Array:
-    """Do what `_score_traces` does with the chosen traces' mean waveform, as thick as fits best around each trace.
+    """Correlation of every trace, averaged with its neighbours of the same part, with a waveform at every lag.
 
-    Without that a trace with thicker layers goes where those above or below fit, whichever side is seen farther.
+    The waveform is the chosen traces' mean, as thick as fits best around each trace: without that a trace with thicker
+    layers goes where those above or below fit, whichever side is seen farther.
     """
     shares = np.linspace(-settings.stretch, settings.stretch, 2 * STRETCHES + 1)
     long = _mean_waveform(layers, depth, chosen, int(np.ceil(settings.near * (1.0 + 2.0 * settings.stretch))) + 1)
@@ -211,18 +207,27 @@ def _best_moves(score: Float32Array, reach: int) -> tuple[Float64Array, Float32A
     return best - reach + np.clip(part, -0.5, 0.5), here
 
 
-def _straighten_rims(
-    layers: LayerModel, depth: Float64Array, parts: IntArray, reference: Float32Array, settings: TrackSettings
-) -> Float64Array:
-    """Move traces next to a fault to where the inner traces of their part lead, if they fit better there."""
-    led = _lead_on(depth, parts, settings.rim, settings.bend)
-    led = np.where(np.isfinite(led), led, depth)
-    old, new = (_score_traces(layers, d, parts, reference, 1, 0.3)[..., 1] for d in (depth, led))
-    return np.where(new > old, led, depth)
+def _straighten_rims(layers: LayerModel, depth: Float64Array, parts: IntArray, settings: TrackSettings) -> Float64Array:
+    """Move traces next to a fault to where the inner traces of their part lead."""
+    led = _lead_on(depth, parts, _without_faults(layers, depth, parts), settings)
+    return np.where(np.isfinite(led), led, depth)
 
 
-def _lead_on(depth: Float64Array, parts: IntArray, rim: int, sigma: float) -> Float64Array:
-    """Depth of traces near a part's edge, from planes through the inner traces around; NaN elsewhere."""
+def _without_faults(layers: LayerModel, depth: Float64Array, parts: IntArray) -> BoolArray:
+    """Mark traces that lack a layer for they have no data, or because it leaves the cube near them."""
+    there = parts >= 0
+    nearest = ndimage.distance_transform_edt(~there, return_distances=False, return_indices=True)
+    beside = depth[tuple(nearest)] if there.any() else depth
+    last = layers.times.shape[2] - 1
+    return ~there & (~layers.live | ~((beside > _LEAVING) & (beside < last - _LEAVING)))
+
+
+def _lead_on(depth: Float64Array, parts: IntArray, free: BoolArray, settings: TrackSettings) -> Float64Array:
+    """Depth of traces near a part's edge, from planes through the inner traces around; NaN elsewhere.
+
+    What is free is none of the part, but makes no edge either.
+    """
+    rim, sigma = settings.rim, settings.bend
     out = np.full(depth.shape, np.nan)
     for label, box in enumerate(ndimage.find_objects(parts + 1)):
         if box is None:
@@ -231,7 +236,10 @@ def _lead_on(depth: Float64Array, parts: IntArray, rim: int, sigma: float) -> Fl
         near = tuple(slice(max(s.start - 1, 0), s.stop + 1) for s in box)
         mask = parts[near] == label
         inner = mask & (
-            ndimage.distance_transform_edt(np.pad(mask, rim + 1, mode="edge"))[(slice(rim + 1, -rim - 1),) * 2] > rim
+            ndimage.distance_transform_edt(np.pad(mask | free[near], rim + 1, mode="edge"))[
+                (slice(rim + 1, -rim - 1),) * 2
+            ]
+            > rim
         )
         if not inner.any():
             continue

@@ -2,19 +2,40 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
-from seismo3d.seismic._kernels_filters import filter_samples
+from seismo3d.seismic._kernels_filters import filter_carried, filter_samples
 
 _MOST_TRACES = 4096
+_MOST_PIECES = 128
 _FLOOR = 0.01
 _HALF_LENGTH = 16
 # cycles a sample between which the filter tapers off: beyond, samples cannot be interpolated
 _BAND = (0.3, 0.5)
+# share of the power that counts as white noise where traces are carried on beyond their ends
+_GRAIN = 1e-3
 
 
-def whiten(volume: Float32Array, valid: BoolArray) -> Float32Array:
+class Whitening(NamedTuple):
+    """A filter along the traces, and what carries traces on beyond their ends for it.
+
+    Attributes
+    ----------
+    taps : ndarray of shape (2 half + 1,), float32
+        Weights, symmetric.
+    beyond : ndarray of shape (half, n), float32, or None
+        Row t tells the sample t + 1 beyond an end from the last n samples, the end first. None: the cube's end samples
+        are repeated.
+    """
+
+    taps: Float32Array
+    beyond: Float32Array | None = None
+
+
+def whiten(volume: Float32Array, valid: BoolArray, *, carried: bool = False) -> Float32Array:
     r"""Flatten the amplitude spectrum along the traces where neighbouring traces agree.
 
     One zero-phase filter serves the whole cube: :math:`W(f) = \gamma(f) / (A(f) + 0.01 \max A)`, with :math:`A` the
@@ -23,28 +44,36 @@ def whiten(volume: Float32Array, valid: BoolArray) -> Float32Array:
     fault's break along the
     trace by its own length; a shorter one shows it where it is.
 
+    Carried on, traces go on beyond their ends by the least-squares prediction from their last samples. What they were
+    cut off with lies level from trace to trace, whatever the layers do, and is matched as if it were one.
+
     Parameters
     ----------
     volume : ndarray of shape (inline, crossline, sample), float32
         Amplitudes, zero where not valid.
     valid : ndarray of the same shape, bool
         Where there are data.
+    carried : bool
+        Whether traces are carried on beyond their ends.
 
     Returns
     -------
     ndarray of the same shape, float32
         Filtered amplitudes, scaled to a root-mean-square of about 1 and clipped at 8; zero where not valid.
     """
-    out = filter_valid(volume, valid, whitening_taps(volume, valid))
+    out = filter_valid(volume, valid, design_whitening(volume, valid, carried=carried))
     scale_to_unit(out, find_rms(trace_powers(out), int(valid.sum())))
     return out
 
 
-def filter_valid(volume: Float32Array, valid: BoolArray, taps: Float32Array) -> Float32Array:
+def filter_valid(volume: Float32Array, valid: BoolArray, whitening: Whitening) -> Float32Array:
     """Return the traces filtered; zero where not valid."""
     out = np.empty_like(volume)
-    filter_samples(volume, taps, out)
-    out[~valid] = 0.0
+    if whitening.beyond is None:
+        filter_samples(volume, whitening.taps, out)
+        out[~valid] = 0.0
+    else:
+        filter_carried(volume, valid, whitening.taps, whitening.beyond, out)
     return out
 
 
@@ -65,12 +94,13 @@ def scale_to_unit(volume: Float32Array, rms: float) -> None:
         np.clip(volume, -8.0, 8.0, out=volume)
 
 
-def whitening_taps(volume: Float32Array, valid: BoolArray) -> Float32Array:
-    """Return the whitening filter's weights, an odd number of them, symmetric."""
+def design_whitening(volume: Float32Array, valid: BoolArray, *, carried: bool = False) -> Whitening:
+    """Return the filter of a cube."""
     if volume.shape[1] < 2:
         volume, valid = volume.transpose(1, 0, 2), valid.transpose(1, 0, 2)
     i, j = choose_pairs(is_complete(valid)).T
-    return design_taps(volume[i, j].astype(np.float64), volume[i, j + 1].astype(np.float64), volume.shape[2])
+    first, second = volume[i, j].astype(np.float64), volume[i, j + 1].astype(np.float64)
+    return whitening_of(first, second, volume.shape[2], carried=carried)
 
 
 def is_complete(valid: BoolArray) -> BoolArray:
@@ -84,9 +114,32 @@ def choose_pairs(complete: BoolArray) -> IntArray:
     return pairs[:: max(1, len(pairs) // _MOST_TRACES)]
 
 
-def design_taps(first: Float64Array, second: Float64Array, n_samples: int) -> Float32Array:
-    """Return the filter's weights from pairs of neighbouring traces, one a row."""
+def whitening_of(first: Float64Array, second: Float64Array, n_samples: int, *, carried: bool) -> Whitening:
+    """Return the filter from pairs of neighbouring traces, one a row."""
     half = min(_HALF_LENGTH, max(1, n_samples // 4))
+    return Whitening(_design_taps(first, second, half), _design_prediction(first, half) if carried else None)
+
+
+def _design_prediction(traces: Float64Array, half: int) -> Float32Array:
+    """Return the weights that tell samples beyond an end from twice as many before it, by least squares over traces."""
+    n, length = 2 * half, 3 * half
+    products = np.zeros((length, length))
+    if len(traces):
+        starts = np.unique(np.linspace(0, traces.shape[1] - length, _MOST_PIECES).astype(int))
+        for start in starts:
+            piece = traces[:, start : start + length]
+            products += piece.T @ piece
+    # an upper end is a lower one upside down
+    products += products[::-1, ::-1].copy()
+    power = np.trace(products) / length
+    if not power > 0.0:
+        return np.zeros((half, n), np.float32)
+    inside = products[n - 1 :: -1, n - 1 :: -1] + _GRAIN * power * np.eye(n)
+    return np.linalg.solve(inside, products[n - 1 :: -1, n:]).T.astype(np.float32)
+
+
+def _design_taps(first: Float64Array, second: Float64Array, half: int) -> Float32Array:
+    """Return the filter's weights, an odd number of them, symmetric."""
     identity = np.zeros(2 * half + 1, np.float32)
     identity[half] = 1.0
     if len(first) == 0:

@@ -152,3 +152,15 @@ def test_what_slopes_may_fit_less_well_than_what_may_be_a_channels_edge():
     assert chosen(HOST, candidate(40, 20, origin=(5.0, 0.0), score=0.7, fit=0.7)) == [0]
     sloping = candidate(40, 20, origin=(5.0, 0.0), score=0.7, fit=0.7, dip=50.0)
     assert chosen(HOST, sloping) == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("change", "is_kept"),
+    [({}, False), ({"throw": 9.0}, True), ({"dip": 70.0}, True), ({"across": (0.6, 0.8)}, True)],
+    ids=["upright", "moves otherwise", "slopes alike", "strikes otherwise"],
+)
+def test_a_faults_own_break_seen_upright_is_no_fault(change, is_kept):
+    host = candidate(dip=60.0)
+    upright = candidate(columns=16, origin=(15.0 / np.tan(np.radians(60.0)), 0.0), **change)
+    assert chosen(upright) == [0]
+    assert chosen(host, upright) == ([0, 1] if is_kept else [0])

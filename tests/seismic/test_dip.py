@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seismo3d.seismic.dip import DipSettings, estimate_slopes
+from seismo3d.seismic._kernels_filters import grow_traces, shift_traces
+from seismo3d.seismic.dip import DipSettings, block_slopes, dip_reach, estimate_slopes
 
 SHAPE = (32, 32, 64)
 # windows that leave places in a small cube which its edges do not reach: 3 + 5 traces, 3 + 10 samples
@@ -123,3 +124,16 @@ def test_section_one_trace_thick_is_level_across():
     p, q = estimate_slopes(np.ascontiguousarray(volume), everywhere(volume), settings=NARROW)
     np.testing.assert_allclose(p, 0.0, atol=1e-4)
     np.testing.assert_allclose(q[0, 9:-9, 14:-14], 0.7, atol=0.02)
+
+
+def test_slopes_of_a_block_are_those_of_the_whole(rng):
+    volume = plane_wave(0.3, -0.6, shape=(40, 36, 24), noise=0.3)
+    valid = rng.random(volume.shape) > 0.01
+    whole = estimate_slopes(volume, valid, settings=NARROW)
+    asked, reach = (slice(14, 22), slice(0, 17)), dip_reach(NARROW)
+    wide = grow_traces(asked, (reach, reach), volume.shape)
+    assert (wide[0].start, wide[1].stop) == (14 - reach, 17 + reach)
+    cut = [np.ascontiguousarray(part[wide]) for part in (volume, valid)]
+    found = block_slopes(*cut, ((False, False), (True, False)), NARROW, shift_traces(asked, wide))
+    for part, slope in zip(found, whole, strict=True):
+        np.testing.assert_array_equal(part, slope[asked])

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seismo3d.seismic.extending import ExtendSettings, extend_sheet
+from seismo3d.seismic import _kernels_extending as kernels
+from seismo3d.seismic.extending import ExtendSettings, extend_sheet, extend_sheets
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.scan import RidgePoints
 
@@ -100,3 +101,56 @@ def replace_inline(points, shift):
     """Move ridge points along the inlines."""
     away = np.array([shift, 0.0, 0.0])
     return replace(points, voxels=points.voxels + away.astype(np.int32), positions=points.positions + np.float32(away))
+
+
+def test_what_lies_beside_a_certain_sheet_is_followed_on_too():
+    support = ridges(range(-10, 18), range(8, 26))
+    weak = replace(flat_sheet(), score=flat_sheet().score * 0.5)
+    settings = ExtendSettings(strength=20.0, company_strength=5.0)
+    beside = replace(flat_sheet(), origin=CENTRE + 6.0 * NORMAL)
+    far = replace(flat_sheet(), origin=CENTRE + 12.0 * NORMAL)
+    for certain, is_longer in ((beside, True), (far, False)):
+        found = extend_sheets([weak, certain], support, SHAPE, settings=settings)
+        assert (found[0].area > 1.8 * weak.area) == is_longer
+        assert found[1] is certain
+    assert extend_sheets([weak], support, SHAPE, settings=settings)[0] is weak
+    speck = replace(weak, score=weak.score * 0.1)
+    assert extend_sheets([speck, beside], support, SHAPE, settings=settings)[0] is speck
+
+
+# ----- kernels
+
+
+def test_ridges_beside_a_sheet_are_those_on_its_grid(rng):
+    positions = rng.uniform(0, 40, (500, 3)).astype(np.float32)
+    score = rng.random(500).astype(np.float32)
+    grid = (CENTRE, ALONG, NORMAL, -6.0, 8, STEP)
+    found = kernels.find_beside(positions, score, *grid, (13, 10), -5.0, 7.0, 0.3)
+    away = positions[:, :2] - CENTRE
+    row, column = np.rint(away @ ALONG + 6.0), np.rint((positions[:, 2] - 8) / STEP)
+    height = away @ NORMAL
+    on_grid = (row >= 0) & (row < 13) & (column >= 0) & (column < 10) & (height > -5) & (height < 7) & (score >= 0.3)
+    np.testing.assert_array_equal(found, np.flatnonzero(on_grid))
+    assert 0 < len(found) < 100
+    laid = kernels.lay_on_grid(positions, found, *grid)
+    for values, expected in zip(laid, (row, column, height), strict=True):
+        np.testing.assert_allclose(values, expected[found], atol=1e-9)
+
+
+def test_the_best_ridge_on_a_nodes_plane_is_followed():
+    number = np.full((2, 3), -1, np.int32)
+    number[1, 2], number[0, 0] = 0, 1
+    planes = np.array([[4.0, 0.1, 0.2], [0.0, 0.0, 0.0]])
+    on_plane = NORMAL - 0.1 * ALONG
+    normal = np.array([*on_plane, -0.2 / STEP]) / np.sqrt(1.0 + 0.01 + 0.01)
+    # off the plane, turned away from it, fitting, as good and later, worse, and where no plane is
+    height = np.array([5.6, 4.0, 4.5, 3.5, 4.0, 4.0])
+    score = np.array([0.9, 0.8, 0.5, 0.5, 0.4, 0.9])
+    normals = np.stack([normal, [*ALONG, 0.0], normal, -normal, normal, normal])
+    rows, columns = np.array([1, 1, 1, 1, 1, 0]), np.array([2, 2, 2, 2, 2, 1])
+    best, heights = np.zeros(2), np.zeros(2)
+    kernels.follow_planes(
+        number, planes, ALONG, NORMAL, STEP, rows, columns, height, score, normals, 1.5, np.cos(0.4), best, heights
+    )
+    np.testing.assert_array_equal(best, [0.5, 0.0])
+    np.testing.assert_array_equal(heights, [3.5, 0.0])

@@ -54,6 +54,19 @@ def test_a_plane_goes_on_beyond_its_grid():
     assert motion.apart_at(np.array([[90.0, 32.0, 40.0]]))[0] == pytest.approx(27.0)
 
 
+@pytest.mark.parametrize("cotangent", [0.4, -0.3])
+def test_points_near_a_motion_are_those_that_its_distances_tell(cotangent):
+    rng = np.random.default_rng(0)
+    motion = plane_motion(ALONG_INLINES, cotangent=cotangent, offset=2.0 * np.sin(0.2 * np.arange(80.0)))
+    points = rng.uniform([-20.0, -20.0, -20.0], [90.0, 90.0, 110.0], (3000, 3))
+    found, side = motion.find_near(points, clear=2.0, reach=20.0, edge=6.0)
+    away = np.abs(motion.side(points))
+    expected = (away > 2.0) & (away < 20.0) & (motion.apart_at(points) <= 6.0)
+    np.testing.assert_array_equal(found, np.flatnonzero(expected))
+    np.testing.assert_allclose(side, motion.side(points[found]), atol=1e-9)
+    assert 100 < len(found) < 1500
+
+
 def test_terms_are_fitted_by_least_squares():
     rng = np.random.default_rng(0)
     terms = tuple(rng.normal(size=(3, 50)))

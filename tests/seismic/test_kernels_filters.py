@@ -19,9 +19,26 @@ def test_filters_equal_a_correlation_with_repeated_ends(volume, rng, axis, n_tap
     run = (filters.filter_inlines, filters.filter_crosslines, filters.filter_samples)[axis]
     taps = rng.normal(size=n_taps).astype(np.float32)
     out = np.full_like(volume, np.nan)
-    run(volume, taps, out)
+    run(volume, taps, out, *([] if axis == 2 else [0]))
     expected = ndimage.correlate1d(volume.astype(np.float64), taps.astype(np.float64), axis=axis, mode="nearest")
     np.testing.assert_allclose(out, expected, atol=1e-4)
+
+
+def test_filtered_along_samples_in_place(volume, rng):
+    taps, out = rng.normal(size=5).astype(np.float32), np.empty_like(volume)
+    filters.filter_samples(volume, taps, out)
+    filters.filter_samples(volume, taps, volume)
+    np.testing.assert_array_equal(volume, out)
+
+
+@pytest.mark.parametrize("within", [(slice(0, 6), slice(0, 7)), (slice(2, 5), slice(0, 3)), (slice(0, 1), slice(4, 7))])
+def test_traces_smoothed_within_a_volume_are_those_of_all_of_it(volume, within):
+    sigma = (1.0, 2.0, 0.7)
+    np.testing.assert_array_equal(filters.smooth(volume, sigma, within=within), filters.smooth(volume, sigma)[within])
+    around = filters.grow_traces(within, (3, 5), volume.shape)
+    inner = filters.shift_traces(within, around)
+    part = np.ascontiguousarray(volume[around])
+    np.testing.assert_array_equal(filters.smooth(part, sigma, within=inner), filters.smooth(volume, sigma)[within])
 
 
 @pytest.mark.parametrize("sigma", [0.3, 1.0, 2.7])

@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 import seismo3d as s3
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.seismic._kernels_layers import make_increasing, make_runs_increasing
 from seismo3d.seismic._kernels_tracks import cross_levels, match_waveforms, read_layers, read_runs
+from seismo3d.seismic.fault_links import LinkSettings, doubt_matches
 from seismo3d.seismic.horizon_search import find_seeds
+from seismo3d.seismic.layer_graph import LayerTimeSettings, thickness_variance
 from seismo3d.seismic.layer_time import LayerModel, model_layers
 from seismo3d.seismic.track_refining import stretched
 from seismo3d.synthetic import SyntheticCube, SyntheticFault, make_cube, recipe_of
@@ -180,12 +183,17 @@ def test_layers_repeat_at_a_reverse_fault_and_waveforms_end_at_it() -> None:
     cuts = np.zeros(times.shape, np.uint8)
     cuts[:, :, 29] = 4
     crossings = np.empty((3, 2, 2))
-    cross_levels(times, cuts, np.full((2, 2), 24.25), crossings)
+    cross_levels(times, cuts, np.full((2, 2), 24.25), np.float32(0.0), crossings)
     np.testing.assert_allclose(crossings[:2, 1, 0], [24.25, 34.25])
     assert np.isnan(crossings[2]).all()
-    cross_levels(times, cuts, np.full((2, 2), 15.0), crossings)
+    cross_levels(times, cuts, np.full((2, 2), 15.0), np.float32(0.0), crossings)
     np.testing.assert_allclose(crossings[0], 15.0)
     assert np.isnan(crossings[1:]).all()
+    for beyond, expected in ((4.0, [-3.0, np.nan, np.nan]), (2.0, [np.nan] * 3)):
+        cross_levels(times, cuts, np.full((2, 2), -3.0), np.float32(beyond), crossings)
+        np.testing.assert_allclose(crossings[:, 0, 0], expected)
+        cross_levels(times, cuts, np.full((2, 2), 52.0), np.float32(beyond), crossings)
+        np.testing.assert_allclose(crossings[:, 1, 1], [62.0 if beyond > 3.0 else np.nan, np.nan, np.nan])
     volume = times.copy()
     valid = np.ones(times.shape, bool)
     for read, extra in ((read_runs, ()), (read_layers, (times,))):
@@ -233,3 +241,35 @@ def test_refusals(folded: SyntheticCube, folded_layers: LayerModel, faults: Any)
     i, j = np.argwhere(~folded.live)[0]
     with pytest.raises(ParameterError, match="without data"):
         s3.trace_tracks(folded.seismic, [(i, j, 30)], layers=folded_layers)
+
+
+def wedge_cube() -> tuple[np.ndarray, np.ndarray]:
+    """Return a noisy, clipped cube of layers that thicken by half from one end to the other, and its layer time."""
+    rng = np.random.default_rng(3)
+    layers = gaussian_filter1d(rng.standard_normal(300), 2.5) - gaussian_filter1d(rng.standard_normal(300), 4.0)
+    shape = (8, 160, 96)
+    times = np.arange(96) / (1.0 + 0.5 * np.arange(160)[:, None] / 160)
+    signal = np.interp(times, np.arange(300), layers / layers.std())
+    return np.sign(signal + 0.3 * rng.standard_normal(shape)).astype(np.float32), np.broadcast_to(times, shape)
+
+
+@pytest.mark.parametrize(("noisy", "low", "high"), [(16.0, 0.0, 1.0), (0.0, 4.0, 40.0)])
+def test_noise_does_not_make_layers_parallel(noisy: float, low: float, high: float) -> None:
+    cube, truth = wedge_cube()
+    found = model_layers(cube, settings=replace(LayerTimeSettings(), noisy=noisy)).times
+    for wanted in (16.0, 32.0, 48.0):
+        along = np.take_along_axis(found, np.abs(truth - wanted).argmin(axis=2)[..., None], axis=2)[..., 0]
+        assert low <= abs(along[:, :20].mean() - along[:, -20:].mean()) < high
+
+
+def test_ties_grow_with_the_share_of_noise() -> None:
+    settings = LayerTimeSettings(thickness=0.3, noisy=10.0)
+    assert thickness_variance([0.0, 0.0, 0.9, 0.9], settings) == pytest.approx(0.09)
+    assert thickness_variance([0.02, 0.06], settings) == pytest.approx(0.09 + 0.4**2)
+
+
+def test_doubtful_matches_count_for_little_and_noise_makes_fewer_of_them_doubtful() -> None:
+    settings = LinkSettings(doubtful=0.125)
+    variance = np.array([0.09, 0.25, 4.0, np.inf])
+    np.testing.assert_allclose(doubt_matches(variance, 0.0, settings), variance * [1.1296, 2.0, 257.0, 1.0])
+    np.testing.assert_allclose(doubt_matches(variance, 0.1875, settings), variance * [1.0005, 1.0039, 2.0, 1.0], 1e-3)

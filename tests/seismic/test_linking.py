@@ -54,15 +54,34 @@ def off(points, normal_deg, cotangent, centre=(20.0, 20.0, 32.0)):
 # ----- kernels
 
 
-def test_points_are_indexed():
-    voxels = np.array([[0, 1, 2], [3, 0, 1]], np.int32)
-    cells, n_cells = kernels.number_cells(voxels, 4, 3, 5)
+def index_of(voxels, shape):
+    cells, n_cells = kernels.number_cells(voxels, *shape)
     points = np.empty((n_cells, 64), np.int32)
     kernels.fill_cells(voxels, cells, points)
-    found = np.array([kernels.find_point(cells, points, *at) for at in np.ndindex(4, 3, 5)]).reshape(4, 3, 5)
-    assert found[0, 1, 2] == 0
-    assert found[3, 0, 1] == 1
-    assert (found == -1).sum() == found.size - 2
+    return cells, points
+
+
+@pytest.mark.parametrize("reach", [0, 2, 5])
+def test_points_around_a_voxel_are_found(rng, reach):
+    shape = (11, 9, 6)
+    voxels = np.argwhere(rng.random(shape) < 0.1).astype(np.int32)
+    cells, points = index_of(voxels, shape)
+    found = np.empty((2 * reach + 1) ** 2, np.int64)
+    for i, j, k in [(0, 0, 0), (10, 8, 5), (5, 4, 3), (-3, 4, 1), (14, 12, 2)]:
+        n = kernels.find_points(cells, points, i, j, k, reach, np.empty(0, np.int32), 0, found)
+        near = (np.abs(voxels - [i, j, k]) <= [reach, reach, 0]).all(axis=1)
+        np.testing.assert_array_equal(np.sort(found[:n]), np.flatnonzero(near))
+
+
+def test_cells_of_one_surface_are_passed_over():
+    voxels = np.array([[0, 0, 0], [1, 1, 1], [5, 0, 0], [6, 0, 0], [9, 9, 0]], np.int32)
+    label = np.array([3, 3, 3, 4, -1], np.int32)
+    cells, points = index_of(voxels, (12, 12, 4))
+    holds = kernels.find_lone_surfaces(voxels, label, cells, len(points))
+    np.testing.assert_array_equal(holds[cells[[0, 1, 2], [0, 0, 2], 0]], [3, -2, -1])
+    found = np.empty(15**2, np.int64)
+    n = kernels.find_points(cells, points, 3, 3, 0, 7, holds, 3, found)
+    np.testing.assert_array_equal(np.sort(found[:n]), [2, 3, 4])
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,15 @@ import numpy as np
 import pytest
 
 from seismo3d.seismic import _kernels_misfit as kernels
-from seismo3d.seismic.misfit import MisfitSettings, measure_misfit
+from seismo3d.seismic.misfit import (
+    MisfitSettings,
+    compare_along,
+    fill_unknown,
+    level,
+    level_reach,
+    measure_misfit,
+    measure_ratios,
+)
 
 SHAPE = (24, 24, 64)
 
@@ -73,10 +81,13 @@ def test_kernel_equals_its_definition(rng, axis):
     # interpolation needs the sample below too: whole traces are missing, so that this makes no difference
     valid = np.repeat(rng.random((*shape[:2], 1)) > 0.2, shape[2], axis=2)
     difference, energy = np.empty_like(volume), np.empty_like(volume)
-    kernels.side_misfit(volume, valid, slope, axis, 3, difference, energy)
+    kernels.side_misfit(volume, valid, slope, axis, 3, (0, 0), difference, energy)
     expected = plain_side_misfit(volume, valid, slope, axis, 3)
     np.testing.assert_allclose(difference, expected[0], atol=1e-5)
     np.testing.assert_allclose(energy, expected[1], atol=1e-5)
+    part = [np.empty((3, 4, 12), np.float32) for _ in range(2)]
+    kernels.side_misfit(volume, valid, slope, axis, 3, (2, 1), *part)
+    np.testing.assert_array_equal(part, [difference[2:5, 1:5], energy[2:5, 1:5]])
 
 
 @pytest.mark.parametrize("signed", [-2, 1])
@@ -137,19 +148,46 @@ def test_unknown_energy_is_cleared(rng):
     np.testing.assert_array_equal(energy, np.maximum(before, 0))
 
 
-@pytest.mark.parametrize("step", [1, 2, 3])
-def test_ratio_is_taken_at_every_step(rng, step):
-    difference, energy = (rng.random((3, 4, 9)).astype(np.float32) for _ in range(2))
-    known = rng.random((3, 4, 9)).astype(np.float32)
+def test_ratio_is_taken_where_it_is_known(rng):
+    difference, energy, known = (rng.random((3, 4, 9)).astype(np.float32) for _ in range(3))
     known[1, 1] = 0.0
-    out = np.empty((3, 4, -(-9 // step)), np.float32)
-    weight = np.empty_like(out)
-    kernels.divide_thinned(difference, energy, known, step, np.float32(0.1), np.float32(1.5), out, weight)
-    cut = (slice(None), slice(None), slice(None, None, step))
-    ratio = difference[cut] / np.maximum(known[cut], 1e-9) / (energy[cut] + 0.1)
-    usable = known[cut] > 0.05
+    out, weight = np.empty_like(known), np.empty_like(known)
+    kernels.divide_known(difference, energy, known, np.float32(0.1), np.float32(1.5), out, weight)
+    ratio = difference / np.maximum(known, 1e-9) / (energy + 0.1)
+    usable = known > 0.05
     np.testing.assert_allclose(out, np.where(usable, np.minimum(ratio, 1.5), 0.0), rtol=1e-5)
-    np.testing.assert_allclose(weight, np.where(usable, known[cut], 0.0))
+    np.testing.assert_allclose(weight, np.where(usable, known, 0.0))
+
+
+@pytest.mark.parametrize("step", [1, 2, 3])
+def test_ratios_of_some_traces_are_those_of_all_in_any_slabs(rng, step):
+    volume = rng.normal(size=(30, 28, 17)).astype(np.float32)
+    slopes = tuple(rng.uniform(-1.0, 1.0, volume.shape).astype(np.float32) for _ in range(2))
+    valid = rng.random(volume.shape) > 0.02
+    compare = compare_along(volume, valid, slopes)
+    inner = (slice(9, 21), slice(4, 28))
+    found = []
+    for slab, within in ((64, (slice(0, 30), slice(0, 28))), (5, inner)):
+        ratios, known = measure_ratios(
+            volume.shape, compare, 3, np.float32(0.01), MisfitSettings(slab=slab, step=step), within
+        )
+        found.append(np.stack(ratios + known))
+    assert found[0].shape == (4, 30, 28, -(-17 // step))
+    np.testing.assert_array_equal(found[1], found[0][(slice(None), *inner)])
+
+
+def test_evidence_of_some_traces_is_filled_and_levelled_as_that_of_all(rng):
+    evidence = rng.random((30, 28, 17)).astype(np.float32)
+    weight = (rng.random((30, 28, 17)) > 0.2).astype(np.float32)
+    inner, settings = (slice(9, 21), slice(4, 28)), MisfitSettings(background=(2.0, 4.0))
+    assert level_reach(settings) == 5
+    filled = fill_unknown(evidence, weight, 0.3)
+    assert (filled[weight < 0.5] != evidence[weight < 0.5]).all()
+    np.testing.assert_array_equal(fill_unknown(evidence, weight, 0.3, within=inner), filled[inner])
+    whole, sums = level(filled, settings)
+    part, part_sums = level(filled, settings, within=inner)
+    np.testing.assert_array_equal(part, whole[inner])
+    np.testing.assert_array_equal(part_sums, sums[inner])
 
 
 def test_logarithm_in_place(rng):
@@ -196,7 +234,7 @@ def test_ratio_of_unrelated_sides_is_one_on_average():
     shape = (4, 4000, 16)
     volume = np.random.default_rng(2).normal(size=shape).astype(np.float32)
     difference, energy = np.empty_like(volume), np.empty_like(volume)
-    kernels.side_misfit(volume, everywhere(volume), np.zeros_like(volume), 1, 2, difference, energy)
+    kernels.side_misfit(volume, everywhere(volume), np.zeros_like(volume), 1, 2, (0, 0), difference, energy)
     known = energy >= 0
     assert difference[known].sum() / energy[known].sum() == pytest.approx(1.0, abs=0.02)
 

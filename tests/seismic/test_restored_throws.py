@@ -5,8 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
-from seismo3d.seismic._kernels_restore import spread
+from seismo3d.seismic._kernels_restore import read_between, spread
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.restored_throws import restore_throws
@@ -112,3 +113,13 @@ def test_values_are_spread_by_bilinear_weights(beyond):
     np.testing.assert_allclose(weight[1:3, 2:4], [[0.375, 0.375], [0.125, 0.125]])
     np.testing.assert_allclose(sums[0], 8.0 * weight)
     assert weight.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("shape", [(1, 5), (7, 1), (9, 12)])
+def test_a_grid_is_read_between_its_places(rng, shape):
+    grid = rng.normal(size=shape)
+    rows, columns = (np.append(rng.uniform(-2, n + 1, 200), np.arange(4.0)) for n in shape)
+    inner = [np.clip(at, 0, n - 1) for at, n in zip((rows, columns), shape, strict=True)]
+    expected = ndimage.map_coordinates(grid, inner, order=1)
+    np.testing.assert_allclose(read_between(grid, rows, columns), expected, atol=1e-12)
+    np.testing.assert_array_equal(read_between(grid, np.array([np.nan]), np.array([np.nan])), grid[:1, 0])

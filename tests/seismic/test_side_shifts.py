@@ -5,10 +5,17 @@ import numpy as np
 import pytest
 
 from seismo3d.seismic import _kernels_registration as kernels
-from seismo3d.seismic._kernels_filters import gaussian_taps
+from seismo3d.seismic._kernels_filters import gaussian_taps, grow_traces, shift_traces
 from seismo3d.seismic._kernels_shifts import add_windows, refine
 from seismo3d.seismic.shifts import ShiftField
-from seismo3d.seismic.side_shifts import RegistrationSettings, carry_sides, register_slices
+from seismo3d.seismic.side_shifts import (
+    RegistrationSettings,
+    carry_reach,
+    carry_sides,
+    match_reach,
+    match_slices,
+    register_slices,
+)
 
 SHAPE = (20, 22, 64)
 
@@ -113,7 +120,10 @@ def test_registered_misfit_equals_its_definition(rng, axis):
     valid = np.repeat(rng.random((*shape[:2], 1)) > 0.2, shape[2], axis=2)
     behind, ahead = (np.repeat(rng.integers(-1, 2, (*shape[:2], 1)), 4, axis=2).astype(np.float32) for _ in range(2))
     difference, energy = np.empty_like(volume), np.empty_like(volume)
-    kernels.registered_misfit(volume, valid, behind, ahead, axis, reach, step, difference, energy)
+    kernels.registered_misfit(volume, valid, behind, ahead, axis, reach, step, (0, 0), difference, energy)
+    part = [np.empty((3, 4, 16), np.float32) for _ in range(2)]
+    kernels.registered_misfit(volume, valid, behind, ahead, axis, reach, step, (2, 1), *part)
+    np.testing.assert_array_equal(part, [difference[2:5, 1:5], energy[2:5, 1:5]])
     for i, j, k in np.ndindex(*shape):
         means = []
         for sign, side in ((-1, behind), (1, ahead)):
@@ -208,3 +218,28 @@ def test_one_thread_and_two_give_the_same_bits(rng):
     for one, two in zip(*found, strict=True):
         np.testing.assert_array_equal(one.behind, two.behind)
         np.testing.assert_array_equal(one.ahead, two.ahead)
+
+
+def test_shifts_and_sides_of_some_traces_are_those_of_all(rng):
+    settings = RegistrationSettings(wide=1.5, across=1.0, memory=2.0)
+    i, x, k = grid((44, 46, 32))
+    volume = layered(k - 0.8 * i + 0.3 * x + 2.0 * (i > 20)) + 0.3 * rng.normal(size=i.shape).astype(np.float32)
+    valid = rng.random((*i.shape[:2], 1)).repeat(32, axis=2) > 0.02
+    whole = match_slices(volume, valid, floor=np.float32(1e-3), settings=settings)
+    asked = (slice(16, 27), slice(15, 30))
+    wide = grow_traces(asked, (match_reach(settings),) * 2, volume.shape)
+    assert wide[0] != slice(0, 44)
+    assert wide[1] != slice(0, 46)
+    cut = [np.ascontiguousarray(part[wide]) for part in (volume, valid)]
+    part = match_slices(*cut, floor=np.float32(1e-3), settings=settings, within=shift_traces(asked, wide))
+    for one, other in zip(part, whole, strict=True):
+        for name in ("shift", "variance", "misfit"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name)[asked])
+    wide = grow_traces(asked, (carry_reach(settings),) * 2, volume.shape)
+    assert wide[0].start > 0
+    for other in whole:
+        around = [np.ascontiguousarray(values[wide]) for values in (other.shift, other.variance, other.misfit)]
+        sides = carry_sides(ShiftField(other.axis, 1, *around), settings=settings, within=shift_traces(asked, wide))
+        expected = carry_sides(other, settings=settings)
+        np.testing.assert_array_equal(sides.behind, expected.behind[asked])
+        np.testing.assert_array_equal(sides.ahead, expected.ahead[asked])

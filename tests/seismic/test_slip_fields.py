@@ -5,11 +5,10 @@ import pytest
 from scipy.linalg import solveh_banded
 
 from seismo3d.seismic import _kernels_slip as kernels
-from seismo3d.seismic._kernels_throw import match_costs
-from seismo3d.seismic.dip import estimate_slopes
+from seismo3d.seismic.dip import DipSettings
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.slip_fields import Sides, SlipSettings, refine_slip, smooth_field
-from seismo3d.seismic.throw import ThrowSettings, measure_throw
+from seismo3d.seismic.throw import ThrowSettings, measure_throw, slopes_beside
 from seismo3d.synthetic import CubeRecipe, SyntheticFault, make_cube
 
 SHAPE = (72, 64, 96)
@@ -32,10 +31,14 @@ def sheet_of(cube, step=2):
     return Sheet(np.array([0.0, 32.0]), np.array([0.0, 1.0]), 0, step, -(SHAPE[0] - 1.0), w, np.ones_like(w))
 
 
+def layer_slopes(volume, valid, sheet):
+    return slopes_beside(volume, valid, [sheet], dip=DipSettings(), settings=ThrowSettings())
+
+
 def measured(cube):
     volume = cube.seismic.copy()
     valid = np.ones(volume.shape, bool)
-    return measure_throw(volume, valid, estimate_slopes(volume, valid), sheet_of(cube))
+    return measure_throw(volume, valid, layer_slopes(volume, valid, sheet_of(cube)), sheet_of(cube))
 
 
 @pytest.mark.parametrize(("throw", "rake_deg"), [(12.0, 60.0), (12.0, 120.0), (-12.0, 60.0), (10.0, 50.0)])
@@ -60,7 +63,8 @@ def test_oblique_slip_left_out_spoils_the_throw():
     cube = cut_cube(14.0, 55.0)
     volume = cube.seismic.copy()
     valid = np.ones(volume.shape, bool)
-    slopes, sheet = estimate_slopes(volume, valid), sheet_of(cube)
+    sheet = sheet_of(cube)
+    slopes = layer_slopes(volume, valid, sheet)
     straight = measure_throw(volume, valid, slopes, sheet, settings=ThrowSettings(slip=SlipSettings(least_gain=2.0)))
     free = measure_throw(volume, valid, slopes, sheet)
     inner = np.s_[12:-12, 12:-4]
@@ -174,33 +178,6 @@ def test_field_solves_its_own_normal_equations(rng):
 
 
 # ----- kernels
-
-
-@pytest.mark.parametrize(("share", "thin"), [(0.0, 1), (0.3, 1), (-0.4, 2)])
-def test_comparison_about_nothing_is_that_of_all_throws(rng, share, thin):
-    hanging, foot = rng.normal(size=(2, 7, 9)).astype(np.float32)
-    known = np.ones((2, 7, 9), np.float32)
-    known[0, 2, 3:5] = 0.0
-    shape = (7, (7 - 1) // thin + 1, (9 - 1) // thin + 1)
-    one, other = (tuple(np.empty(shape, np.float32) for _ in range(3)) for _ in range(2))
-    match_about(hanging, foot, known, np.zeros(shape[1:], np.float32), share, thin, one)
-    match_costs(hanging, foot, *known, share, thin, np.float32(2.5), *other)
-    for a, b in zip(one, other, strict=True):
-        np.testing.assert_allclose(a, b, atol=1e-5)
-
-
-def match_about(hanging, foot, known, usual, share, thin, out):
-    kernels.match_about(hanging, foot, *known, usual, np.float32(share), thin, np.float32(2.5), *out)
-
-
-def test_comparison_about_a_throw_is_shifted_by_it(rng):
-    hanging, foot = rng.normal(size=(2, 5, 30)).astype(np.float32)
-    known = np.ones((2, 5, 30), np.float32)
-    plain, about = (tuple(np.empty((9, 5, 30), np.float32) for _ in range(3)) for _ in range(2))
-    match_about(hanging, foot, known, np.zeros((5, 30), np.float32), 0.0, 1, plain)
-    match_about(hanging, foot, known, np.full((5, 30), 3.0, np.float32), 0.0, 1, about)
-    for a, b in zip(plain, about, strict=True):
-        np.testing.assert_allclose(b[:-3], a[3:], atol=1e-5)
 
 
 def test_shifts_are_drawn_to_the_usual_one():

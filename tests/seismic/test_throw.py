@@ -3,10 +3,12 @@ from __future__ import annotations
 import numba
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from seismo3d.seismic import _kernels_throw as kernels
+from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.throw import ThrowSettings, measure_throw
+from seismo3d.seismic.throw import ThrowSettings, farther_off, mask_sheets, measure_throw, slopes_beside
 
 SHAPE = (30, 40, 80)
 
@@ -94,6 +96,45 @@ def test_sides_are_carried_along_their_dips():
     volume = faulted(5.0, slope=0.6)
     assert np.median(inner(measure(volume, sheet_on(), slope=0.6).throw)) == pytest.approx(5.0, abs=0.4)
     assert abs(np.median(inner(measure(volume, sheet_on(), slope=0.0).throw)) - 5.0) > 1.5
+
+
+@pytest.mark.parametrize("throw", [6.0, -6.0])
+def test_sides_of_a_gentle_fault_are_read_where_the_wavelet_does_not_mix_them(throw):
+    shape = (20, 90, 90)
+    volume = ndimage.gaussian_filter1d(faulted(throw, 1.0, shape=shape), 3.0, axis=2)
+    sheet = sheet_on(1.0, shape=shape)
+    assert farther_off(sheet, ThrowSettings()) == 5
+    errors = [np.abs(inner(measure(volume, sheet, **kw).throw) - throw) for kw in ({}, {"clearance": 0.0})]
+    assert (errors[0] < 1.0).mean() > 0.9
+    assert errors[0].mean() < 0.8 * errors[1].mean()
+
+
+@pytest.mark.parametrize(("cotangent", "off"), [(0.0, 0), (0.2, 0), (-0.75, 3), (9.0, 11)])
+def test_gentle_faults_are_read_farther_off_but_not_too_far(cotangent, off):
+    assert farther_off(sheet_on(cotangent), ThrowSettings()) == off
+
+
+def test_slopes_beside_a_fault_are_those_of_the_layers_alone():
+    shape, settings = (30, 60, 80), ThrowSettings()
+    volume, sheet = faulted(8.0, 0.6, shape=shape), sheet_on(0.6, shape=shape)
+    valid = np.ones(shape, bool)
+    _, bent = estimate_slopes(volume, valid)
+    p, q = slopes_beside(volume, valid, [sheet], dip=DipSettings(), settings=settings)
+    x = (30 + 0.6 * (np.arange(20, 60) - 40)).round().astype(int)
+    beside = np.s_[15, x + 5, np.arange(20, 60)]
+    assert np.abs(q[beside]).mean() < 0.5 * np.abs(bent[beside]).mean()
+    assert np.abs(p[beside]).max() < 0.02
+
+
+def test_masked_block_is_part_of_the_masked_cube():
+    valid = np.ones(SHAPE, bool)
+    valid[3, 4] = False
+    sheets = [sheet_on(0.4), sheet_on(-0.3, outside=np.s_[:9])]
+    whole = mask_sheets(sheets, valid, beside=1)
+    assert not whole[3, 4].any()
+    assert 0.85 < whole.mean() < 0.95
+    assert not whole[np.s_[:, 19:22, 40]].any()
+    np.testing.assert_array_equal(mask_sheets(sheets, valid[7:21, 10:35], beside=1, corner=(7, 10)), whole[7:21, 10:35])
 
 
 def test_throw_may_change_along_strike():
@@ -217,25 +258,6 @@ def test_nothing_is_read_outside_or_beside_missing_samples(point):
     assert kernels._read(np.ones((5, 6, 7), np.float32), valid, *point) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(("lateral", "thin"), [(0.0, 1), (0.0, 2), (0.3, 1), (-0.4, 2)])
-def test_costs_of_throws_equal_their_definition(rng, lateral, thin):
-    hanging, foot = rng.normal(size=(2, 6, 9)).astype(np.float32)
-    in_hanging, in_foot = (rng.random((2, 6, 9)) > 0.2).astype(np.float32)
-    shape = (7, (6 - 1) // thin + 1, (9 - 1) // thin + 1)
-    cost, energy, weight = (np.empty(shape, np.float32) for _ in range(3))
-    kernels.match_costs(hanging, foot, in_hanging, in_foot, lateral, thin, np.float32(2.5), cost, energy, weight)
-    for c, a, b in np.ndindex(shape):
-        r, k, throw = a * thin, b * thin, c - 3
-        row, above = r - lateral * throw, k - throw
-        expected = (0.0, 0.0, 0.0)
-        if 0 <= row <= 5 and 0 <= above < 9 and in_hanging[r, k]:
-            low, high = int(row), min(int(row) + 1, 5)
-            if in_foot[low, above] and in_foot[high, above]:
-                value = np.interp(row, np.arange(6), foot[:, above])
-                expected = (min((hanging[r, k] - value) ** 2, 2.5), hanging[r, k] ** 2 + value**2, 1.0)
-        np.testing.assert_allclose((cost[c, a, b], energy[c, a, b], weight[c, a, b]), expected, atol=1e-5)
-
-
 def plain_path(costs, step, jump):
     """Cheapest way to every shift of every node of a row, each node's least taken off as the kernel does."""
     n = costs.shape[1]
@@ -281,15 +303,6 @@ def test_parabola_gives_the_shift_between_samples(place):
     kernels.pick_shifts(total, total, shift, fit)
     np.testing.assert_allclose(shift, place - 4, atol=1e-4)
     np.testing.assert_allclose(fit, 1 - (round(place) - place) ** 2, atol=1e-5)
-
-
-def test_finished_costs_are_ratios(rng):
-    cost, weight = (rng.random((3, 4, 5)).astype(np.float32) for _ in range(2))
-    energy = (0.1 + rng.random((3, 4, 5))).astype(np.float32)
-    out = np.empty((4, 5, 3), np.float32)
-    kernels.finish_costs(cost, energy, weight, np.float32(0.5), np.float32(0.7), out)
-    expected = np.where(weight > 0.3, cost / (energy + 0.5 * weight), 0.7)
-    np.testing.assert_allclose(out, expected.transpose(1, 2, 0), rtol=1e-5)
 
 
 def test_far_throws_cost_more(rng):

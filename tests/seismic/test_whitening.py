@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seismo3d.seismic.whitening import whiten, whitening_taps
+from seismo3d.seismic.whitening import design_whitening, filter_valid, whiten
 
 
 def ricker(period):
@@ -48,7 +48,7 @@ def test_result_has_unit_power_and_no_spikes(rng):
 
 def test_taps_are_symmetric_and_odd_and_amplify_nothing(rng):
     volume = layered(rng, noise=0.3)
-    taps = whitening_taps(volume, everywhere(volume))
+    taps = design_whitening(volume, everywhere(volume)).taps
     assert len(taps) % 2 == 1
     np.testing.assert_allclose(taps, taps[::-1], atol=1e-6)
     assert np.abs(np.fft.rfft(taps, 1024)).max() == pytest.approx(1.0, abs=0.05)
@@ -57,7 +57,7 @@ def test_taps_are_symmetric_and_odd_and_amplify_nothing(rng):
 def test_noise_is_not_boosted(rng):
     """At frequencies that hold noise alone the filter must not rise, however weak they are."""
     noisy = layered(rng, period=24, noise=0.3)
-    response = np.abs(np.fft.rfft(whitening_taps(noisy, everywhere(noisy)), 512))
+    response = np.abs(np.fft.rfft(design_whitening(noisy, everywhere(noisy)).taps, 512))
     frequency = np.arange(257) / 512
     peak, empty = (frequency > 0.02) & (frequency < 0.06), (frequency > 0.2) & (frequency < 0.3)
     assert response[empty].mean() < 0.05 * response[peak].mean()
@@ -65,7 +65,7 @@ def test_noise_is_not_boosted(rng):
 
 def test_zeros_stay_zero():
     volume = np.zeros((6, 6, 40), np.float32)
-    taps = whitening_taps(volume, everywhere(volume))
+    taps = design_whitening(volume, everywhere(volume)).taps
     assert taps.sum() == 1.0
     assert taps[len(taps) // 2] == 1.0
     np.testing.assert_array_equal(whiten(volume, everywhere(volume)), volume)
@@ -88,21 +88,48 @@ def test_scale_and_sign_of_amplitudes(rng):
     np.testing.assert_allclose(whiten(1000 * volume, everywhere(volume)), white, atol=2e-4)
 
 
-def test_missing_data_stay_zero(rng):
+@pytest.mark.parametrize("carried", [False, True])
+def test_missing_data_stay_zero(rng, carried):
     volume = layered(rng)
     valid = everywhere(volume)
     valid[3:6, :, 40:] = False
     volume[~valid] = 0.0
-    white = whiten(volume, valid)
+    white = whiten(volume, valid, carried=carried)
     assert not white[~valid].any()
     assert np.isfinite(white).all()
 
 
-def test_reflectors_stay_where_they_are(rng):
+@pytest.mark.parametrize("carried", [False, True])
+def test_reflectors_stay_where_they_are(rng, carried):
     """The filter has no phase: what it does commutes with turning the cube upside down."""
     volume = layered(rng, shape=(20, 20, 128))
-    upside_down = whiten(np.ascontiguousarray(volume[:, :, ::-1]), everywhere(volume))[:, :, ::-1]
-    np.testing.assert_allclose(upside_down, whiten(volume, everywhere(volume)), atol=2e-3)
+    valid = everywhere(volume)
+    upside_down = whiten(np.ascontiguousarray(volume[:, :, ::-1]), valid, carried=carried)[:, :, ::-1]
+    np.testing.assert_allclose(upside_down, whiten(volume, valid, carried=carried), atol=2e-3)
+
+
+def test_ends_do_not_tell_where_a_trace_is_cut_off(rng):
+    """What a trace is filtered to near its end is what it would be if it went on, and lies where the layers do."""
+    volume = layered(rng, shape=(20, 20, 200))
+    whole = whiten(volume, everywhere(volume), carried=True)
+    cut = np.ascontiguousarray(volume[:, :, :160])
+    found = whiten(cut, everywhere(cut), carried=True)
+    scale = found[..., 40:120].std() / whole[..., 40:120].std()
+    left = found - scale * whole[..., :160]
+    repeated = whiten(cut, everywhere(cut)) - scale * whole[..., :160]
+    assert np.sqrt(np.mean(repeated[..., 152:] ** 2)) > 0.6 * found.std()
+    assert np.sqrt(np.mean(left[..., 152:] ** 2)) < 0.3 * found.std()
+    assert np.sqrt(np.mean(left[..., 40:120] ** 2)) < 0.1 * found.std()
+
+
+def test_muted_ends_are_carried_on_like_ends_of_the_cube(rng):
+    volume = layered(rng)
+    whitening = design_whitening(volume, everywhere(volume), carried=True)
+    short = np.ascontiguousarray(volume[:, :, 30:])
+    valid = everywhere(volume)
+    valid[:10, :, :30] = False
+    muted = filter_valid(np.where(valid, volume, np.float32(0.0)), valid, whitening)[:10, :, 30:]
+    np.testing.assert_array_equal(muted, filter_valid(short, everywhere(short), whitening)[:10])
 
 
 def test_section_of_either_orientation(rng):

@@ -11,13 +11,14 @@ from seismo3d.seismic.blocks.plan import RAW_REACH, Box
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.preparing import find_strength, find_valid, sampling_step, scale_amplitudes
 from seismo3d.seismic.whitening import (
+    Whitening,
     choose_pairs,
-    design_taps,
     filter_valid,
     find_rms,
     is_complete,
     scale_to_unit,
     trace_powers,
+    whitening_of,
 )
 
 
@@ -78,7 +79,8 @@ def pairs_facts(run: BlockRun) -> None:
     for number in range(len(run.plan.tiling("raw"))):
         part, _ = run.read_part("pairs", number)
         first[part["mine"]], second[part["mine"]] = part["first"], part["second"]
-    run.write_fact("pairs", taps=design_taps(first, second, n2))
+    whitening = whitening_of(first, second, n2, carried=run.kind == "layers")
+    run.write_fact("pairs", **{name: found for name, found in whitening._asdict().items() if found is not None})
 
 
 def make_clean_arrays(run: BlockRun) -> None:
@@ -92,7 +94,8 @@ def whiten(run: BlockRun, number: int, piece: Any) -> None:
     box, _, inner = _boxes(run, number)
     amplitudes, valid = _scaled(run, piece)
     valid = np.ascontiguousarray(valid[inner])
-    white = filter_valid(np.ascontiguousarray(amplitudes[inner]), valid, run.fact("pairs")["taps"])
+    whitening = Whitening(**run.fact("pairs"))
+    white = filter_valid(np.ascontiguousarray(amplitudes[inner]), valid, whitening)
     run.store.write("white", box, white)
     run.store.write("valid", box, valid)
     run.write_part("whiten", number, {"powers": trace_powers(white)})

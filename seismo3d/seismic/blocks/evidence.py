@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 
 from seismo3d._typing import Float32Array
 from seismo3d.seismic.blocks.cleaning import read_clean
-from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
+from seismo3d.seismic.blocks.medians import BlockMedians
 from seismo3d.seismic.blocks.plan import Box, evidence_reach, fill_reach
 from seismo3d.seismic.blocks.registering import read_sides
 from seismo3d.seismic.blocks.run import BlockRun
-from seismo3d.seismic.dip import block_slopes, dip_reach
+from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.fault_evidence import compare_sides
 from seismo3d.seismic.misfit import (
-    block_ratios,
     compare_along,
     energy_floor,
     fill_unknown,
@@ -25,6 +25,8 @@ from seismo3d.seismic.misfit import (
     judge_noise,
     level,
     level_mean,
+    level_reach,
+    measure_ratios,
     misfit_reach,
     share_out,
     spread_laterally,
@@ -51,15 +53,10 @@ def make_slope_arrays(run: BlockRun) -> None:
 def dip(run: BlockRun, number: int) -> None:
     """Estimate a block's slopes."""
     box = run.plan.tiling("dip").box(number)
-    reach = dip_reach(run.settings.dip)
-    wide = box.grown((reach, reach), run.plan.shape)
-    volume, valid = read_clean(run, wide)
-    inner = box.within(wide)
-    energies = trace_energies(volume[inner], valid[inner])
-    slopes = block_slopes(volume, valid, wide.ends(run.plan.shape), run.settings.dip)
+    volume, valid, slopes = estimate_block(run, box)
     for name, slope in zip(("p", "q"), slopes, strict=True):
-        run.store.write(name, box, slope[inner])
-    run.write_part("dip", number, {"energies": energies})
+        run.store.write(name, box, slope)
+    run.write_part("dip", number, {"energies": trace_energies(volume, valid)})
 
 
 def dip_facts(run: BlockRun) -> None:
@@ -104,35 +101,36 @@ def misfit(run: BlockRun, number: int, attempt: str) -> None:
         way = compare_sides(volume, valid, read_sides(run, wide))
     else:
         way = compare_along(volume, valid, (run.store.read("p", wide), run.store.read("q", wide)))
-    found = [np.empty((*box.shape, thinned_shape(run)[2]), np.float32) for _ in range(4)]
     floor = np.float32(run.fact("dip")["floor"])
-    compare = partial(way, slice(None))
-    block_ratios(volume, compare, reach, floor, settings, box.within(wide), found[:2], found[2:])
-    for name, values in zip(ratio_names(attempt), found, strict=True):
+    ratios, known = measure_ratios(volume.shape, way, reach, floor, settings, box.within(wide))
+    for name, values in zip(ratio_names(attempt), ratios + known, strict=True):
         run.store.write(name, box, values)
-    counts = count_high(_where_known(found[0], found[2])) + count_high(_where_known(found[1], found[3]))
-    run.write_part(f"misfit_{attempt}", number, {"counts": counts})
+    run.write_part(f"misfit_{attempt}", number, noise_median(attempt).count([_where_known(ratios, known)]))
+
+
+def noise_median(attempt: str) -> BlockMedians:
+    """Return what finds the median misfit ratio of both ways together."""
+    return BlockMedians(f"misfit_{attempt}", f"noise_{attempt}", "misfit", partial(_read_known, attempt=attempt))
+
+
+def _read_known(run: BlockRun, box: Box, attempt: str) -> list[list[Float32Array]]:
+    found = [run.store.read(name, box) for name in ratio_names(attempt)]
+    return [_where_known(found[:2], found[2:])]
 
 
 def misfit_facts(run: BlockRun, attempt: str) -> None:
     """Find where the median misfit ratio lies, roughly."""
-    counts = run.add_up(f"misfit_{attempt}", "counts", "misfit")
-    run.write_fact(f"misfit_{attempt}", counts=counts, high=middle_high(counts))
+    run.write_fact(f"misfit_{attempt}", **noise_median(attempt).locate(run))
 
 
 def noise(run: BlockRun, number: int, attempt: str) -> None:
     """Count a block's misfit ratios near the median."""
-    box = run.plan.tiling("misfit").box(number)
-    high = run.fact(f"misfit_{attempt}")["high"]
-    first, second, first_known, second_known = (run.store.read(name, box) for name in ratio_names(attempt))
-    low = count_low(_where_known(first, first_known), high) + count_low(_where_known(second, second_known), high)
-    run.write_part(f"noise_{attempt}", number, {"low": low})
+    noise_median(attempt).count_near(run, number)
 
 
 def noise_facts(run: BlockRun, attempt: str) -> None:
     """Find the cube's median misfit ratio, and what follows from it."""
-    low = run.add_up(f"noise_{attempt}", "low", "misfit")
-    ratio = median(run.fact(f"misfit_{attempt}")["counts"], low)
+    ratio = noise_median(attempt).find(run)[0]
     noisiness, reach = judge_noise(ratio, run.settings.misfit)
     if attempt != "near":
         noisiness = run.fact("noise_near")["noisiness"]
@@ -156,23 +154,37 @@ def final_noise(run: BlockRun) -> tuple[float, float]:
     return noise, run.fact("noise_near")["noisiness"]
 
 
+def make_filled_arrays(run: BlockRun) -> None:
+    """Make the arrays that :func:`moments` writes to."""
+    for name in ("filled0", "filled1"):
+        run.store.make(name, thinned_shape(run), np.float32)
+    run.store.make("known", thinned_shape(run), np.float32, packed=True)
+
+
 def moments(run: BlockRun, number: int) -> None:
-    """Sum up a block's evidence, and find its traces' medians."""
-    box = run.plan.tiling("evidence").box(number)
+    """Bridge a block's evidence where it is not known, sum it up, and find its traces' medians."""
+    box = run.plan.tiling("moments").box(number)
     wide = box.grown((fill_reach(), fill_reach()), run.plan.shape)
     inner = box.within(wide)
     sums, medians = [], []
-    for values, known, filled in _filled(run, wide):
+    known_best: Float32Array | None = None
+    for axis, (values, known, background) in enumerate(_log_ratios(run, wide)):
         sums.append(trace_moments(values[inner], known[inner]))
-        medians.append(np.median(filled[inner], axis=2))
+        filled = fill_unknown(values, known, background, within=inner)
+        medians.append(np.median(filled, axis=2))
+        run.store.write(f"filled{axis}", box, filled)
+        del filled
+        known_best = known[inner] if known_best is None else np.maximum(known_best, known[inner])
+    if known_best is not None:
+        run.store.write("known", box, known_best)
     run.write_part("moments", number, {"sums": np.stack(sums), "medians": np.stack(medians)})
 
 
 def moments_facts(run: BlockRun) -> None:
     """Find the mean and spread of the cube's evidence, and its acquisition footprint."""
     ratio, noisiness = final_noise(run)
-    mean, spread = find_moments(list(run.gather("moments", "sums", "evidence")), noisiness)
-    medians = run.gather("moments", "medians", "evidence")
+    mean, spread = find_moments(list(run.gather("moments", "sums", "moments")), noisiness)
+    medians = run.gather("moments", "medians", "moments")
     lines = [find_footprint(medians[axis], axis, ratio, run.settings.misfit) for axis in range(2)]
     found = {f"excess{axis}": line for axis, line in enumerate(lines) if line is not None}
     run.write_fact("moments", mean=mean, spread=spread, **found)
@@ -182,28 +194,24 @@ def make_evidence_arrays(run: BlockRun) -> None:
     """Make the arrays that :func:`evidence` writes to."""
     for name in ("evidence0", "evidence1"):
         run.store.make(name, thinned_shape(run), np.float32)
-    run.store.make("known", thinned_shape(run), np.float32, packed=True)
 
 
 def evidence(run: BlockRun, number: int) -> None:
     """Finish a block's evidence, but for what levelling gives back."""
     settings, facts = run.settings.misfit, run.fact("moments")
     box = run.plan.tiling("evidence").box(number)
-    reach = evidence_reach(settings)
-    wide = box.grown((reach, reach), run.plan.shape)
-    inner = box.within(wide)
-    known_best: Float32Array | None = None
+    around = box.grown((level_reach(settings),) * 2, run.plan.shape)
+    wide = box.grown((evidence_reach(settings),) * 2, run.plan.shape)
     sums = []
-    for axis, (_, known, filled) in enumerate(_filled(run, wide)):
+    for axis in range(2):
+        filled = run.store.read(f"filled{axis}", wide)
         excess = facts.get(f"excess{axis}")
         lines = slice(wide.i0, wide.i1) if axis == 0 else slice(wide.j0, wide.j1)
         take_out_lines(filled, None if excess is None else excess[lines], axis)
-        spread_laterally(filled, settings.lateral)
-        sums.append(level(filled, settings)[inner])
-        run.store.write(f"evidence{axis}", box, filled[inner])
-        known_best = known[inner] if known_best is None else np.maximum(known_best, known[inner])
-    if known_best is not None:
-        run.store.write("known", box, known_best)
+        filled = spread_laterally(filled, settings.lateral, within=around.within(wide))
+        filled, given = level(filled, settings, within=box.within(around))
+        run.store.write(f"evidence{axis}", box, filled)
+        sums.append(given)
     run.write_part("evidence", number, {"sums": np.stack(sums)})
 
 
@@ -216,42 +224,37 @@ def evidence_facts(run: BlockRun) -> None:
 
 def read_evidence(run: BlockRun, box: Box) -> tuple[Float32Array, Float32Array]:
     """Return a box of the evidence, both ways."""
-    found = []
-    for axis, shift in enumerate(run.fact("evidence")["given_back"]):
-        values = run.store.read(f"evidence{axis}", box)
-        values += np.float32(shift)
-        found.append(values)
-    return found[0], found[1]
+    return read_levelled(run, 0, box), read_levelled(run, 1, box)
+
+
+def read_levelled(run: BlockRun, axis: int, box: Box) -> Float32Array:
+    """Return a box of the evidence of one way."""
+    values = run.store.read(f"evidence{axis}", box)
+    values += np.float32(run.fact("evidence")["given_back"][axis])
+    return values
+
+
+PRIOR = BlockMedians("prior", "medians", "evidence", read_evidence)
+"""The medians of the evidence, of either way."""
 
 
 def prior(run: BlockRun, number: int) -> None:
     """Count a block's evidence."""
-    found = read_evidence(run, run.plan.tiling("evidence").box(number))
-    run.write_part("prior", number, {"counts": np.stack([count_high(values) for values in found])})
+    run.write_part("prior", number, PRIOR.count(read_evidence(run, run.plan.tiling("evidence").box(number))))
 
 
 def prior_facts(run: BlockRun) -> None:
     """Find where the medians of the evidence lie, roughly."""
-    counts = run.add_up("prior", "counts", "evidence")
-    run.write_fact("prior", counts=counts, high=np.stack([middle_high(part) for part in counts]))
-
-
-def medians(run: BlockRun, number: int) -> None:
-    """Count a block's evidence near the medians."""
-    found = read_evidence(run, run.plan.tiling("evidence").box(number))
-    low = [count_low(values, high) for values, high in zip(found, run.fact("prior")["high"], strict=True)]
-    run.write_part("medians", number, {"low": np.stack(low)})
+    run.write_fact("prior", **PRIOR.locate(run))
 
 
 def medians_facts(run: BlockRun) -> None:
     """Find the medians of the evidence."""
-    low = run.add_up("medians", "low", "evidence")
-    counts = run.fact("prior")["counts"]
-    run.write_fact("medians", medians=[median(a, b) for a, b in zip(counts, low, strict=True)])
+    run.write_fact("medians", medians=PRIOR.find(run))
 
 
-def _filled(run: BlockRun, box: Box):  # type: ignore[no-untyped-def]
-    """Give, for both ways, a box's evidence, how far it is known, and the evidence bridged where it is not."""
+def _log_ratios(run: BlockRun, box: Box) -> Iterator[tuple[Float32Array, Float32Array, float]]:
+    """Give, for both ways, a box's evidence, how far it is known, and the evidence where nothing breaks."""
     counted, settings = attempts(run), run.settings.misfit
     noises = [run.fact(f"noise_{attempt}")["noise"] for attempt, _ in counted]
     background = sum(
@@ -262,9 +265,15 @@ def _filled(run: BlockRun, box: Box):  # type: ignore[no-untyped-def]
         for (attempt, share), noise in zip(counted, noises, strict=True):
             values, known = run.store.read(f"ratio{axis}_{attempt}", box), run.store.read(f"known{axis}_{attempt}", box)
             weigh_logs([values], [known], noise, share, settings)
-            sums = [values, known] if not sums else [sums[0] + values, sums[1] + known]
-        yield sums[0], sums[1], fill_unknown(sums[0], sums[1], background)
+            if not sums:
+                sums = [values, known]
+                continue
+            sums[0] += values
+            sums[1] += known
+            del values, known
+        yield sums[0], sums[1], background
 
 
-def _where_known(ratio: Float32Array, known: Float32Array) -> list[Float32Array]:
-    return [line[weight > 0.5] for line, weight in zip(ratio, known, strict=True)]
+def _where_known(ratios: list[Float32Array], known: list[Float32Array]) -> list[Float32Array]:
+    pairs = ((line, weight) for both in zip(ratios, known, strict=True) for line, weight in zip(*both, strict=True))
+    return [line[weight > 0.5] for line, weight in pairs]

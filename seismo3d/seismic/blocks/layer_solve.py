@@ -12,13 +12,21 @@ from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_layer_solve import keep_free
 from seismo3d.seismic._kernels_layers import fill_samples, make_increasing, make_runs_increasing
 from seismo3d.seismic.blocks.layers import by_box, coarse_shape, live_traces, read_field, read_grid
-from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high
+from seismo3d.seismic.blocks.medians import BlockMedians
 from seismo3d.seismic.blocks.plan import BASE_BYTES, Box, Tiling
 from seismo3d.seismic.blocks.results import write_result
 from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
-from seismo3d.seismic.fault_links import link_grid
-from seismo3d.seismic.layer_graph import DOUBT, LayerTimeSettings, is_doubtful, near_faults, smooth_thickness
+from seismo3d.seismic.fault_links import doubt_matches, link_grid
+from seismo3d.seismic.layer_graph import (
+    DOUBT,
+    LayerTimeSettings,
+    is_doubtful,
+    near_faults,
+    nearest_misfit,
+    smooth_thickness,
+    thickness_variance,
+)
 from seismo3d.seismic.layer_system import LayerSystem, LinkFields
 from seismo3d.seismic.linking import InMemory, Room
 from seismo3d.seismic.loop_closure import loop_errors
@@ -76,15 +84,16 @@ def solve(run: BlockRun, stride: int) -> None:
     _begin(run, stride, n_done, values, room)
     system: LayerSystem | None = None
     rejected, loaded = 0.0, None
+    spread = thickness_variance(run.fact("usual")["misfits"], settings)
     for number in range(n_done, len(rounds)):
         is_doubted, cutoff = rounds[number]
         if system is None or loaded != is_doubted:
             system, loaded = _load(run, stride, is_doubted, room, at_a_time), is_doubted
         _expect(run, system, values, stride)
-        system.weigh(values, cutoff, settings.thickness**2)
+        system.weigh(values, cutoff, spread)
         system.improve(values, settings.iterations * stride**2)
         if number == len(rounds) - 1:
-            rejected = system.weigh(values, cutoff, settings.thickness**2)
+            rejected = system.weigh(values, cutoff, spread)
         _keep(run, stride, number, values, room)
         run.write_fact(_round_name(stride, number), rejected=rejected)
         if number > 0:
@@ -203,11 +212,13 @@ def _fault_edges(run: BlockRun, stride: int) -> ScalarEdges:
     nearest: Any = [BrickPoints(run, f"shift{axis}_1", shape) for axis in range(2)]
     breaks: Any = BrickPoints(run, "breaks", shape)
     parts = [ScalarEdges.none()]
+    usual = nearest_misfit(run.fact("usual")["misfits"])
     for number in range(run.fact("faults")["n_surfaces"]):
         found, _ = run.read_part("match", number)
+        variance = doubt_matches(found["variance"], usual, run.settings.links)
         parts.append(
             link_grid(
-                read_grid(run, number), found["throw"], found["variance"], nearest, breaks,
+                read_grid(run, number), found["throw"], variance, nearest, breaks,
                 stride=stride, step=run.settings.shifts.step,
             )
         )  # fmt: skip
@@ -273,6 +284,14 @@ def _live_box(run: BlockRun, box: Box) -> BoolArray:
 # ----- how well shifts agree round closed loops
 
 
+def _read_errors(run: BlockRun, box: Box) -> list[Iterator[Float32Array]]:
+    return [_finite(_errors(run, box))]
+
+
+LOOPS = BlockMedians("loops", "loop_medians", "shifts", _read_errors)
+"""The median error of closed loops."""
+
+
 def loops(run: BlockRun, number: int) -> None:
     """Close the loops that begin in a block."""
     box = run.plan.tiling("shifts").box(number)
@@ -285,29 +304,18 @@ def loops(run: BlockRun, number: int) -> None:
         part[closed] = np.nanmedian(errors[closed], axis=1)
     run.write_part(
         "loops", number,
-        {"counts": count_high(_finite(errors)), "by_trace": by_trace, "over": np.array((errors > 1.0).sum())},
+        {**LOOPS.count([_finite(errors)]), "by_trace": by_trace, "over": np.array((errors > 1.0).sum())},
     )  # fmt: skip
 
 
 def loops_facts(run: BlockRun) -> None:
     """Find where the median error lies, roughly."""
-    blocks = [run.read_part("loops", number)[0] for number in range(len(run.plan.tiling("shifts")))]
-    counts = sum((block["counts"] for block in blocks[1:]), blocks[0]["counts"])
-    over = sum(int(block["over"]) for block in blocks)
-    run.write_fact("loops", counts=counts, high=middle_high(counts), over=over)
-
-
-def loop_medians(run: BlockRun, number: int) -> None:
-    """Count a block's errors near the median."""
-    errors = _errors(run, run.plan.tiling("shifts").box(number))
-    run.write_part("loop_medians", number, {"low": count_low(_finite(errors), run.fact("loops")["high"])})
+    run.write_fact("loops", over=int(run.add_up("loops", "over", "shifts")), **LOOPS.locate(run))
 
 
 def loop_medians_facts(run: BlockRun) -> None:
     """Find the median error."""
-    low = [run.read_part("loop_medians", number)[0]["low"] for number in range(len(run.plan.tiling("shifts")))]
-    counts = run.fact("loops")["counts"]
-    run.write_fact("loop_medians", median=median(counts, sum(low[1:], low[0])))
+    run.write_fact("loop_medians", median=LOOPS.find(run)[0])
 
 
 def _finite(errors: Float32Array) -> Iterator[Float32Array]:

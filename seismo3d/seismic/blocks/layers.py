@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float64Array
+from seismo3d._typing import AnyArray, Float32Array, Float64Array
 from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_cuts import read_side
 from seismo3d.seismic._kernels_layers import find_breaks
 from seismo3d.seismic.blocks.cleaning import read_clean
-from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high, positive_lines
+from seismo3d.seismic.blocks.medians import BlockMedians
+from seismo3d.seismic.blocks.order import positive_lines
 from seismo3d.seismic.blocks.plan import Box, Tiling
 from seismo3d.seismic.blocks.run import BlockRun
-from seismo3d.seismic.dip import block_slopes, dip_reach
+from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_surface, match_known
 from seismo3d.seismic.faultset import FaultSurface
 from seismo3d.seismic.shifts import ShiftField, judge_misfits, match_lengths, matching_floor, shift_reach
@@ -37,15 +38,10 @@ def make_slope_arrays(run: BlockRun) -> None:
 def slopes(run: BlockRun, number: int) -> None:
     """Estimate a block's slopes, and sum up the squares of every other trace of every other inline."""
     box = run.plan.tiling("dip").box(number)
-    reach = dip_reach(run.settings.dip)
-    wide = box.grown((reach, reach), run.plan.shape)
-    volume, valid = read_clean(run, wide)
-    inner, step = box.within(wide), run.settings.shifts.step
-    for name, slope in zip(
-        ("p", "q"), block_slopes(volume, valid, wide.ends(run.plan.shape), run.settings.dip), strict=True
-    ):
-        run.store.write(name, box, slope[inner][:, :, ::step])
-    looked_at = volume[inner][box.i0 % 2 :: 2, box.j0 % 2 :: 2]
+    volume, _, found = estimate_block(run, box)
+    for name, slope in zip(("p", "q"), found, strict=True):
+        run.store.write(name, box, slope[:, :, :: run.settings.shifts.step])
+    looked_at = volume[box.i0 % 2 :: 2, box.j0 % 2 :: 2]
     run.write_part("slopes", number, {"power": np.square(looked_at, dtype=np.float64).sum(axis=2)})
 
 
@@ -146,6 +142,15 @@ def make_shift_arrays(run: BlockRun) -> None:
         run.store.make(name, coarse_shape(run), np.float32)
 
 
+def _read_misfits(run: BlockRun, box: Box) -> list[list[Float32Array]]:
+    names = [name for name in field_names(run.settings) if name.startswith("misfit")]
+    return [positive_lines(run.store.read(name, box)) for name in names]
+
+
+USUAL = BlockMedians("shifts", "usual", "shifts", _read_misfits)
+"""The misfits that each field's shifts usually leave."""
+
+
 def shifts(run: BlockRun, number: int) -> None:
     """Measure a block's shifts; their misfits are ratios, not yet judged."""
     settings = run.settings
@@ -155,48 +160,33 @@ def shifts(run: BlockRun, number: int) -> None:
     volume, valid = read_clean(run, wide)
     p, q, cuts = (run.store.read(name, wide) for name in ("p", "q", "cuts"))
     floor = np.float32(run.fact("slopes")["floor"])
-    inner, counts = box.within(wide), []
+    inner, misfits = box.within(wide), []
     fields = match_lengths(
         volume, valid, (p, q), cuts=cuts, lengths=settings.lengths, floor=floor, settings=settings.shifts
     )
     for f in fields:
         for kind in _KINDS:
             run.store.write(f"{kind}{f.axis}_{f.length}", box, getattr(f, kind)[inner])
-        counts.append(count_high(positive_lines(f.misfit[inner])))
-    run.write_part("shifts", number, {"counts": np.stack(counts)})
+        misfits.append(positive_lines(f.misfit[inner]))
+    run.write_part("shifts", number, USUAL.count(misfits))
 
 
 def shifts_facts(run: BlockRun) -> None:
     """Find where the median misfit of each field lies, roughly."""
-    counts = run.add_up("shifts", "counts", "shifts")
-    found = {f"high{n}": middle_high(part) for n, part in enumerate(counts)}
-    run.write_fact("shifts", counts=counts, **found)
-
-
-def usual(run: BlockRun, number: int) -> None:
-    """Count a block's misfits near the medians."""
-    box = run.plan.tiling("shifts").box(number)
-    names = [name for name in field_names(run.settings) if name.startswith("misfit")]
-    low = {
-        f"low{n}": count_low(positive_lines(run.store.read(name, box)), run.fact("shifts")[f"high{n}"])
-        for n, name in enumerate(names)
-    }
-    run.write_part("usual", number, low)
+    run.write_fact("shifts", **USUAL.locate(run))
 
 
 def usual_facts(run: BlockRun) -> None:
     """Find the usual misfit of each field."""
-    counts = run.fact("shifts")["counts"]
-    found = [median(part, run.add_up("usual", f"low{n}", "shifts")) for n, part in enumerate(counts)]
-    run.write_fact("usual", misfits=found)
+    run.write_fact("usual", misfits=USUAL.find(run))
 
 
 def read_field(run: BlockRun, box: Box, number: int) -> ShiftField:
     """Return a box of a field of shifts, judged; fields are numbered by length, then axis."""
     length, axis = run.settings.lengths[number // 2], number % 2
-    found = ShiftField(axis, length, *(run.store.read(f"{kind}{axis}_{length}", box) for kind in _KINDS))
-    judge_misfits(found, run.fact("usual")["misfits"][number], run.settings.shifts)
-    return found
+    shift, variance, misfit = (run.store.read(f"{kind}{axis}_{length}", box) for kind in _KINDS)
+    found = ShiftField(axis, length, shift, variance, misfit)
+    return judge_misfits(found, run.fact("usual")["misfits"][number], run.settings.shifts)
 
 
 def match(run: BlockRun, number: int) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Int64Array
+from seismo3d.seismic._kernels_order import add_high, add_low
 
 _HALF = 1 << 16
 
@@ -15,7 +16,7 @@ def count_high(values: Iterable[Float32Array]) -> Int64Array:
     """Count values by the upper half of their bits, in their order; shape (65536,)."""
     counts = np.zeros(_HALF, np.int64)
     for line in values:
-        counts += np.bincount(_keys(line) >> 16, minlength=_HALF)
+        add_high(_bits(line), counts)
     return counts
 
 
@@ -23,9 +24,8 @@ def count_low(values: Iterable[Float32Array], high: Int64Array) -> Int64Array:
     """Count values with each of the given upper halves by their lower half; shape (len(high), 65536)."""
     counts = np.zeros((len(high), _HALF), np.int64)
     for line in values:
-        keys = _keys(line)
         for row, upper in enumerate(high):
-            counts[row] += np.bincount(keys[keys >> 16 == upper] & (_HALF - 1), minlength=_HALF)
+            add_low(_bits(line), np.uint32(upper), counts[row])
     return counts
 
 
@@ -49,12 +49,8 @@ def median(counts: Int64Array, low: Int64Array) -> float:
     return float(np.mean(np.array(found, np.float32))) if found else 0.0
 
 
-def _keys(values: Float32Array) -> AnyArray:
-    """Return integers in the order of the values, as many."""
-    # zero and minus zero are one value
-    bits = np.ascontiguousarray(values.ravel() + np.float32(0.0)).view(np.uint32)
-    negative = bits >> 31 == 1
-    return np.where(negative, ~bits, bits | np.uint32(1 << 31)).astype(np.int64)
+def _bits(values: Float32Array) -> AnyArray:
+    return np.ascontiguousarray(values).reshape(-1).view(np.uint32)
 
 
 def _value(key: int) -> np.float32:

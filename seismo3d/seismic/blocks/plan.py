@@ -8,10 +8,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from seismo3d.errors import ParameterError
-from seismo3d.seismic.dip import dip_reach
-from seismo3d.seismic.misfit import MisfitSettings, misfit_reach
+from seismo3d.seismic.dip import DipSettings, dip_reach, tensor_reach
+from seismo3d.seismic.misfit import MisfitSettings, energy_reach, level_reach, misfit_reach
 from seismo3d.seismic.scan import plan_scan
-from seismo3d.seismic.side_shifts import carry_reach, match_reach
+from seismo3d.seismic.side_shifts import SLAB, carry_reach, fit_reach, match_reach
+from seismo3d.seismic.throw import side_reach
 
 BASE_BYTES = 420 * 2**20
 """What Python, the libraries and the compiled code take before there is any data."""
@@ -97,8 +98,8 @@ class BlockPlan:
         Bytes that a process may take.
     edges : dict of str to (int, int)
         Inlines and crosslines of a block, by stage: ``raw``, ``dip``, ``misfit``, ``register``, ``carry``,
-        ``evidence``, ``scan`` and ``draw`` of faults; ``raw``, ``dip``, ``shifts``, ``links`` and ``fill`` of layer
-        time.
+        ``moments``, ``evidence``, ``scan`` and ``draw`` of faults; ``raw``, ``dip``, ``shifts``, ``links`` and ``fill``
+        of layer time.
     """
 
     shape: tuple[int, int, int]
@@ -233,17 +234,42 @@ def fault_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callabl
 
     def scan_bytes(edge: int) -> float:
         lines = min(edge + 2 * scan.dip_reach, max(shape[:2])) * min(edge, max(shape[:2])) * (thinned + 2 * pad)
-        return 16 * wide(edge) * thinned + 4 * lines + 14 * square(edge, 0) * thinned
+        return max(12 * wide(edge) * thinned, 8 * wide(edge) * thinned + 4 * lines) + 14 * square(edge, 0) * thinned
+
+    def misfit_bytes(edge: int) -> float:
+        lines = min(settings.misfit.slab, edge) + 2 * energy_reach(settings.misfit)
+        slab = lines * min(edge + 2 * energy_reach(settings.misfit), shape[1])
+        reach = misfit_reach(settings.misfit.reach[1], settings.misfit)
+        return (13 * square(edge, reach) + 36 * slab + 8 * square(edge, 0)) * n2
+
+    def register_bytes(edge: int) -> float:
+        reach, around = match_reach(settings.registration), fit_reach(settings.registration)
+        slab = (min(SLAB, edge) + 2 * reach) * min(edge + 2 * reach, shape[1])
+        search = 18 * slab + 2 * square(edge, around)
+        return (5 * square(edge, reach) + max(search, 18 * square(edge, around))) * n2
+
+    def evidence_bytes(edge: int) -> float:
+        return (14 * square(edge, evidence_reach(settings.misfit)) + 8 * square(edge, 0)) * thinned
 
     return {
-        "dip": lambda edge: 66 * square(edge, dip_reach(settings.dip)) * n2,
-        "misfit": lambda edge: 60 * square(edge, misfit_reach(settings.misfit.reach[1], settings.misfit)) * n2,
-        "register": lambda edge: 44 * square(edge, match_reach(settings.registration)) * n2,
-        "carry": lambda edge: 14 * square(edge, carry_reach(settings.registration)) * n2,
-        "evidence": lambda edge: 44 * square(edge, evidence_reach(settings.misfit)) * thinned,
+        "dip": lambda edge: slope_bytes(shape, edge, settings.dip),
+        "misfit": misfit_bytes,
+        "register": register_bytes,
+        "carry": lambda edge: 16 * square(edge, carry_reach(settings.registration)) * n2,
+        "moments": lambda edge: 44 * square(edge, fill_reach()) * thinned,
+        "evidence": evidence_bytes,
         "scan": scan_bytes,
-        "draw": lambda edge: 30 * square(edge, settings.throw.far + settings.throw.clear + 2) * n2,
+        "draw": lambda edge: 22 * square(edge, side_reach(settings.throw)) * n2,
     }
+
+
+def slope_bytes(shape: tuple[int, int, int], edge: int, settings: DipSettings) -> float:
+    """Return the bytes that slopes of a block of an edge take."""
+
+    def square(reach: int) -> int:
+        return min(edge + 2 * reach, shape[0]) * min(edge + 2 * reach, shape[1])
+
+    return (5 * square(dip_reach(settings)) + 24 * square(tensor_reach(settings)) + 28 * square(0)) * shape[2]
 
 
 def layer_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callable[[int], float]]:
@@ -257,7 +283,7 @@ def layer_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callabl
         return min(edge + 2 * reach, shape[0]) * min(edge + 2 * reach, shape[1])
 
     return {
-        "dip": lambda edge: 66 * square(edge, dip_reach(settings.dip)) * n2,
+        "dip": lambda edge: slope_bytes(shape, edge, settings.dip),
         "shifts": lambda edge: 48 * square(edge, shift_reach(settings.lengths, settings.shifts)) * n2,
         # half of the memory is the solution's
         "links": lambda edge: 2 * (14 * square(edge, links) + 10 * square(edge, wide)) * n2,
@@ -274,8 +300,7 @@ def fill_reach() -> int:
 
 
 def evidence_reach(settings: MisfitSettings) -> int:
-    """Return how many traces off the finished evidence depends on, besides the misfit ratios there."""
+    """Return how many traces off the finished evidence depends on, besides the bridged evidence there."""
     from seismo3d.seismic._kernels_filters import gaussian_taps
 
-    halves = (len(gaussian_taps(sigma)) // 2 for sigma in (settings.lateral, settings.background[0]))
-    return fill_reach() + sum(halves)
+    return level_reach(settings) + len(gaussian_taps(settings.lateral)) // 2

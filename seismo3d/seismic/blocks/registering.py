@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from seismo3d._typing import Float32Array
 from seismo3d.seismic.blocks.cleaning import read_clean
-from seismo3d.seismic.blocks.order import count_high, count_low, median, middle_high, positive_lines
+from seismo3d.seismic.blocks.medians import BlockMedians
+from seismo3d.seismic.blocks.order import positive_lines
 from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.shifts import ShiftField, judge_misfits
@@ -22,6 +24,14 @@ FIELDS = tuple(f"{kind}{axis}" for axis in range(2) for kind in _KINDS)
 """Arrays of the shifts to the next inline and crossline."""
 SIDES = tuple(f"{side}{axis}" for axis in range(2) for side in ("behind", "ahead"))
 """Arrays of the shifts of each side."""
+
+
+def _read_misfits(run: BlockRun, box: Box) -> list[list[Float32Array]]:
+    return [positive_lines(run.store.read(f"misfit{axis}", box)) for axis in range(2)]
+
+
+USUAL = BlockMedians("register", "usual", "register", _read_misfits)
+"""The misfits that registration usually leaves along inlines and crosslines."""
 
 
 def make_field_arrays(run: BlockRun) -> None:
@@ -42,36 +52,22 @@ def register(run: BlockRun, number: int) -> None:
     wide = box.grown((reach, reach), run.plan.shape)
     volume, valid = read_clean(run, wide)
     floor = np.float32(run.fact("dip")["matching"])
-    inner, counts = box.within(wide), []
-    for found in match_slices(volume, valid, floor=floor, settings=settings):
+    misfits = []
+    for found in match_slices(volume, valid, floor=floor, settings=settings, within=box.within(wide)):
         for kind in _KINDS:
-            run.store.write(f"{kind}{found.axis}", box, getattr(found, kind)[inner])
-        counts.append(count_high(positive_lines(found.misfit[inner])))
-    run.write_part("register", number, {"counts": np.stack(counts)})
+            run.store.write(f"{kind}{found.axis}", box, getattr(found, kind))
+        misfits.append(positive_lines(found.misfit))
+    run.write_part("register", number, USUAL.count(misfits))
 
 
 def register_facts(run: BlockRun) -> None:
     """Find where the median misfits lie, roughly."""
-    counts = run.add_up("register", "counts", "register")
-    run.write_fact("register", counts=counts, high0=middle_high(counts[0]), high1=middle_high(counts[1]))
-
-
-def usual(run: BlockRun, number: int) -> None:
-    """Count a block's misfits near the medians."""
-    box, facts = run.plan.tiling("register").box(number), run.fact("register")
-    low = {
-        f"low{axis}": count_low(positive_lines(run.store.read(f"misfit{axis}", box)), facts[f"high{axis}"])
-        for axis in range(2)
-    }
-    run.write_part("usual", number, low)
+    run.write_fact("register", **USUAL.locate(run))
 
 
 def usual_facts(run: BlockRun) -> None:
     """Find the usual misfits."""
-    counts = run.fact("register")["counts"]
-    run.write_fact(
-        "usual", misfits=[median(counts[axis], run.add_up("usual", f"low{axis}", "register")) for axis in range(2)]
-    )
+    run.write_fact("usual", misfits=USUAL.find(run))
 
 
 def carry(run: BlockRun, number: int) -> None:
@@ -80,13 +76,13 @@ def carry(run: BlockRun, number: int) -> None:
     box = run.plan.tiling("carry").box(number)
     reach = carry_reach(settings)
     wide = box.grown((reach, reach), run.plan.shape)
-    inner = box.within(wide)
     for axis in range(2):
-        found = ShiftField(axis, 1, *(run.store.read(f"{kind}{axis}", wide) for kind in _KINDS))
+        shift, variance, misfit = (run.store.read(f"{kind}{axis}", wide) for kind in _KINDS)
+        found = ShiftField(axis, 1, shift, variance, misfit)
         judge_misfits(found, run.fact("usual")["misfits"][axis], settings.shifts)
-        sides = carry_sides(found, settings=settings)
-        run.store.write(f"behind{axis}", box, sides.behind[inner])
-        run.store.write(f"ahead{axis}", box, sides.ahead[inner])
+        sides = carry_sides(found, settings=settings, within=box.within(wide))
+        run.store.write(f"behind{axis}", box, sides.behind)
+        run.store.write(f"ahead{axis}", box, sides.ahead)
     run.write_part("carry", number, {})
 
 

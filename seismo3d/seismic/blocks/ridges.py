@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from seismo3d.seismic.blocks.evidence import final_noise, read_evidence, thinned_shape
+from seismo3d.seismic.blocks.evidence import final_noise, read_levelled, thinned_shape
 from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.results import write_result
 from seismo3d.seismic.blocks.room import OnDisk
@@ -47,7 +47,7 @@ def scan(run: BlockRun, number: int) -> None:
         reach = plan.reach if across == 0 else (plan.reach[1], plan.reach[0])
         wide = box.grown(reach, run.plan.shape)
         corner = (box.i0 - wide.i0, box.j0 - wide.j0)
-        return ScanRegion.turned(read_evidence(run, wide), across, corner, box.shape)
+        return ScanRegion.turned((read_levelled(run, axis, wide) for axis in range(2)), across, corner, box.shape)
 
     moments = run.fact("moments")
     best, orientation = scan_region(take, plan, find_prior(*run.fact("medians")["medians"]))

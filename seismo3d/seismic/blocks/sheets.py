@@ -15,10 +15,19 @@ from seismo3d.seismic.blocks.results import write_result
 from seismo3d.seismic.blocks.ridges import gather_ridges, least_scores
 from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
+from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.choosing import choose_faults, end_where_still
 from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.throw import SheetThrow, every_sample, gather_sides, match_sides
+from seismo3d.seismic.throw import (
+    SheetThrow,
+    every_sample,
+    farther_off,
+    gather_sides,
+    mask_sheets,
+    match_sides,
+    side_reach,
+)
 
 # rows of a sheet around a block, so that what is interpolated there does not see the cut
 _SPARE_ROWS = 4
@@ -34,12 +43,29 @@ def link_facts(run: BlockRun) -> None:
     run.write_fact("link", n_sheets=len(sheets), **_packed("sheet", sheets))
 
 
+def make_beside_arrays(run: BlockRun) -> None:
+    """Make the arrays that :func:`beside` writes to."""
+    for name in ("beside_p", "beside_q"):
+        run.store.make(name, run.plan.shape, np.float32)
+
+
+def beside(run: BlockRun, number: int) -> None:
+    """Estimate a block's slopes without what lies on the sheets."""
+    box = run.plan.tiling("dip").box(number)
+    sheets, width = run_sheets(run), run.settings.throw.beside
+    _, _, slopes = estimate_block(
+        run, box, leave_out=lambda valid, corner: mask_sheets(sheets, valid, beside=width, corner=corner)
+    )
+    for name, slope in zip(("beside_p", "beside_q"), slopes, strict=True):
+        run.store.write(name, box, slope)
+    run.write_part("beside", number, {})
+
+
 def sides(run: BlockRun, number: int) -> None:
     """Read both sides of every sheet where it passes through a block."""
     settings = run.settings.throw
     box = run.plan.tiling("draw").box(number)
-    reach = settings.far + settings.clear + 2
-    wide = box.grown((reach, reach), run.plan.shape)
+    wide = box.grown((side_reach(settings),) * 2, run.plan.shape)
     arrays: dict[str, AnyArray] = {}
     read: tuple[AnyArray, ...] | None = None
     for place, sheet in enumerate(run_sheets(run)):
@@ -48,10 +74,11 @@ def sides(run: BlockRun, number: int) -> None:
             continue
         part, w, rows, columns = found
         if read is None:
-            read = (*read_clean(run, wide), run.store.read("p", wide), run.store.read("q", wide))
+            read = (*read_clean(run, wide), run.store.read("beside_p", wide), run.store.read("beside_q", wide))
         volume, valid, p, q = read
         corner = (wide.i0, wide.j0)
-        both, known = gather_sides(volume, valid, (p, q), part, settings=settings, w=w, corner=corner)
+        off = farther_off(sheet, settings)
+        both, known = gather_sides(volume, valid, (p, q), part, settings=settings, w=w, off=off, corner=corner)
         arrays |= {f"{place}.at": np.array([rows, columns]), f"{place}.both": both, f"{place}.known": known > 0.0}
     run.write_part("sides", number, arrays)
 

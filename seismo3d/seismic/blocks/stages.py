@@ -113,7 +113,7 @@ def _registering_stages(wanted: Callable[[BlockRun], bool]) -> dict[str, Stage]:
             "misfit", "register", registering.register, find=registering.register_facts,
             make=registering.make_field_arrays, writes=registering.FIELDS, wanted=wanted,
         ),
-        "usual": Stage("misfit", "register", registering.usual, find=registering.usual_facts, wanted=wanted),
+        "usual": Stage("misfit", "register", registering.USUAL.count_near, find=registering.usual_facts, wanted=wanted),
         "carry": Stage(
             "misfit", "carry", registering.carry, make=registering.make_side_arrays, writes=registering.SIDES,
             leaves=registering.FIELDS, wanted=wanted,
@@ -135,21 +135,30 @@ def _fault_stages(settings: FaultSettings) -> dict[str, Stage]:
             "dip", "dip", evidence.dip, find=evidence.dip_facts, make=evidence.make_slope_arrays, writes=("p", "q")
         ),
         **measured,
-        "moments": Stage("misfit", "evidence", evidence.moments, find=evidence.moments_facts),
-        "evidence": Stage(
-            "misfit", "evidence", evidence.evidence, find=evidence.evidence_facts, make=evidence.make_evidence_arrays,
-            writes=("evidence0", "evidence1", "known"),
+        "moments": Stage(
+            "misfit", "moments", evidence.moments, find=evidence.moments_facts, make=evidence.make_filled_arrays,
+            writes=("filled0", "filled1", "known"),
             leaves=(*sum(map(evidence.ratio_names, ("near", "far", "second")), ()), *registering.SIDES),
         ),
+        "evidence": Stage(
+            "misfit", "evidence", evidence.evidence, find=evidence.evidence_facts, make=evidence.make_evidence_arrays,
+            writes=("evidence0", "evidence1"), leaves=("filled0", "filled1"),
+        ),
         "prior": Stage("misfit", "evidence", evidence.prior, find=evidence.prior_facts),
-        "medians": Stage("misfit", "evidence", evidence.medians, find=evidence.medians_facts),
+        "medians": Stage("misfit", "evidence", evidence.PRIOR.count_near, find=evidence.medians_facts),
         "scan": Stage(
             "scan", "scan", ridges.scan, make=ridges.make_support_arrays, writes=("score", "orientation"),
             leaves=("evidence0", "evidence1"),
         ),
         "thin": Stage("scan", "draw", ridges.thin, leaves=("score", "orientation", "known")),
         "link": Stage("link", "", _no_block, find=sheets.link_facts),
-        "sides": Stage("throw", "draw", sheets.sides, find=sheets.sides_facts, leaves=("white", "valid", "p", "q")),
+        "beside": Stage(
+            "throw", "dip", sheets.beside, make=sheets.make_beside_arrays, writes=("beside_p", "beside_q"),
+            leaves=("p", "q"),
+        ),
+        "sides": Stage(
+            "throw", "draw", sheets.sides, find=sheets.sides_facts, leaves=("white", "valid", "beside_p", "beside_q")
+        ),
         "throw": Stage("throw", "sheets", sheets.throw),
         "choice": Stage("surfaces", "", _no_block, find=sheets.choice_facts),
         "draw": Stage("surfaces", "draw", sheets.draw),
@@ -178,10 +187,10 @@ def _layer_stages(settings: LayerTimeSettings) -> dict[str, Stage]:
             "shifts", "shifts", layers.shifts, find=layers.shifts_facts, make=layers.make_shift_arrays, writes=fields,
             leaves=("p", "q"),
         ),
-        "usual": Stage("shifts", "shifts", layers.usual, find=layers.usual_facts),
+        "usual": Stage("shifts", "shifts", layers.USUAL.count_near, find=layers.usual_facts),
         "match": Stage("throw", "surfaces", layers.match),
         "loops": Stage("loops", "shifts", layer_solve.loops, find=layer_solve.loops_facts),
-        "loop_medians": Stage("loops", "shifts", layer_solve.loop_medians, find=layer_solve.loop_medians_facts),
+        "loop_medians": Stage("loops", "shifts", layer_solve.LOOPS.count_near, find=layer_solve.loop_medians_facts),
         **solving,
         "datum": Stage("layers", "", _no_block, find=layer_solve.datum_facts, leaves=fields),
         "fill": Stage("layers", "fill", layer_solve.fill),
