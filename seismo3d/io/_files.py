@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -93,7 +94,20 @@ def replace_path(aside: Path, final: Path, *, folder: bool) -> None:
 
 
 def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
+    """Remove a file or a folder; of a folder also what writers that an error left running still put into it."""
+    if path.is_symlink() or not path.is_dir():
         path.unlink(missing_ok=True)
+        return
+    gone = 0
+    for _ in range(_LOOKS):
+        shutil.rmtree(path, ignore_errors=True)
+        gone = 0 if path.exists() else gone + 1
+        if gone == _LOOKS_GONE:
+            return
+        time.sleep(_SECONDS_BETWEEN_LOOKS)
+    shutil.rmtree(path)
+
+
+_LOOKS = 250
+_LOOKS_GONE = 3
+_SECONDS_BETWEEN_LOOKS = 0.02
