@@ -74,8 +74,9 @@ def written_aside(path: str | os.PathLike[str], *, folder: bool = False) -> Iter
         with refuse_os_errors(final, "write"):
             yield aside
             replace_path(aside, final, folder=folder)
-    finally:
-        _remove(aside)
+    except BaseException:
+        (_remove_for_good if aside.is_dir() else _remove)(aside)
+        raise
 
 
 def replace_path(aside: Path, final: Path, *, folder: bool) -> None:
@@ -94,20 +95,21 @@ def replace_path(aside: Path, final: Path, *, folder: bool) -> None:
 
 
 def _remove(path: Path) -> None:
-    """Remove a file or a folder; of a folder also what writers that an error left running still put into it."""
-    if path.is_symlink() or not path.is_dir():
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
         path.unlink(missing_ok=True)
-        return
-    gone = 0
+
+
+def _remove_for_good(path: Path) -> None:
+    """Remove a folder that writing failed in, with what a library's threads that still run put into it meanwhile."""
     for _ in range(_LOOKS):
         shutil.rmtree(path, ignore_errors=True)
-        gone = 0 if path.exists() else gone + 1
-        if gone == _LOOKS_GONE:
-            return
         time.sleep(_SECONDS_BETWEEN_LOOKS)
+        if not path.exists():
+            return
     shutil.rmtree(path)
 
 
-_LOOKS = 250
-_LOOKS_GONE = 3
-_SECONDS_BETWEEN_LOOKS = 0.02
+_LOOKS = 20
+_SECONDS_BETWEEN_LOOKS = 0.25

@@ -37,6 +37,9 @@ class ChoiceSettings:
         Fit of the unmoved sides that this takes: a throw carried on from elsewhere says nothing of a place.
     tall, tall_strength : float
         Height from which on a sheet is no channel's edge, and the strength that is enough there.
+    low_fit, steep_height : float
+        What is less tall and weaker than a host stands by itself only where its moved sides match by so much in the
+        median, and, if it is steep, from this height on: edges of channels are steep and low.
     host_strength : float
         Strength of a fault beside which weaker ones are looked for: faults come in families, and cut each other up.
     company_area, company_strength, company_length : float
@@ -44,7 +47,8 @@ class ChoiceSettings:
     company_matched : float
         Smallest share of it where its moved sides match.
     company_throw, company_fit : tuple of (float, float)
-        Smallest median throw, and smallest median fit where its sides match: of sloping ones, and of steep ones.
+        Smallest median fit where its sides match, and smallest median throw at that fit: of sloping ones, and of steep
+        ones. At a perfect fit `least_throw` is enough, in between what is proportional.
     gap : float
         Farthest that it may be from its host.
     steep_deg : float
@@ -68,13 +72,15 @@ class ChoiceSettings:
     still_fit: float = 0.7
     tall: float = 60.0
     tall_strength: float = 28.0
+    low_fit: float = 0.6
+    steep_height: float = 40.0
     host_strength: float = 55.0
     company_area: float = 200.0
     company_strength: float = 18.0
     company_length: float = 30.0
     company_matched: float = 0.3
     company_throw: tuple[float, float] = (1.0, 1.4)
-    company_fit: tuple[float, float] = (0.65, 0.75)
+    company_fit: tuple[float, float] = (0.6, 0.75)
     gap: float = 8.0
     steep_deg: float = 65.0
     low_dip_deg: float = 55.0
@@ -94,6 +100,8 @@ class ChoiceSettings:
             least_throw=0.5,
             still_score=0.0,
             tall_strength=5.5,
+            low_fit=0.0,
+            steep_height=0.0,
             host_strength=np.inf,
             company_strength=5.5,
             company_area=24.0,
@@ -231,28 +239,44 @@ def _is_new(nodes: SheetNodes, kept: Sequence[SheetNodes], settings: ChoiceSetti
 
 def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
     height = _height(sheet)
-    enough = settings.tall_strength if height >= settings.tall else settings.least_strength
+    is_tall = height >= settings.tall
+    enough = settings.tall_strength if is_tall else settings.least_strength
     return (
         sheet.area >= settings.least_area
         and height >= settings.least_height
         and strength(sheet) >= enough
         and median_throw(throw) >= settings.least_throw
+        and (is_tall or strength(sheet) >= settings.host_strength or _is_clear(sheet, throw, settings))
     )
 
 
+def _is_clear(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+    """Tell whether a low sheet's sides match where it puts them, and its shape is not that of a channel's edge."""
+    is_low_edge = dip_deg(sheet) >= settings.steep_deg and _height(sheet) < settings.steep_height
+    return _median_fit(sheet, throw) >= settings.low_fit and not is_low_edge
+
+
 def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
-    fit = throw.fit[sheet.inside]
-    matched = fit > 0.0
+    matched, fit = throw.fit[sheet.inside] > 0.0, _median_fit(sheet, throw)
     steep = int(dip_deg(sheet) >= settings.steep_deg)
+    least_fit = settings.company_fit[steep]
+    least_throw = float(np.interp(fit, (least_fit, 1.0), (settings.company_throw[steep], settings.least_throw)))
     return (
         sheet.area >= settings.company_area
         and _height(sheet) >= settings.least_height
         and length_down_dip(sheet) >= settings.company_length
         and strength(sheet) >= settings.company_strength
-        and median_throw(throw) >= settings.company_throw[steep]
+        and median_throw(throw) >= least_throw
         and float(matched.mean()) >= settings.company_matched
-        and float(np.median(fit[matched])) >= settings.company_fit[steep]
+        and fit >= least_fit
     )
+
+
+def _median_fit(sheet: Sheet, throw: SheetThrow) -> float:
+    """Return the median fit of the places whose sides match; 0 where none does."""
+    fit = throw.fit[sheet.inside]
+    matched = fit[fit > 0.0]
+    return float(np.median(matched)) if matched.size else 0.0
 
 
 def median_throw(throw: SheetThrow) -> float:

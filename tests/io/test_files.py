@@ -1,44 +1,54 @@
 """What is written aside leaves nothing when it fails, even where a library's threads go on writing."""
 
-import threading
-import time
-
 import pytest
 
 from seismo3d.errors import FileAccessError
-from seismo3d.io._files import written_aside
+from seismo3d.io import _files
 
 
-def test_threads_that_still_write_leave_nothing(tmp_path):
-    started = threading.Event()
+def write_and_fail(path, *, folder):
+    with _files.written_aside(path, folder=folder) as aside:
+        if folder:
+            aside.mkdir()
+            (aside / "zarr.json").write_text("{}")
+        else:
+            aside.write_text("half")
+        raise OSError(28, "no room")
 
-    def write_on(folder):
-        end = time.monotonic() + 0.2
-        n = 0
-        while time.monotonic() < end:
-            folder.mkdir(parents=True, exist_ok=True)
-            (folder / f"{n % 7}.json").write_text("{}")
-            n += 1
-            started.set()
 
-    def write(folder):
-        while True:
-            try:
-                write_on(folder)
-            except FileNotFoundError:  # the folder went between the two lines
-                continue
-            return
-
-    writers: list[threading.Thread] = []
-
-    def fail():
-        with written_aside(tmp_path / "out.zarr", folder=True) as aside:
-            writers.append(threading.Thread(target=write, args=(aside,)))
-            writers[0].start()
-            started.wait()
-            raise OSError(28, "no room")
-
+@pytest.mark.parametrize("folder", [False, True])
+def test_a_write_that_fails_leaves_nothing_and_says_why(tmp_path, folder):
     with pytest.raises(FileAccessError, match=r"out\.zarr cannot be written: no room"):
-        fail()
-    writers[0].join()
+        write_and_fail(tmp_path / "out.zarr", folder=folder)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_a_thread_still_writes_into_goes_too(tmp_path, monkeypatch):
+    left = [3]
+
+    def write_once_more(_seconds):
+        if left[0] and not list(tmp_path.iterdir()):
+            left[0] -= 1
+            folder = tmp_path / f".out.zarr.{_files.os.getpid()}.part" / "amplitude"
+            folder.mkdir(parents=True)
+            (folder / "zarr.json").write_text("{}")
+
+    monkeypatch.setattr(_files.time, "sleep", write_once_more)
+    with pytest.raises(FileAccessError, match="no room"):
+        write_and_fail(tmp_path / "out.zarr", folder=True)
+    assert left == [0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_does_not_go_is_not_passed_over(tmp_path, monkeypatch):
+    def write_again(_seconds):
+        (tmp_path / f".out.zarr.{_files.os.getpid()}.part" / "c").mkdir(parents=True, exist_ok=True)
+
+    monkeypatch.setattr(_files.time, "sleep", write_again)
+    monkeypatch.setattr(_files.shutil, "rmtree", lambda path, **how: None if how else _refuse(path))
+    with pytest.raises(PermissionError):
+        write_and_fail(tmp_path / "out.zarr", folder=True)
+
+
+def _refuse(path):
+    raise PermissionError(13, "not ours", str(path))
