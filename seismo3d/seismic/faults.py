@@ -1,6 +1,6 @@
 """Fault tracing, from a cube or section to surfaces: one straight line of steps.
 
-slopes -> misfit -> planar support -> ridges -> sheets -> throws -> surfaces, labels, likelihood
+slopes -> misfit -> planar support -> ridges -> sheets -> throws -> places -> surfaces, labels, likelihood
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
 from seismo3d.seismic.misfit import NOISES, MisfitSettings
+from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.restored_throws import restore_throws
@@ -46,7 +47,7 @@ class FaultSettings:
         The same, averaged over the surface nearby, below which a surface ends.
     evidence : {"semblance", "registration", "both"}
         How the sides of a voxel are carried to it.
-    dip, misfit, registration, scan, link, extend, cut, choice, throw, history
+    dip, misfit, registration, scan, link, extend, cut, choice, throw, history, place
         Settings of the stages.
     """
 
@@ -63,6 +64,7 @@ class FaultSettings:
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
     throw: ThrowSettings = field(default_factory=ThrowSettings)
     history: HistorySettings = field(default_factory=HistorySettings)
+    place: PlaceSettings = field(default_factory=PlaceSettings)
 
     @classmethod
     def for_section(cls) -> FaultSettings:
@@ -105,7 +107,7 @@ def trace_faults(
     of all strikes and dips are scanned for the evidence [1]_. Its crests are thinned with sub-voxel position and grown
     into surfaces that pass through each other; certain ones are followed on along weaker crests. At every place of a
     surface the throw is the shift that matches its two sides; those of faults that others have offset are matched as
-    they lay before these moved.
+    they lay before these moved. At last a surface is moved to where the layers on its two sides break.
 
     Parameters
     ----------
@@ -200,6 +202,14 @@ def trace_faults(
         settings,
         is_section=is_section,
     )
+    sheets = [
+        place_sheet(
+            sheet,
+            *read_profile(volume, valid, slopes, sheet, throw=settings.throw, settings=settings.place),
+            settings=settings.place,
+        )
+        for sheet in sheets
+    ]
     surfaces = build_surfaces(sheets, throws, today, geometry, sampling)
     labels, throw = draw_sheets(sheets, throws, volume.shape)
     likelihood = draw_ridges(ridges, found.step, volume.shape)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float32Array, IntArray
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, IntArray
 from seismo3d.seismic.blocks.cleaning import read_clean
 from seismo3d.seismic.blocks.evidence import final_noise, thinned_shape
 from seismo3d.seismic.blocks.plan import Box
@@ -19,6 +20,7 @@ from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.choosing import choose_faults, end_where_still
 from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws
 from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.placing import place_sheet, read_profile
 from seismo3d.seismic.throw import (
     SheetThrow,
     every_sample,
@@ -63,33 +65,82 @@ def beside(run: BlockRun, number: int) -> None:
 
 def sides(run: BlockRun, number: int) -> None:
     """Read both sides of every sheet where it passes through a block."""
-    settings = run.settings.throw
+    settings, sheets = run.settings.throw, run_sheets(run)
+
+    def read(around: _Around, place: int, part: Sheet, w: Float32Array) -> tuple[Float32Array, BoolArray]:
+        off = farther_off(sheets[place], settings)
+        both, known = gather_sides(
+            around.volume, around.valid, around.slopes, part, settings=settings, w=w, off=off, corner=around.corner
+        )
+        return both, known > 0.0
+
+    _read_parts(run, "sides", number, sheets, read)
+
+
+def profiles(run: BlockRun, number: int) -> None:
+    """Read the traces on both sides of every fault where it passes through a block."""
+    settings = run.settings
+
+    def read(around: _Around, _place: int, part: Sheet, w: Float32Array) -> tuple[Float32Array, BoolArray]:
+        return read_profile(
+            around.volume, around.valid, around.slopes, part, throw=settings.throw, settings=settings.place, w=w,
+            corner=around.corner,
+        )  # fmt: skip
+
+    _read_parts(run, "profiles", number, _unpacked("sheet", run.fact("choice"), Sheet), read)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Around:
+    """What lies in and around a block."""
+
+    volume: Float32Array
+    valid: BoolArray
+    slopes: tuple[Float32Array, Float32Array]
+    corner: tuple[int, int]
+
+
+def _read_parts(
+    run: BlockRun,
+    stage: str,
+    number: int,
+    sheets: list[Sheet],
+    read: Callable[[_Around, int, Sheet, Float32Array], tuple[Float32Array, BoolArray]],
+) -> None:
+    """Leave behind what is read, and where it is known, along every sheet where it passes through a block."""
     box = run.plan.tiling("draw").box(number)
-    wide = box.grown((side_reach(settings),) * 2, run.plan.shape)
+    wide = box.grown((side_reach(run.settings.throw),) * 2, run.plan.shape)
     arrays: dict[str, AnyArray] = {}
-    read: tuple[AnyArray, ...] | None = None
-    for place, sheet in enumerate(run_sheets(run)):
+    around: _Around | None = None
+    for place, sheet in enumerate(sheets):
         found = _cut(sheet, box, run.plan.shape)
         if found is None:
             continue
         part, w, rows, columns = found
-        if read is None:
-            read = (*read_clean(run, wide), run.store.read("beside_p", wide), run.store.read("beside_q", wide))
-        volume, valid, p, q = read
-        corner = (wide.i0, wide.j0)
-        off = farther_off(sheet, settings)
-        both, known = gather_sides(volume, valid, (p, q), part, settings=settings, w=w, off=off, corner=corner)
-        arrays |= {f"{place}.at": np.array([rows, columns]), f"{place}.both": both, f"{place}.known": known > 0.0}
-    run.write_part("sides", number, arrays)
+        if around is None:
+            slopes = run.store.read("beside_p", wide), run.store.read("beside_q", wide)
+            around = _Around(*read_clean(run, wide), slopes, (wide.i0, wide.j0))
+        values, known = read(around, place, part, w)
+        arrays |= {f"{place}.at": np.array([rows, columns]), f"{place}.values": values, f"{place}.known": known}
+    run.write_part(stage, number, arrays)
 
 
 def sides_facts(run: BlockRun) -> None:
     """Note which blocks each sheet passes through."""
-    found: list[list[int]] = [[] for _ in range(run.fact("link")["n_sheets"])]
+    _note_blocks(run, "sides", int(run.fact("link")["n_sheets"]))
+
+
+def profiles_facts(run: BlockRun) -> None:
+    """Note which blocks each fault passes through."""
+    _note_blocks(run, "profiles", count_faults(run))
+
+
+def _note_blocks(run: BlockRun, stage: str, n_sheets: int) -> None:
+    found: list[list[int]] = [[] for _ in range(n_sheets)]
     for number in range(len(run.plan.tiling("draw"))):
-        for place in run.list_part("sides", number, "at"):
+        for place in run.list_part(stage, number, "at"):
             found[int(place)].append(number)
-    run.write_fact("sides", blocks=found)
+    run.write_fact(stage, blocks=found)
 
 
 def throw(run: BlockRun, number: int) -> None:
@@ -102,17 +153,23 @@ def throw(run: BlockRun, number: int) -> None:
     run.write_part("throw", number, {**_packed("sheet", [ended[0]]), **_packed("throw", [ended[1]])})
 
 
-def _joined_sides(run: BlockRun, sheet: Sheet, number: int) -> tuple[Float32Array, Float32Array]:
-    """Return both sides of a sheet, and where they are known, from the blocks that it passes through."""
-    shape = every_sample(sheet).shape
-    both, known = np.zeros((2, *shape), np.float32), np.zeros((2, *shape), np.float32)
-    for block in run.fact("sides")["blocks"][number]:
-        part, _ = run.read_part("sides", block, prefix=f"{number}.")
+def _joined(run: BlockRun, stage: str, sheet: Sheet, number: int, n_traces: int) -> tuple[Float32Array, BoolArray]:
+    """Return what was read along a sheet, and where it is known, from the blocks that it passes through."""
+    shape = (n_traces, *every_sample(sheet).shape)
+    values, known = np.zeros(shape, np.float32), np.zeros(shape, bool)
+    for block in run.fact(stage)["blocks"][number]:
+        part, _ = run.read_part(stage, block, prefix=f"{number}.")
         (row, column), read = part[f"{number}.at"], part[f"{number}.known"]
         at = np.s_[:, row : row + read.shape[1], column : column + read.shape[2]]
-        both[at][read] = part[f"{number}.both"][read]
-        known[at][read] = 1.0
-    return both, known
+        values[at][read] = part[f"{number}.values"][read]
+        known[at][read] = True
+    return values, known
+
+
+def _joined_sides(run: BlockRun, sheet: Sheet, number: int) -> tuple[Float32Array, Float32Array]:
+    """Return both sides of a sheet, and where they are known."""
+    both, known = _joined(run, "sides", sheet, number, 2)
+    return both, known.astype(np.float32)
 
 
 def choice_facts(run: BlockRun) -> None:
@@ -128,14 +185,38 @@ def choice_facts(run: BlockRun) -> None:
         lambda n: _joined_sides(run, candidates[numbers[n]], numbers[n]), run.settings,
         is_section=1 in run.plan.shape[:2],
     )  # fmt: skip
-    run.write_fact("choice", **_packed("sheet", sheets), **_packed("throw", throws), **_packed("today", today))
+    run.write_fact(
+        "choice",
+        n_faults=len(sheets),
+        **_packed("sheet", sheets),
+        **_packed("throw", throws),
+        **_packed("today", today),
+    )
+
+
+def place(run: BlockRun, number: int) -> None:
+    """Move a fault to where the layers on its two sides break."""
+    sheet = _unpacked("sheet", run.fact("choice"), Sheet)[number]
+    settings = run.settings.place
+    values, known = _joined(run, "profiles", sheet, number, 2 * settings.reach)
+    run.write_part("place", number, _packed("sheet", [place_sheet(sheet, values, known, settings=settings)]))
+
+
+def place_facts(run: BlockRun) -> None:
+    """Gather the faults where they lie."""
+    parts = [run.read_part("place", number)[0] for number in range(count_faults(run))]
+    run.write_fact("place", **_packed("sheet", [_unpacked("sheet", part, Sheet)[0] for part in parts]))
+
+
+def count_faults(run: BlockRun) -> int:
+    """Return how many sheets are faults."""
+    return int(run.fact("choice")["n_faults"])
 
 
 def chosen_faults(run: BlockRun) -> tuple[list[Sheet], list[SheetThrow], list[SheetThrow]]:
     """Return the sheets that are faults, their throws when they moved, and what lies apart today."""
-    found = run.fact("choice")
-    throws, today = (_unpacked(name, found, SheetThrow) for name in ("throw", "today"))
-    return _unpacked("sheet", found, Sheet), throws, today
+    throws, today = (_unpacked(name, run.fact("choice"), SheetThrow) for name in ("throw", "today"))
+    return _unpacked("sheet", run.fact("place"), Sheet), throws, today
 
 
 def run_sheets(run: BlockRun) -> list[Sheet]:
