@@ -154,6 +154,31 @@ def test_what_slopes_may_fit_less_well_than_what_may_be_a_channels_edge():
     assert chosen(HOST, sloping) == [0, 1]
 
 
+def test_company_whose_sides_match_well_may_have_moved_less():
+    place = {"rows": 40, "columns": 20, "origin": (5.0, 0.0), "score": 0.7}
+    assert chosen(HOST, candidate(**place, throw=1.2, fit=0.8)) == [0]
+    assert chosen(HOST, candidate(**place, throw=1.2, fit=0.95)) == [0, 1]
+    assert chosen(HOST, candidate(**place, throw=0.9, fit=1.0)) == [0]
+
+
+@pytest.mark.parametrize(
+    ("change", "stands"),
+    [
+        ({}, False),
+        ({"dip": 60.0}, True),
+        ({"columns": 24}, True),
+        ({"score": 1.6}, True),
+        ({"columns": 24, "fit": 0.55}, False),
+        ({"columns": 32, "fit": 0.55}, True),
+        ({"columns": 24, "fit": 0.55, "score": 1.6}, True),
+    ],
+    ids=["low and steep", "slopes", "higher", "strong", "matches badly", "tall", "strong, matches badly"],
+)
+def test_a_low_edge_is_no_fault_by_itself(change, stands):
+    shape = {"rows": 60, "columns": 18, "score": 1.0} | change
+    assert chosen(candidate(**shape)) == ([0] if stands else [])
+
+
 @pytest.mark.parametrize(
     ("change", "is_kept"),
     [({}, False), ({"throw": 9.0}, True), ({"dip": 70.0}, True), ({"across": (0.6, 0.8)}, True)],
@@ -161,6 +186,6 @@ def test_what_slopes_may_fit_less_well_than_what_may_be_a_channels_edge():
 )
 def test_a_faults_own_break_seen_upright_is_no_fault(change, is_kept):
     host = candidate(dip=60.0)
-    upright = candidate(columns=16, origin=(15.0 / np.tan(np.radians(60.0)), 0.0), **change)
+    upright = candidate(columns=22, origin=(21.0 / np.tan(np.radians(60.0)), 0.0), **change)
     assert chosen(upright) == [0]
     assert chosen(host, upright) == ([0, 1] if is_kept else [0])
