@@ -73,7 +73,7 @@ class FaultSettings:
         Nothing is gained by sharing a window with neighbours along the strike, so slopes are averaged over more traces
         of the section; and what a cube's strike averages away, windows across the fault must not smear, so the sides
         are compared where they touch and the evidence is hardly smoothed. A line's mean scatters more than a plane's:
-        it is taken over more of the dip. Shifts have no neighbours
+        it is taken over more of the dip, at dips so close that its ends are met too. Shifts have no neighbours
         along the strike to be averaged with: beside semblance registration counts in noise alone. Breaks that no move
         of their sides explains lose most of their score, and thresholds are lower for that. Sizes are lengths of lines.
         """
@@ -83,7 +83,7 @@ class FaultSettings:
             dip=DipSettings(lateral=8.0),
             misfit=MisfitSettings(reach=(1, 6), lateral=0.5, background=(10.0, 16.0), levelling=1.0),
             registration=RegistrationSettings(share=(0.0, 0.0, 1.0)),
-            scan=ScanSettings(along_dip=(14.0, 16.0), n_dips=(33, 41)),
+            scan=ScanSettings(along_dip=(14.0, 16.0), n_dips=(61, 41)),
             link=LinkSettings(fragment=6, contacts=5),
             extend=ExtendSettings(strength=np.inf),
             choice=ChoiceSettings.for_section(),
@@ -175,8 +175,9 @@ def trace_faults(
     slopes = estimate_slopes(volume, valid, settings=settings.dip)
     report("misfit", 0.0)
     found = measure_evidence(
-        volume, valid, slopes, kind=settings.evidence, misfit=settings.misfit, registration=settings.registration
-    )
+        volume, valid, slopes, kind=settings.evidence, misfit=settings.misfit, registration=settings.registration,
+        farther=settings.section.farther if is_section else 0.0,
+    )  # fmt: skip
     report("scan", 0.0)
     support = scan_planes(found, settings=settings.scan, progress=progress)
     ridges = thin(support, found, least=0.0)

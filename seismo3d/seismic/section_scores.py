@@ -21,6 +21,8 @@ class SectionScoreSettings:
 
     Attributes
     ----------
+    farther : float
+        Share of the evidence along slopes that is measured over one trace more a side.
     near, far : int
         Traces off a crest between which each side is averaged.
     clear : int
@@ -42,6 +44,7 @@ class SectionScoreSettings:
         Significance of a line that leaves the likelihood of its crests as their own scores say if these are 1.
     """
 
+    farther: float = 0.3
     near: int = 1
     far: int = 3
     clear: int = 3

@@ -348,16 +348,17 @@ def test_noisy_traces_of_a_section_are_no_faults():
     assert taken[:105].max() > 0.8 * np.median(taken[on_fault])
 
 
-def test_a_section_of_strong_noise_is_matched_by_registration():
-    section = fault_section("noise", seed=2001, shape=(64, 128, 96))
+@pytest.mark.parametrize("seed", [2001, 2002])
+def test_a_section_of_strong_noise_is_matched_by_registration(seed):
+    section = fault_section("noise", seed=seed, shape=(64, 128, 96))
     settings = FaultSettings.for_section()
     slopes_alone = replace(settings, registration=replace(settings.registration, share=(0.0, 0.0, 0.0)))
     right = []
     for chosen in (settings, slopes_alone):
         likelihood = np.asarray(trace_faults(section.seismic, settings=chosen).likelihood)
-        likeliest = likelihood >= np.sort(likelihood, axis=None)[-int((section.faults > 0).sum())]
+        likeliest = likelihood >= np.sort(likelihood, axis=None)[-int((section.faults > 0).sum()) // 2]
         right.append(fault_score(likeliest, section.faults).precision)
-    assert right[0] > 0.4
+    assert right[0] > 0.45
     assert right[0] > right[1] + 0.05
 
 
