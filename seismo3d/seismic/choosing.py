@@ -96,14 +96,14 @@ class ChoiceSettings:
         """Return the settings of a section, where sizes are lengths of lines; a line stands by itself or not at all."""
         return cls(
             least_area=24.0,
-            least_strength=5.5,
+            least_strength=2.8,
             least_throw=0.5,
             still_score=0.0,
-            tall_strength=5.5,
+            tall_strength=2.8,
             low_fit=0.0,
             steep_height=0.0,
             host_strength=np.inf,
-            company_strength=5.5,
+            company_strength=2.8,
             company_area=24.0,
         )
 

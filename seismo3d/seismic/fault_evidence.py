@@ -33,6 +33,7 @@ def measure_evidence(
     kind: str = "both",
     misfit: MisfitSettings | None = None,
     registration: RegistrationSettings | None = None,
+    farther: float = 0.0,
 ) -> Evidence:
     """Measure how badly the two sides of every voxel fit, under one way of carrying them there or both.
 
@@ -54,6 +55,8 @@ def measure_evidence(
         Windows of the misfit.
     registration : RegistrationSettings, optional
         Windows of the registration.
+    farther : float
+        Share of what is measured over one trace more a side: see :func:`~seismo3d.seismic.misfit.fuse_misfits`.
 
     Returns
     -------
@@ -72,8 +75,9 @@ def measure_evidence(
     if kind != "semblance":
         comparisons.append(compare_registered(volume, valid, settings=registration))
     return fuse_misfits(
-        volume, valid, comparisons, share=registration.share, share_noises=registration.share_noises, settings=misfit
-    )
+        volume, valid, comparisons, share=registration.share, share_noises=registration.share_noises,
+        farther=farther, settings=misfit,
+    )  # fmt: skip
 
 
 def compare_registered(

@@ -29,6 +29,13 @@ from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.restored_throws import restore_throws
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
+from seismo3d.seismic.section_scores import (
+    SectionScoreSettings,
+    spread_likelihood,
+    weigh_by_lines,
+    weigh_crests,
+    weigh_line,
+)
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface
 from seismo3d.seismic.throw import SheetThrow, ThrowSettings, gather_sides, measure_throw, slopes_beside
@@ -47,8 +54,8 @@ class FaultSettings:
         The same, averaged over the surface nearby, below which a surface ends.
     evidence : {"semblance", "registration", "both"}
         How the sides of a voxel are carried to it.
-    dip, misfit, registration, scan, link, extend, cut, choice, throw, history, place
-        Settings of the stages.
+    dip, misfit, registration, scan, section, link, extend, cut, choice, throw, history, place
+        Settings of the stages; `section` is that of a stage which cubes do without.
     """
 
     least_score: tuple[float, float, float] = (0.45, 0.42, 0.28)
@@ -58,6 +65,7 @@ class FaultSettings:
     misfit: MisfitSettings = field(default_factory=MisfitSettings)
     registration: RegistrationSettings = field(default_factory=RegistrationSettings)
     scan: ScanSettings = field(default_factory=ScanSettings)
+    section: SectionScoreSettings = field(default_factory=SectionScoreSettings)
     link: LinkSettings = field(default_factory=LinkSettings)
     extend: ExtendSettings = field(default_factory=ExtendSettings)
     cut: CutSettings = field(default_factory=CutSettings)
@@ -72,17 +80,18 @@ class FaultSettings:
 
         Nothing is gained by sharing a window with neighbours along the strike, so slopes are averaged over more traces
         of the section; and what a cube's strike averages away, windows across the fault must not smear, so the sides
-        are compared where they touch and the evidence is hardly smoothed. A line's mean scatters more than a plane's,
-        above all in noise: it is taken over more of the dip, and asks for a higher threshold. Shifts have no neighbours
-        along the strike to be averaged with: beside semblance registration does not count. Sizes are lengths of lines.
+        are compared where they touch and the evidence is hardly smoothed. A line's mean scatters more than a plane's:
+        it is taken over more of the dip, at dips so close that its ends are met too. Shifts have no neighbours
+        along the strike to be averaged with: beside semblance registration counts in noise alone. Breaks that no move
+        of their sides explains lose most of their score, and thresholds are lower for that. Sizes are lengths of lines.
         """
         return cls(
-            least_score=(0.55, 0.45, 0.55),
-            end_score=(0.45, 0.45, 0.55),
+            least_score=(0.2, 0.2, 0.28),
+            end_score=(0.2, 0.2, 0.25),
             dip=DipSettings(lateral=8.0),
             misfit=MisfitSettings(reach=(1, 6), lateral=0.5, background=(10.0, 16.0), levelling=1.0),
-            registration=RegistrationSettings(share=(0.0, 0.0, 0.0)),
-            scan=ScanSettings(along_dip=(14.0, 16.0), n_dips=(33, 41)),
+            registration=RegistrationSettings(share=(0.0, 0.0, 1.0)),
+            scan=ScanSettings(along_dip=(14.0, 16.0), n_dips=(61, 41)),
             link=LinkSettings(fragment=6, contacts=5),
             extend=ExtendSettings(strength=np.inf),
             choice=ChoiceSettings.for_section(),
@@ -116,8 +125,8 @@ def trace_faults(
         NaN, dead traces and constant zones count as no data.
     evidence : {"semblance", "registration", "both"}, optional
         How sides are carried: along their slopes, by registration, or by both ways. Of both, each counts half in a cube
-        without noise, slopes alone in a section and in the mild noise of a good survey, and registration the more the
-        more noise there is beyond. What the settings say if not given, which is both.
+        without noise, slopes alone in a section without it and in the mild noise of a good survey, and registration the
+        more the more noise there is beyond. What the settings say if not given, which is both.
     settings : FaultSettings, optional
         Thresholds and windows; by default ``FaultSettings()`` for a cube and ``FaultSettings.for_section()`` for a
         section.
@@ -174,11 +183,14 @@ def trace_faults(
     slopes = estimate_slopes(volume, valid, settings=settings.dip)
     report("misfit", 0.0)
     found = measure_evidence(
-        volume, valid, slopes, kind=settings.evidence, misfit=settings.misfit, registration=settings.registration
-    )
+        volume, valid, slopes, kind=settings.evidence, misfit=settings.misfit, registration=settings.registration,
+        farther=settings.section.farther if is_section else 0.0,
+    )  # fmt: skip
     report("scan", 0.0)
     support = scan_planes(found, settings=settings.scan, progress=progress)
     ridges = thin(support, found, least=0.0)
+    if is_section:
+        ridges = weigh_crests(volume, valid, slopes, ridges, settings=settings.section)
     strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, found.noise))
     del support
     report("link", 0.0)
@@ -210,9 +222,16 @@ def trace_faults(
         )
         for sheet in sheets
     ]
+    if is_section:
+        ridges = weigh_by_lines(
+            ridges, found.known.shape, step=found.step, link=settings.link, settings=settings.section
+        )
+        sheets = [weigh_line(sheet, settings.section) for sheet in sheets]
     surfaces = build_surfaces(sheets, throws, today, geometry, sampling)
     labels, throw = draw_sheets(sheets, throws, volume.shape)
     likelihood = draw_ridges(ridges, found.step, volume.shape)
+    if is_section:
+        likelihood = spread_likelihood(likelihood, settings=settings.section)
     report("surfaces", 1.0)
     return FaultSet(
         surfaces=surfaces,

@@ -166,6 +166,7 @@ def fuse_misfits(
     *,
     share: tuple[float, float, float] = (0.5, 0.5, 0.5),
     share_noises: tuple[float, float, float] = NOISES,
+    farther: float = 0.0,
     settings: MisfitSettings | None = None,
 ) -> Evidence:
     """Measure the misfit of both sides under one or two ways of carrying them, and take the mean of their logarithms.
@@ -184,6 +185,8 @@ def fuse_misfits(
         not called.
     share_noises : tuple of (float, float, float)
         Median misfit ratios of a cube.
+    farther : float
+        Share of the first way that is measured over one trace more a side: sharp are the nearest traces, steady more.
     settings : MisfitSettings, optional
         Windows.
 
@@ -198,13 +201,15 @@ def fuse_misfits(
     usual = _median_ratio(*near)
     noisiness, reach = judge_noise(usual, settings)
     counted = [1.0] if len(comparisons) == 1 else share_out(usual, share, share_noises)
+    ways = [(compare, reach, weight) for compare, weight in zip(comparisons, counted, strict=True)]
+    ways[:1] = [(ways[0][0], reach + more, ways[0][2] * part) for more, part in ((0, 1.0 - farther), (1, farther))]
     parts = (
         _log_ratios(
-            *(near if number == 0 and reach == least else _ratios(volume.shape, compare, reach, floor, settings)),
+            *(near if number == 0 and reach == least else _ratios(volume.shape, compare, n_traces, floor, settings)),
             weight,
             settings,
         )
-        for number, (compare, weight) in enumerate(zip(comparisons, counted, strict=True))
+        for number, (compare, n_traces, weight) in enumerate(ways)
         if weight > 0.0
     )
     logs, known, noise, background = reduce(_add_logs, parts)

@@ -147,3 +147,18 @@ def test_shares_are_means_of_the_logarithms(broken):
     expected = 0.75 * first.along_inlines[inner] + 0.25 * second.along_inlines[inner]
     np.testing.assert_allclose(mixed.along_inlines[inner], expected, atol=1e-4)
     assert mixed.noise == min(first.noise, second.noise)
+
+
+def test_a_share_may_be_measured_over_one_trace_more(broken):
+    volume = (broken.seismic / broken.seismic.std()).astype(np.float32)
+    valid = np.ones(volume.shape, bool)
+    way = compare_along(volume, valid, estimate_slopes(volume, valid))
+    near, far = (MisfitSettings(footprint=0.0, levelling=0.0, reach=(n, n)) for n in (2, 3))
+    first, second = (fuse_misfits(volume, valid, [way], settings=settings) for settings in (near, far))
+    mixed = fuse_misfits(volume, valid, [way], farther=0.25, settings=near)
+    inner = np.s_[10:-10, 10:-10, 10:-10]
+    expected = 0.75 * first.along_inlines[inner] + 0.25 * second.along_inlines[inner]
+    np.testing.assert_allclose(mixed.along_inlines[inner], expected, atol=1e-4)
+    np.testing.assert_array_equal(
+        fuse_misfits(volume, valid, [way], farther=1.0, settings=near).along_inlines, second.along_inlines
+    )

@@ -1,9 +1,12 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numba
 import numpy as np
 import pytest
 import xarray as xr
+from scipy import ndimage
 
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
@@ -324,6 +327,47 @@ def test_one_fault_of_a_short_section_is_found_with_its_throw(strike_deg, dip_de
     assert len(faults.surfaces) == 1
     assert fault_score(faults.labels, section.faults).f1 > 0.95
     assert np.nanmedian(np.abs(faults.throw)) == pytest.approx(throw, abs=0.5)
+
+
+def test_noisy_traces_of_a_section_are_no_faults():
+    section = make_section(SyntheticFault((24.0, 120.0, 40.0), 0.0, 80.0, 3.0), noise=0.1)
+    rng = np.random.default_rng(4)
+    bad = np.arange(15, 100, 12)
+    seismic = section.seismic.copy()
+    seismic[bad] += 0.5 * rng.normal(size=(len(bad), seismic.shape[1])).astype(np.float32)
+    seismic[160:] *= 1.3
+    settings = FaultSettings.for_section()
+    undoubted = replace(settings, section=replace(settings.section, doubt=0.0))
+    found = trace_faults(seismic)
+    score = fault_score(found.labels, section.faults)
+    assert (len(found.surfaces), score.precision > 0.95, score.recall > 0.9) == (1, True, True)
+    likely, taken = (np.asarray(f.likelihood) for f in (found, trace_faults(seismic, settings=undoubted)))
+    on_fault = (section.faults > 0) & (likely > 0)
+    assert likely[:105].max() < 0.6 * np.median(likely[on_fault])
+    # what this takes: without the question for a move the bad traces are nearly as likely as the fault
+    assert taken[:105].max() > 0.8 * np.median(taken[on_fault])
+
+
+@pytest.mark.parametrize("seed", [2001, 2002])
+def test_a_section_of_strong_noise_is_matched_by_registration(seed):
+    section = fault_section("noise", seed=seed, shape=(64, 128, 96))
+    settings = FaultSettings.for_section()
+    slopes_alone = replace(settings, registration=replace(settings.registration, share=(0.0, 0.0, 0.0)))
+    right = []
+    for chosen in (settings, slopes_alone):
+        likelihood = np.asarray(trace_faults(section.seismic, settings=chosen).likelihood)
+        likeliest = likelihood >= np.sort(likelihood, axis=None)[-int((section.faults > 0).sum()) // 2]
+        right.append(fault_score(likeliest, section.faults).precision)
+    assert right[0] > 0.45
+    assert right[0] > right[1] + 0.05
+
+
+def test_surfaces_of_a_section_are_as_likely_as_its_volume():
+    section = make_section(SyntheticFault((24.0, 100.0, 40.0), 0.0, 70.0, 5.0))
+    faults = trace_faults(section.seismic)
+    volume = np.asarray(faults.likelihood)
+    along = ndimage.maximum_filter(volume, (3, 3))[np.asarray(faults.labels) == 1]
+    assert np.median(faults.surfaces[0].likelihood) == pytest.approx(np.median(along), abs=0.05)
 
 
 def test_upright_faults_ten_traces_apart_stay_apart():
