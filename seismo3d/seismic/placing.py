@@ -66,6 +66,11 @@ def read_profile(
     return values, known
 
 
+def profile_reach(throw: ThrowSettings, settings: PlaceSettings) -> int:
+    """Return how many traces off a sheet its profile is read at most, slopes included."""
+    return settings.reach + throw.clear + 2
+
+
 def place_sheet(
     sheet: Sheet, values: Float32Array, known: BoolArray, *, settings: PlaceSettings | None = None
 ) -> Sheet:

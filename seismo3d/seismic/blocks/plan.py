@@ -10,6 +10,7 @@ from typing import Any
 from seismo3d.errors import ParameterError
 from seismo3d.seismic.dip import DipSettings, dip_reach, tensor_reach
 from seismo3d.seismic.misfit import MisfitSettings, energy_reach, level_reach, misfit_reach
+from seismo3d.seismic.placing import profile_reach
 from seismo3d.seismic.scan import plan_scan
 from seismo3d.seismic.side_shifts import SLAB, carry_reach, fit_reach, match_reach
 from seismo3d.seismic.throw import side_reach
@@ -259,8 +260,13 @@ def fault_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callabl
         "moments": lambda edge: 44 * square(edge, fill_reach()) * thinned,
         "evidence": evidence_bytes,
         "scan": scan_bytes,
-        "draw": lambda edge: 22 * square(edge, side_reach(settings.throw)) * n2,
+        "draw": lambda edge: 22 * square(edge, read_reach(settings)) * n2,
     }
+
+
+def read_reach(settings: Any) -> int:
+    """Return how many traces off a sheet the cube is read, for the sheet's throw and for its place."""
+    return max(side_reach(settings.throw), profile_reach(settings.throw, settings.place))
 
 
 def slope_bytes(shape: tuple[int, int, int], edge: int, settings: DipSettings) -> float:

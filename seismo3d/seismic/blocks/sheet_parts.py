@@ -10,10 +10,10 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, IntArray
 from seismo3d.seismic.blocks.cleaning import read_clean
-from seismo3d.seismic.blocks.plan import Box
+from seismo3d.seismic.blocks.plan import Box, read_reach
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.throw import every_sample, side_reach
+from seismo3d.seismic.throw import every_sample
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +35,7 @@ def read_parts(
 ) -> None:
     """Leave behind what is read, and where it is known, along every sheet where it passes through a block."""
     box = run.plan.tiling("draw").box(number)
-    wide = box.grown((side_reach(run.settings.throw),) * 2, run.plan.shape)
+    wide = box.grown((read_reach(run.settings),) * 2, run.plan.shape)
     arrays: dict[str, AnyArray] = {}
     around: Around | None = None
     for place, sheet in enumerate(sheets):
