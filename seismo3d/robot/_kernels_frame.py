@@ -151,7 +151,7 @@ def grid_normals(first: int, last: int, vertices: Float32Array, reach: int, out:
             inverse = inverse if known else f4(0.0)
             across[c], down[c], away[c] = nx * inverse, ny * inverse, nz * inverse
             found = i4(found + i4(known))
-        count += found
+        count += int(found)
         for c in range(columns - 2 * reach):
             to[3 * c], to[3 * c + 1], to[3 * c + 2] = across[c], down[c], away[c]
     return count

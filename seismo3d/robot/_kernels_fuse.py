@@ -162,7 +162,7 @@ def read_pixels(
         shade = shade if (w > zero) & (abs(along) < close4) else u4(0)
         fresh[q], ahead[q], lower[q] = w, min(along, band4) * scale + f4(SURFACE), shade
         n_near, n_coloured = i4(n_near + i4(w > zero)), i4(n_coloured + i4(shade > u4(0)))
-    return n_near, n_coloured
+    return int(n_near), int(n_coloured)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -52,9 +52,9 @@ def unpack_depth(packed: AnyArray, out: Float32Array) -> bool:
     """Write the depths (n), in metres, that were packed; return whether the bytes say just as many."""
     at, last, i, n = 0, 0, 0, packed.shape[0]
     while at < n:
-        code = np.int64(packed[at])
+        code = int(packed[at])
         if code == RUN:
-            count = np.int64(packed[at + 1]) if at + 1 < n else 0
+            count = int(packed[at + 1]) if at + 1 < n else 0
             if count == 0 or i + count > out.shape[0]:
                 return False
             out[i : i + count] = 0.0
@@ -63,7 +63,7 @@ def unpack_depth(packed: AnyArray, out: Float32Array) -> bool:
         if code == WHOLE_DEPTH:
             if at + 2 >= n:
                 return False
-            last = np.int64(packed[at + 1]) | np.int64(packed[at + 2]) << 8
+            last = int(packed[at + 1]) | int(packed[at + 2]) << 8
             at += 3
         else:
             last += (code >> 1) ^ -(code & 1)

@@ -20,7 +20,7 @@ from seismo3d.robot.tracking import Located
 _LEAST_NORMALS = 300
 _RELOCATE_EVERY = 4
 _PAUSE = 0.1
-"""Standard deviation of where a camera is that goes on with a map, about where it was when that was saved, rad and m."""
+"""Standard deviation of where a camera is about where it was when the map it goes on with was saved, rad and m."""
 _LOOSE = 0.01
 """Standard deviation of the predicted turn from which on the prediction is but a guess, rad."""
 

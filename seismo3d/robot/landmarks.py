@@ -293,7 +293,8 @@ def _padded_levels(grey: AnyArray) -> tuple[AnyArray, ...]:
     levels = [grey]
     for _ in range(_TOP):
         levels.append(cv2.pyrDown(levels[-1]))
-    return tuple(cv2.copyMakeBorder(level, *4 * [following.PAD], cv2.BORDER_REFLECT_101) for level in levels)
+    pad = following.PAD
+    return tuple(np.asarray(cv2.copyMakeBorder(level, pad, pad, pad, pad, cv2.BORDER_REFLECT_101)) for level in levels)
 
 
 def _follow(
