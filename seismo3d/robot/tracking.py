@@ -34,8 +34,8 @@ _USES = {
 _REACHES = (0.1, 0.1, 0.06, 0.04)
 """Distance within which pairs are sought, in the first steps and all later ones, metres."""
 _FREE = Limits(np.full(6, -np.inf), np.full(6, np.inf))
-_STILL = 5e-4
-"""Steps below are the last, rad and m: the next would be a small share of what a registration is sure to at best."""
+_STILL = 2e-4
+"""Steps below are the last, rad and m."""
 _NEARLY = 1e-3
 """Steps below which vertices are paired more finely, rad and m."""
 _COARSE, _FINE = (4, 2000), (3, 4000)

@@ -37,7 +37,7 @@ REACH = 0.15
 _ROOM = 1 << 15
 """Blocks that there is room for from the beginning; the system gives the memory when it is written to."""
 _MARGIN = 40
-_STEADY, _EVERY = np.array([3, 10, 30]), np.array([1, 2, 4, 8])
+_STEADY, _EVERY = np.array([6, 24, 70]), np.array([1, 2, 4, 8])
 """Frames that have shown a block from which on it takes every second one, every fourth, every eighth."""
 
 
