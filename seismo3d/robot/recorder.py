@@ -18,7 +18,7 @@ from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.state import MapState
 from seismo3d.robot.tsdf import SurfaceMap
 
-_CARVE_EVERY = 8
+_CARVE_EVERY = 4
 _STEADY = 0.5
 """Share of the view that may move in a frame that is remembered as a view."""
 
