@@ -7,10 +7,11 @@ import math
 import numba as nb
 import numpy as np
 
-from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
+from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.robot._kernels_blocks import SIDE
 from seismo3d.robot._kernels_frame import depth_sigma
 from seismo3d.robot._kernels_fuse import VOXELS, project_block, voxel_offsets
+from seismo3d.robot.voxels import STEPS, SURFACE, WHOLE
 
 TILE = 8
 _CARVED = 0.64
@@ -92,8 +93,8 @@ def _any_beyond(farthest: Float32Array, r0: int, r1: int, c0: int, c1: int, dept
 def carve_blocks(
     numbers: Int64Array,
     coordinates: Int32Array,
-    distance: Float32Array,
-    weight: Float32Array,
+    distance: AnyArray,
+    root: AnyArray,
     voxel: float,
     R: Float64Array,
     t: Float64Array,
@@ -102,6 +103,7 @@ def carve_blocks(
     margin: int,
     free: Float32Array,
     band: float,
+    heaviest: float,
 ) -> None:
     """Make free what a frame sees through: two frames do away with what is no longer there.
 
@@ -109,16 +111,18 @@ def carve_blocks(
     nothing, 0 where that isn't known; the rest is as in :func:`seismo3d.robot._kernels_fuse.fuse_blocks`. Nearer to it
     than two bands and three standard deviations nothing changes.
     """
-    f4, i4 = np.float32, np.int32
-    band4, half_band, one, zero, least = f4(band), f4(0.5 * band), f4(1.0), f4(0.0), f4(0.05)
+    f4, i4, u2 = np.float32, np.int32, np.uint16
+    two_bands, one, zero, least, half = f4(2.0 * band), f4(1.0), f4(0.0), f4(0.05), f4(0.5)
+    free_side, solid_side, unit = f4(SURFACE + STEPS), i4(SURFACE + 0.5 * STEPS), f4(heaviest / (WHOLE * WHOLE))
+    lightest = f4(math.sqrt(0.05 / heaviest) * WHOLE)
     offsets = voxel_offsets(R, voxel)
     place, depth = np.empty(VOXELS, dtype=np.int32), np.empty(VOXELS, dtype=np.float32)
     beyond, cut = np.empty(VOXELS, dtype=np.float32), np.empty(VOXELS, dtype=np.float32)
     for number in numbers:
-        d, held = distance[number], weight[number]
+        d, held = distance[number], root[number]
         n_solid = i4(0)
         for q in range(VOXELS):
-            n_solid += i4((held[q] > zero) & (d[q] < half_band))
+            n_solid = i4(n_solid + i4((i4(d[q]) > i4(0)) & (i4(d[q]) < solid_side)))
         if n_solid == 0:
             continue  # unknown, or free already
         project_block(coordinates[number], voxel, R, t, offsets, lens, shape, margin, place, depth)
@@ -127,20 +131,21 @@ def carve_blocks(
         n_cut = i4(0)
         for q in range(VOXELS):
             far = beyond[q] - f4(0.4)
-            needed = band4 + band4 + f4(0.0036) + f4(0.0057) * far * far  # three times depth_sigma
-            seen_through = (beyond[q] - depth[q] > needed) & (depth[q] >= least) & (held[q] > zero) & (d[q] < half_band)
-            share = max(f4(_CARVED), one / (one + held[q]))
-            cut[q] = share if seen_through else zero
-            n_cut += i4(seen_through)
+            needed = two_bands + f4(0.0036) + f4(0.0057) * far * far  # three times depth_sigma
+            solid = (i4(d[q]) > i4(0)) & (i4(d[q]) < solid_side)
+            seen_through = (beyond[q] - depth[q] > needed) & (depth[q] >= least) & solid
+            weight = f4(i4(held[q])) * f4(i4(held[q])) * unit
+            cut[q] = max(f4(_CARVED), one / (one + weight)) if seen_through else zero
+            n_cut = i4(n_cut + i4(seen_through))
         if n_cut == 0:
             continue
         for q in range(VOXELS):
-            was, had, share = d[q], held[q], cut[q]
-            moved = was + share * (band4 - was)
-            moved = band4 if moved > half_band else moved
-            left = max((one - share) * had, least)
-            d[q] = moved if share > zero else was
-            held[q] = left if share > zero else had
+            was, had, share = f4(i4(d[q])), f4(i4(held[q])), cut[q]
+            moved = was + share * (free_side - was)
+            moved = free_side if moved > f4(solid_side) else moved
+            left = max(np.sqrt(one - share) * had, lightest)
+            d[q] = u2(i4(moved + half)) if share > zero else d[q]
+            held[q] = u2(i4(left + half)) if share > zero else held[q]
 
 
 @nb.njit(cache=True, nogil=True)

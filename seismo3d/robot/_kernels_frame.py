@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numba as nb
 import numpy as np
 
@@ -21,6 +19,16 @@ FARTHEST = 60.0
 def depth_sigma(z: float) -> float:
     """Return the standard deviation of a structured-light sensor's depth, metres (Nguyen, Izadi, Lovell 2012)."""
     return 0.0012 + 0.0019 * (z - 0.4) * (z - 0.4)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def read_depth(first: int, last: int, raw: AnyArray, scale: float, out: Float32Array) -> None:
+    """Fill some rows of a depth image in metres, of values of which ``scale`` are a metre; 0 where there is none."""
+    f4 = np.float32
+    for r in range(first, last):
+        for c in range(raw.shape[1]):
+            z = f4(raw[r, c]) / f4(scale)
+            out[r, c] = z if (z > f4(0.0)) & (z < f4(np.inf)) else f4(0.0)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -43,32 +51,61 @@ def halve(
             x[c] = y[c] = z[c] = n[c] = f4(0.0)
         for rr in range(max(2 * r - 1, 0), min(2 * r + 3, depth.shape[0])):
             row, ray = depth[rr], rays[rr].reshape(-1)
-            for dc in range(-1, 3):
-                start = 1 if dc < 0 else 0
-                stop = columns if 2 * (columns - 1) + dc < depth.shape[1] else columns - 1
-                for c in range(start, stop):
-                    value = row[2 * c + dc]
-                    kept = value if abs(value - middle[c]) < reach[c] else f4(0.0)
-                    x[c] += kept * ray[4 * c + 2 * dc]
-                    y[c] += kept * ray[4 * c + 2 * dc + 1]
-                    z[c] += kept
-                    n[c] += f4(1.0) if kept > f4(0.0) else f4(0.0)
+            _add_four(row, ray, middle, reach, x, y, z, n)
+            for c in (0, columns - 1):
+                for k in range(max(2 * c - 1, 0), min(2 * c + 3, depth.shape[1])):
+                    if abs(row[k] - middle[c]) < reach[c]:
+                        x[c] += row[k] * ray[2 * k]
+                        y[c] += row[k] * ray[2 * k + 1]
+                        z[c] += row[k]
+                        n[c] += f4(1.0) if row[k] > f4(0.0) else f4(0.0)
         for c in range(columns):
             share = f4(1.0) / max(n[c], f4(1.0)) if n[c] >= f4(3.0) else f4(0.0)
-            out[r, c, 0], out[r, c, 1], out[r, c, 2] = x[c] * share, y[c] * share, z[c] * share
+            x[c], y[c], z[c] = x[c] * share, y[c] * share, z[c] * share
+        # by themselves: vectors do not write numbers that lie three by three
+        to = out[r].reshape(-1)
+        for c in range(columns):
+            to[3 * c], to[3 * c + 1], to[3 * c + 2] = x[c], y[c], z[c]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _add_four(
+    row: Float32Array,
+    ray: Float32Array,
+    middle: Float32Array,
+    reach: Float32Array,
+    x: Float32Array,
+    y: Float32Array,
+    z: Float32Array,
+    n: Float32Array,
+) -> None:
+    """Add to each vertex but the first and the last those of its four pixels of a row that lie within its reach."""
+    f4 = np.float32
+    zero, one = f4(0.0), f4(1.0)
+    for before in range(middle.shape[0] - 2):
+        c, k, m = before + 1, 2 * before + 1, 4 * before + 2
+        centre, far = middle[c], reach[c]
+        p, q, s, t = row[k], row[k + 1], row[k + 2], row[k + 3]
+        p, q = p if abs(p - centre) < far else zero, q if abs(q - centre) < far else zero
+        s, t = s if abs(s - centre) < far else zero, t if abs(t - centre) < far else zero
+        x[c] += p * ray[m] + q * ray[m + 2] + s * ray[m + 4] + t * ray[m + 6]
+        y[c] += p * ray[m + 1] + q * ray[m + 3] + s * ray[m + 5] + t * ray[m + 7]
+        z[c] += p + q + s + t
+        many = (one if p > zero else zero) + (one if q > zero else zero)
+        n[c] += many + (one if s > zero else zero) + (one if t > zero else zero)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _middle_depths(upper: Float32Array, lower: Float32Array, near: float, far: float, out: Float32Array) -> None:
     """Median (of two the lower) of the depths from ``near`` to ``far`` of each 2 x 2 pixels; 0 for fewer than two."""
     f4 = np.float32
-    none = f4(np.inf)
+    none, near4, far4 = f4(np.inf), f4(near), f4(far)
     for c in range(out.shape[0]):
         a, b, d, e = upper[2 * c], upper[2 * c + 1], lower[2 * c], lower[2 * c + 1]
-        a = a if (a > near) & (a < far) else none
-        b = b if (b > near) & (b < far) else none
-        d = d if (d > near) & (d < far) else none
-        e = e if (e > near) & (e < far) else none
+        a = a if (a > near4) & (a < far4) else none
+        b = b if (b > near4) & (b < far4) else none
+        d = d if (d > near4) & (d < far4) else none
+        e = e if (e > near4) & (e < far4) else none
         a, b = min(a, b), max(a, b)
         d, e = min(d, e), max(d, e)
         lowest, high, low = min(a, d), max(a, d), min(b, e)
@@ -78,44 +115,49 @@ def _middle_depths(upper: Float32Array, lower: Float32Array, near: float, far: f
         out[c] = found if second < none else f4(0.0)
 
 
-@nb.njit(cache=True, nogil=True)
-def grid_normals(first: int, last: int, vertices: Float32Array, reach: int, out: Float32Array) -> None:
-    """Fill some rows of unit normals (rows, columns, 3) towards the camera over +-reach pixels; zero at jumps of depth.
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def grid_normals(first: int, last: int, vertices: Float32Array, reach: int, out: Float32Array) -> int:
+    """Fill some rows of unit normals (rows, columns, 3) towards the camera over +-reach pixels; return how many.
 
-    They are zero as near to the rim, too.
+    They are zero at jumps of depth, and as near to the rim.
     """
+    f4, i4 = np.float32, np.int32
     rows, columns, _ = vertices.shape
+    across, down, away = np.empty(columns, np.float32), np.empty(columns, np.float32), np.empty(columns, np.float32)
+    count = 0
     for r in range(first, last):
         out[r] = 0.0
         if r < reach or r >= rows - reach:
             continue
-        for c in range(reach, columns - reach):
-            z = np.float64(vertices[r, c, 2])
-            if not z > 0.0:
-                continue
-            limit = 8.0 * depth_sigma(z) + 0.05 * z * reach / 2
-            zl, zr = vertices[r, c - reach, 2], vertices[r, c + reach, 2]
-            zu, zd = vertices[r - reach, c, 2], vertices[r + reach, c, 2]
-            if not (abs(zl - z) < limit and abs(zr - z) < limit and abs(zu - z) < limit and abs(zd - z) < limit):
-                continue
-            ax = vertices[r, c + reach, 0] - vertices[r, c - reach, 0]
-            ay = vertices[r, c + reach, 1] - vertices[r, c - reach, 1]
-            az = zr - zl
-            bx = vertices[r + reach, c, 0] - vertices[r - reach, c, 0]
-            by = vertices[r + reach, c, 1] - vertices[r - reach, c, 1]
-            bz = zd - zu
+        # rows that begin where the neighbours of the first vertex lie, so that no place is counted from the end
+        row, skip = vertices[r].reshape(-1), 3 * reach
+        left, middle, right = row, row[skip:], row[2 * skip :]
+        upper, lower = vertices[r - reach].reshape(-1)[skip:], vertices[r + reach].reshape(-1)[skip:]
+        to, found = out[r].reshape(-1)[skip:], i4(0)
+        for c in range(columns - 2 * reach):
+            k = 3 * c
+            x, y, z = middle[k], middle[k + 1], middle[k + 2]
+            off = z - f4(0.4)
+            limit = f4(8.0) * (f4(0.0012) + f4(0.0019) * off * off) + f4(0.025 * reach) * z
+            zl, zr, zu, zd = left[k + 2], right[k + 2], upper[k + 2], lower[k + 2]
+            level = (abs(zl - z) < limit) & (abs(zr - z) < limit) & (abs(zu - z) < limit) & (abs(zd - z) < limit)
+            ax, ay, az = right[k] - left[k], right[k + 1] - left[k + 1], zr - zl
+            bx, by, bz = lower[k] - upper[k], lower[k + 1] - upper[k + 1], zd - zu
             nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-            size = math.sqrt(nx * nx + ny * ny + nz * nz)
-            if not size > 0.0:
-                continue
-            if nx * vertices[r, c, 0] + ny * vertices[r, c, 1] + nz * z > 0.0:
-                size = -size
-            out[r, c, 0] = nx / size
-            out[r, c, 1] = ny / size
-            out[r, c, 2] = nz / size
+            size = np.sqrt(nx * nx + ny * ny + nz * nz)
+            inverse = f4(1.0) / max(size, f4(1e-30))
+            inverse = -inverse if nx * x + ny * y + nz * z > f4(0.0) else inverse
+            known = (z > f4(0.0)) & level & (size > f4(0.0))
+            inverse = inverse if known else f4(0.0)
+            across[c], down[c], away[c] = nx * inverse, ny * inverse, nz * inverse
+            found = i4(found + i4(known))
+        count += int(found)
+        for c in range(columns - 2 * reach):
+            to[3 * c], to[3 * c + 1], to[3 * c + 2] = across[c], down[c], away[c]
+    return count
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def pack_pixels(
     first: int,
     last: int,
@@ -128,31 +170,38 @@ def pack_pixels(
     """Pack pixels of the full image (n_pixels), those under some rows of the half image; 0 for those without.
 
     What no vertex lies over, at the end of an odd row, is left as it is. Packed are depth, how far along the surface's
-    normal a metre before it in depth is, root of the weight for fusion.
+    normal a metre before it in depth is, root of the weight for fusion; the colour's bits are zero.
     """
-    columns = depth.shape[1]
-    at_metre = depth_sigma(1.0) ** 2
+    f4, i4, u4, u8 = np.float32, np.int32, np.uint32, np.uint64
+    columns, half = depth.shape[1], vertices.shape[1]
+    scale = f4(depth_sigma(1.0) / ROOT_UNIT)
+    least, most, zero, far4 = f4(1.0), f4(1023.0), f4(0.0), f4(far)
+    # of each pixel of a row: its surface's depth, how far from it the pixel may be, its slope and root
+    middle, reach = np.empty(2 * half, dtype=np.float32), np.empty(2 * half, dtype=np.float32)
+    code = np.empty(2 * half, dtype=np.uint32)
     for hr in range(first, last):
-        for hc in range(vertices.shape[1]):
-            upper, lower = 2 * hr * columns + 2 * hc, (2 * hr + 1) * columns + 2 * hc
-            out[upper] = out[upper + 1] = out[lower] = out[lower + 1] = 0
-            nx, ny, nz = normals[hr, hc, 0], normals[hr, hc, 1], normals[hr, hc, 2]
-            if nx == 0.0 and ny == 0.0 and nz == 0.0:
-                continue
-            x, y, w = vertices[hr, hc, 0], vertices[hr, hc, 1], vertices[hr, hc, 2]
-            along = -(x * nx + y * ny + w * nz)
-            cosine = along / math.sqrt(x * x + y * y + w * w)
-            if cosine < 0.15:
-                continue
-            sigma = depth_sigma(w)
-            root = min(max(math.sqrt(cosine * at_metre) / (sigma * ROOT_UNIT) + 0.5, 1.0), 1023.0)
-            slope = min(along / (w * SLOPE_UNIT) + 0.5, 1023.0)
-            code = (np.uint64(slope) << np.uint64(SLOPE_BIT)) | (np.uint64(root) << np.uint64(ROOT_BIT))
-            for k in range(4):
-                r, c = 2 * hr + (k >> 1), 2 * hc + (k & 1)
-                z = depth[r, c]
-                if 0.0 < z < far and abs(w - z) < 6.0 * sigma + 0.02 * z:
-                    out[r * columns + c] = code | (np.uint64(z / DEPTH_UNIT + 0.5) << np.uint64(DEPTH_BIT))
+        point, normal = vertices[hr].reshape(-1), normals[hr].reshape(-1)
+        for hc in range(half):
+            x, y, w = point[3 * hc], point[3 * hc + 1], point[3 * hc + 2]
+            along = -(x * normal[3 * hc] + y * normal[3 * hc + 1] + w * normal[3 * hc + 2])
+            cosine = along / max(np.sqrt(x * x + y * y + w * w), f4(1e-6))
+            off = w - f4(0.4)
+            sigma = f4(0.0012) + f4(0.0019) * off * off
+            root = min(max(np.sqrt(max(cosine, zero)) * scale / sigma + f4(0.5), least), most)
+            slope = min(max(along / (max(w, f4(1e-6)) * f4(SLOPE_UNIT)) + f4(0.5), zero), most)
+            packed = u4(u4(u4(i4(slope)) << u4(SLOPE_BIT - ROOT_BIT)) | u4(i4(root)))
+            shown = cosine >= f4(0.15)
+            middle[2 * hc] = middle[2 * hc + 1] = w
+            reach[2 * hc] = reach[2 * hc + 1] = f4(6.0) * sigma if shown else f4(-1e6)
+            code[2 * hc] = code[2 * hc + 1] = packed
+        for r in range(2 * hr, 2 * hr + 2):
+            row, to = depth[r], out[r * columns : r * columns + 2 * half]
+            for c in range(2 * half):
+                z = row[c]
+                kept = (z > zero) & (z < far4) & (abs(middle[c] - z) < reach[c] + f4(0.02) * z)
+                steps = u4(i4(z * f4(1.0 / DEPTH_UNIT) + f4(0.5)))
+                whole = (u8(steps) << u8(DEPTH_BIT)) | (u8(code[c]) << u8(ROOT_BIT))
+                to[c] = whole if kept else u8(0)
 
 
 def unpack_pixels(pixels: AnyArray) -> tuple[Float32Array, Float32Array, Float32Array]:

@@ -7,36 +7,30 @@ distortion and with a margin, and a last pixel without weight for what falls out
 
 from __future__ import annotations
 
+import math
+
 import numba as nb
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.robot._kernels_blocks import SIDE
-from seismo3d.robot._kernels_frame import DEPTH_BIT, DEPTH_UNIT, ROOT_UNIT, SLOPE_UNIT, TEN_BITS
+from seismo3d.robot._kernels_frame import DEPTH_BIT, DEPTH_UNIT, ROOT_BIT, ROOT_UNIT, SLOPE_BIT, SLOPE_UNIT, TEN_BITS
+from seismo3d.robot.voxels import STEPS, SURFACE, WHOLE
 
 VOXELS = SIDE * SIDE * SIDE
-_SIDES, _GREEN = np.uint32(0xFF00FF), np.uint32(0x00FF00)
+_SIDES, _GREEN, _COLOUR = np.uint32(0xFF00FF), np.uint32(0x00FF00), np.uint32(0xFFFFFF)
+_DEPTH_BIT, _SLOPE_BIT, _ROOT_BIT = np.uint32(DEPTH_BIT - 32), np.uint32(SLOPE_BIT - 32), np.uint32(ROOT_BIT)
+_ROOT_LEFT = np.uint32(32 - ROOT_BIT)
 
 
 @nb.njit(cache=True, nogil=True)
-def straighten(first: int, last: int, table: Int32Array, pixels: AnyArray, rgb: AnyArray, image: AnyArray) -> None:
-    """Fill some rows of a frame's image without distortion, by a table of pixels.
-
-    ``image`` (n + 1) receives the packed pixels, with red, green and blue in their lowest bytes, from the low one on;
-    0 without colour.
-    """
+def straighten(first: int, last: int, table: Int32Array, pixels: AnyArray, image: AnyArray) -> None:
+    """Fill some rows of a frame's image without distortion (n + 1) with its packed pixels, by a table of pixels."""
     columns = table.shape[1]
-    has_colour = rgb.shape[0] > 0
     for r in range(first, last):
         for c in range(columns):
-            code = np.uint64(0)
-            if table[r, c] >= 0:
-                pixel = np.uint64(table[r, c])
-                code = pixels[pixel]
-                if has_colour and code > np.uint64(0):
-                    red, green, blue = np.uint64(rgb[pixel, 0]), np.uint64(rgb[pixel, 1]), np.uint64(rgb[pixel, 2])
-                    code |= red | (green << np.uint64(8)) | (blue << np.uint64(16))
-            image[r * columns + c] = code
+            at = table[r, c]
+            image[r * columns + c] = pixels[np.uint64(at)] if at >= 0 else np.uint64(0)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -95,8 +89,8 @@ def project_block(
 def fuse_blocks(
     numbers: Int64Array,
     coordinates: Int32Array,
-    distance: Float32Array,
-    weight: Float32Array,
+    distance: AnyArray,
+    root: AnyArray,
     colour: AnyArray,
     voxel: float,
     R: Float64Array,
@@ -111,67 +105,98 @@ def fuse_blocks(
 ) -> None:
     """Average a frame into the voxels of blocks near its surface.
 
-    Parameters are the blocks' rows, all blocks' coordinates (n, 3), distances (n, 512; NaN where unknown), weights and
-    colours (as whole numbers) of the same shape, the voxel's size, the pose, the lens, the shape and the margin of the
-    image without distortion, that image as :func:`straighten` fills it, how many times the frame's weight each of the
-    blocks takes, the band in metres and the largest weight.
+    Parameters are the blocks' rows, all blocks' coordinates (n, 3), distances and roots of weights (n, 512) as
+    :mod:`seismo3d.robot.voxels` holds them, colours (as whole numbers) of the same shape, the voxel's size, the pose,
+    the lens, the shape and the margin of the image without distortion, that image as :func:`straighten` fills it, how
+    many times the frame's weight each of the blocks takes, the band in metres and the largest weight.
     """
-    f4, u8, i4, u4 = np.float32, np.uint64, np.int32, np.uint32
-    zero, least, band4, heaviest4, close = f4(0.0), f4(1e-30), f4(band), f4(heaviest), f4(2.0 * voxel)
+    u4, u8 = np.uint32, np.uint64
+    unit = heaviest / (WHOLE * WHOLE)
     offsets = voxel_offsets(R, voxel)
     place, depth = np.empty(VOXELS, dtype=np.int32), np.empty(VOXELS, dtype=np.float32)
     ahead, fresh = np.empty(VOXELS, dtype=np.float32), np.empty(VOXELS, dtype=np.float32)
-    tint, seen = np.empty(VOXELS, dtype=np.uint32), np.empty(VOXELS, dtype=np.uint64)
+    upper, lower = np.empty(VOXELS, dtype=np.uint32), np.empty(VOXELS, dtype=np.uint32)
     for n in range(numbers.shape[0]):
         number = numbers[n]
         project_block(coordinates[number], voxel, R, t, offsets, lens, shape, margin, place, depth)
         for q in range(VOXELS):
-            seen[q] = image[u8(place[q])]
-        n_near, n_coloured, often = i4(0), i4(0), times[n] * f4(ROOT_UNIT * ROOT_UNIT)
-        for q in range(VOXELS):
-            upper = u4(seen[q] >> u8(24))
-            lower = u4(seen[q])
-            root = f4(i4(upper & TEN_BITS))
-            before = f4(i4(u4(seen[q] >> u8(DEPTH_BIT)))) * f4(DEPTH_UNIT) - depth[q]
-            along = before * (f4(i4((upper >> u4(10)) & TEN_BITS)) * f4(SLOPE_UNIT))
-            w = root * root * often
-            w = w if (along >= -band4) & (before >= -(band4 + band4)) else zero
-            fresh[q] = w
-            ahead[q] = min(along, band4)
-            n_near += i4(w > zero)
-            shade = lower & u4(0xFFFFFF)
-            shade = shade if (w > zero) & (abs(along) < close) else u4(0)
-            tint[q] = shade
-            n_coloured += i4(shade > u4(0))
-        if n_near == 0:
-            continue
-        d, held = distance[number], weight[number]
-        for q in range(VOXELS):
-            was, had = d[q], held[q]
-            total = had + fresh[q]
-            share = fresh[q] / max(total, least)
-            new = was + share * (ahead[q] - was) if had > zero else ahead[q]
-            d[q] = new if fresh[q] > zero else was
-            held[q] = min(total, heaviest4)
+            seen = image[u8(place[q])]
+            upper[q], lower[q] = u4(seen >> u8(32)), u4(seen)
+        n_near, n_coloured = read_pixels(upper, lower, depth, times[n], band, 2.0 * voxel, ahead, fresh)
+        if n_near > 0:
+            average(ahead, fresh, unit, distance[number], root[number])
         if n_coloured > 0:
-            blend_colours(fresh, held, tint, colour[number])
+            blend_colours(fresh, lower, colour[number])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def blend_colours(fresh: Float32Array, held: Float32Array, tint: AnyArray, colour: AnyArray) -> None:
-    """Average colours, three bytes in a number, into those of a block by the new weight over all weight.
+def read_pixels(
+    upper: AnyArray,
+    lower: AnyArray,
+    depth: Float32Array,
+    times: float,
+    band: float,
+    close: float,
+    ahead: Float32Array,
+    fresh: Float32Array,
+) -> tuple[int, int]:
+    """Write the distance and the weight that the pixels of a block's voxels say; return how many say one, and a colour.
+
+    ``upper`` and ``lower`` are the halves of the pixels, ``depth`` that of the voxels. Distances are as
+    :mod:`seismo3d.robot.voxels` holds them, not yet rounded. Of ``lower`` the colour is left, 0 where it is none or
+    farther than ``close`` from the surface.
+    """
+    f4, i4, u4 = np.float32, np.int32, np.uint32
+    zero, band4, close4 = f4(0.0), f4(band), f4(close)
+    scale, often = f4(STEPS / band), f4(times * (ROOT_UNIT * ROOT_UNIT))
+    n_near, n_coloured = i4(0), i4(0)
+    for q in range(VOXELS):
+        # each step in 32 bits, of which the processor's vectors take twice as many as of 64
+        high, low = upper[q], lower[q]
+        before = f4(i4(u4(high >> _DEPTH_BIT))) * f4(DEPTH_UNIT) - depth[q]
+        along = before * (f4(i4(u4(u4(high >> _SLOPE_BIT) & TEN_BITS))) * f4(SLOPE_UNIT))
+        root = f4(i4(u4(u4(u4(high << _ROOT_LEFT) & TEN_BITS) | u4(low >> _ROOT_BIT))))
+        w = root * root * often
+        w = w if (along >= -band4) & (before >= -(band4 + band4)) else zero
+        shade = u4(low & _COLOUR)
+        shade = shade if (w > zero) & (abs(along) < close4) else u4(0)
+        fresh[q], ahead[q], lower[q] = w, min(along, band4) * scale + f4(SURFACE), shade
+        n_near, n_coloured = i4(n_near + i4(w > zero)), i4(n_coloured + i4(shade > u4(0)))
+    return int(n_near), int(n_coloured)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def average(ahead: Float32Array, fresh: Float32Array, unit: float, distance: AnyArray, root: AnyArray) -> None:
+    """Average distances with some weight into those of a block; the weight becomes the share that the new ones have.
+
+    ``unit`` is the weight of a root of 1; that of the largest root stays as it is.
+    """
+    f4, i4, u2 = np.float32, np.int32, np.uint16
+    half, least, unit4 = f4(0.5), f4(1e-30), f4(unit)
+    most, back = f4(unit * WHOLE * WHOLE), f4(1.0 / math.sqrt(unit))
+    for q in range(VOXELS):
+        was, held, w = f4(i4(distance[q])), f4(i4(root[q])), fresh[q]
+        total = held * held * unit4 + w
+        share = w / max(total, least)  # 1 where nothing was known
+        fresh[q] = share
+        distance[q] = u2(i4(was + share * (ahead[q] - was) + half))
+        root[q] = u2(i4(np.sqrt(min(total, most)) * back + half))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def blend_colours(share: Float32Array, tint: AnyArray, colour: AnyArray) -> None:
+    """Average colours, three bytes in a number, into those of a block by the share that the new ones have.
 
     A voxel without colour takes the new one as it is; 0 is no colour, and no channel of one is.
     """
     f4, i4, u4 = np.float32, np.int32, np.uint32
-    one, whole = f4(1.0), f4(256.0)
     for q in range(VOXELS):
         old, new = colour[q], tint[q]
         # red and blue side by side, two bytes each, so that both are mixed in one product
-        share = u4(i4(min(fresh[q] / held[q], one) * whole + f4(0.5)))
-        rest = u4(256) - share
-        sides = ((old & _SIDES) * rest + (new & _SIDES) * share + u4(0x800080)) >> u4(8)
-        green = ((old & _GREEN) * rest + (new & _GREEN) * share + u4(0x8000)) >> u4(8)
-        mixed = (sides & _SIDES) | (green & _GREEN)
+        part = u4(i4(share[q] * f4(256.0) + f4(0.5)))
+        sides, green = u4(old & _SIDES), u4(old & _GREEN)
+        sides = u4(u4(u4(sides << u4(8)) + u4(u4(u4(new & _SIDES) - sides) * part)) + u4(0x800080))
+        green = u4(u4(u4(green << u4(8)) + u4(u4(u4(new & _GREEN) - green) * part)) + u4(0x8000))
+        mixed = u4(u4(u4(sides >> u4(8)) & _SIDES) | u4(u4(green >> u4(8)) & _GREEN))
         mixed = new if old == u4(0) else mixed
         colour[q] = mixed if new > u4(0) else old

@@ -25,26 +25,35 @@ def mark_intruders(
     (R, t) and (R_before, t_before) carry each camera's points to the world; ``lens`` is fx, fy, cx, cy of the half
     image. All of the 3 x 3 earlier pixels around must have seen farther.
     """
+    f4, i4 = np.float32, np.int32
     rows, columns = depth_before.shape
     n = vertices.shape[1] // 2
-    place, needed = np.empty(n, dtype=np.int64), np.empty(n)
-    sx, sy, sz = t[0] - t_before[0], t[1] - t_before[1], t[2] - t_before[2]
+    place, needed = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.float32)
+    # from the one camera to the other, in the half image's pixels
+    A, b = np.empty((3, 3), dtype=np.float32), np.empty(3, dtype=np.float32)
+    for i in range(3):
+        scale = lens[i] if i < 2 else 1.0
+        b[i] = scale * (R_before[:, i] * (t - t_before)).sum()
+        for j in range(3):
+            A[i, j] = scale * (R_before[:, i] * R[:, j]).sum()
+    a00, a01, a02, a10, a11, a12 = A[0, 0], A[0, 1], A[0, 2], A[1, 0], A[1, 1], A[1, 2]
+    a20, a21, a22, b0, b1, b2 = A[2, 0], A[2, 1], A[2, 2], b[0], b[1], b[2]
+    cx, cy, width, height = f4(lens[2] + 0.5), f4(lens[3] + 0.5), f4(columns - 1), f4(rows - 1)
+    near, zero, one, stride = f4(0.1), f4(0.0), f4(1.0), i4(columns)
     for r in range(0, vertices.shape[0] - 1, 2):
         row = vertices[r].reshape(-1)
         # all of a row side by side, so that the processor's vectors take many in a step
         for k in range(n):
-            vx, vy, z = np.float64(row[6 * k]), np.float64(row[6 * k + 1]), np.float64(row[6 * k + 2])
-            dx = R[0, 0] * vx + R[0, 1] * vy + R[0, 2] * z + sx
-            dy = R[1, 0] * vx + R[1, 1] * vy + R[1, 2] * z + sy
-            dz = R[2, 0] * vx + R[2, 1] * vy + R[2, 2] * z + sz
-            depth = R_before[0, 2] * dx + R_before[1, 2] * dy + R_before[2, 2] * dz
-            inverse = 1.0 / max(depth, 0.1)
-            u = lens[0] * (R_before[0, 0] * dx + R_before[1, 0] * dy + R_before[2, 0] * dz) * inverse + lens[2] + 0.5
-            v = lens[1] * (R_before[0, 1] * dx + R_before[1, 1] * dy + R_before[2, 1] * dz) * inverse + lens[3] + 0.5
-            inside = (z > 0.0) & (depth >= 0.1) & (u >= 1.0) & (v >= 1.0) & (u < columns - 1.0) & (v < rows - 1.0)
-            at = np.int64(v) * columns + np.int64(u)
-            place[k] = at if inside else np.int64(-1)
-            needed[k] = depth + 0.06 + 5.0 * depth_sigma(depth)
+            x, y, z = row[6 * k], row[6 * k + 1], row[6 * k + 2]
+            depth = a20 * x + a21 * y + a22 * z + b2
+            inverse = one / max(depth, near)
+            u = (a00 * x + a01 * y + a02 * z + b0) * inverse + cx
+            v = (a10 * x + a11 * y + a12 * z + b1) * inverse + cy
+            inside = (z > zero) & (depth >= near) & (u >= one) & (v >= one) & (u < width) & (v < height)
+            at = i4(i4(i4(v) * stride) + i4(u))
+            place[k] = at if inside else i4(-1)
+            off = depth - f4(0.4)
+            needed[k] = depth + f4(0.06) + f4(5.0) * (f4(0.0012) + f4(0.0019) * off * off)
         for k in range(n):
             if place[k] < 0:
                 continue

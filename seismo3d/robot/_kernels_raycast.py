@@ -8,20 +8,19 @@ from typing import Any
 import numba as nb
 import numpy as np
 
-from seismo3d._typing import Float32Array, Float64Array, Int32Array, Int64Array
+from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.geometry._kernels_voxel_keys import find
 from seismo3d.robot._kernels_blocks import SIDE, pack
+from seismo3d.robot.voxels import STEPS, SURFACE
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _voxel(
-    i: Any, j: Any, k: Any, distance: Float32Array, table_keys: Int64Array, table: Int32Array, shift: int
-) -> Any:
-    """Return the distance at a voxel, NaN where it is not known."""
+def _voxel(i: Any, j: Any, k: Any, distance: AnyArray, table_keys: Int64Array, table: Int32Array, shift: int) -> Any:
+    """Return the distance at a voxel as it is held, 0 where it is not known."""
     number = find(pack(i >> 3, j >> 3, k >> 3), table_keys, table, shift)
     if number < 0:
-        return np.float32(np.nan)
-    return distance[number, ((i & 7) * SIDE + (j & 7)) * SIDE + (k & 7)]
+        return np.int64(0)
+    return np.int64(distance[number, ((i & 7) * SIDE + (j & 7)) * SIDE + (k & 7)])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -29,13 +28,17 @@ def sample_cell(
     x: float,
     y: float,
     z: float,
-    distance: Float32Array,
+    distance: AnyArray,
+    step: float,
     table_keys: Int64Array,
     table: Int32Array,
     shift: int,
     out: Float64Array,
 ) -> bool:
-    """Interpolate the distance at voxel coordinates; write it and its gradient to ``out``; False where unknown."""
+    """Interpolate the distance at voxel coordinates; write it and its gradient to ``out``; False where unknown.
+
+    ``step`` is how much one step of what is held is.
+    """
     i0, j0, k0 = math.floor(x), math.floor(y), math.floor(z)
     fx, fy, fz = x - i0, y - j0, z - k0
     i, j, k = np.int64(i0), np.int64(j0), np.int64(k0)
@@ -65,16 +68,19 @@ def sample_cell(
         v2, v3 = distance[b2, at + dj], distance[b3, at + dj + dk]
         v4, v5 = distance[b4, at + di], distance[b5, at + di + dk]
         v6, v7 = distance[b6, at + di + dj], distance[b7, at + di + dj + dk]
-    if not math.isfinite(v0 + v1 + v2 + v3 + v4 + v5 + v6 + v7):
+    if min(v0, v1, v2, v3, v4, v5, v6, v7) == 0:
         return False
+    # as numbers with a sign, which differences have
+    v0, v1, v2, v3 = np.float32(v0), np.float32(v1), np.float32(v2), np.float32(v3)
+    v4, v5, v6, v7 = np.float32(v4), np.float32(v5), np.float32(v6), np.float32(v7)
     gx, gy, gz = 1.0 - fx, 1.0 - fy, 1.0 - fz
     c00, c01 = v0 * gz + v1 * fz, v2 * gz + v3 * fz
     c10, c11 = v4 * gz + v5 * fz, v6 * gz + v7 * fz
     low, high = c00 * gy + c01 * fy, c10 * gy + c11 * fy
-    out[0] = low * gx + high * fx
-    out[1] = high - low
-    out[2] = (c01 - c00) * gx + (c11 - c10) * fx
-    out[3] = ((v1 - v0) * gy + (v3 - v2) * fy) * gx + ((v5 - v4) * gy + (v7 - v6) * fy) * fx
+    out[0] = (low * gx + high * fx - SURFACE) * step
+    out[1] = (high - low) * step
+    out[2] = ((c01 - c00) * gx + (c11 - c10) * fx) * step
+    out[3] = (((v1 - v0) * gy + (v3 - v2) * fy) * gx + ((v5 - v4) * gy + (v7 - v6) * fy) * fx) * step
     return True
 
 
@@ -104,7 +110,7 @@ def cast_rows(
     lens: Float64Array,
     voxel: float,
     band: float,
-    distance: Float32Array,
+    distance: AnyArray,
     table_keys: Int64Array,
     table: Int32Array,
     shift: int,
@@ -116,7 +122,7 @@ def cast_rows(
     Looked for within ``reach`` of the depth ``expected`` of each pixel.
     """
     columns = points.shape[1]
-    inverse = 1.0 / voxel
+    inverse, step = 1.0 / voxel, band / STEPS
     out = np.empty(4)
     ray = np.empty(6)  # origin and direction, in voxels and voxels a metre
     for a in range(3):
@@ -132,13 +138,15 @@ def cast_rows(
             for a in range(3):
                 ray[3 + a] = (R[a, 0] * dx + R[a, 1] * dy + R[a, 2]) / length * inverse
             middle = expected[r, c] * length
-            hit = _descend(middle, middle - band, middle + band, ray, voxel, distance, table_keys, table, shift, out)
+            hit = _descend(
+                middle, middle - band, middle + band, ray, voxel, distance, step, table_keys, table, shift, out
+            )
             if hit < 0.0:
                 s, end = max(0.1, expected[r, c] - reach) * length, (expected[r, c] + reach) * length
                 # where the space some bands before the expected surface is known to be free, the ray starts there
                 for bands in (1.0, 3.0):
                     close = (expected[r, c] - bands * band) * length
-                    if close > s and _nearest(close, ray, distance, table_keys, table, shift) > 0.0:
+                    if close > s and _nearest(close, ray, distance, table_keys, table, shift) > SURFACE:
                         s = close
                         break
                 hit = _march(s, end, ray, voxel, band, distance, table_keys, table, shift, out)
@@ -151,9 +159,9 @@ def cast_rows(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _nearest(
-    s: float, ray: Float64Array, distance: Float32Array, table_keys: Int64Array, table: Int32Array, shift: int
+    s: float, ray: Float64Array, distance: AnyArray, table_keys: Int64Array, table: Int32Array, shift: int
 ) -> Any:
-    """Distance at the voxel nearest to a place on a ray, NaN where it is not known."""
+    """Distance, as it is held, at the voxel nearest to a place on a ray, 0 where it is not known."""
     i = np.int64(math.floor(ray[0] + s * ray[3] + 0.5))
     j = np.int64(math.floor(ray[1] + s * ray[4] + 0.5))
     k = np.int64(math.floor(ray[2] + s * ray[5] + 0.5))
@@ -167,14 +175,14 @@ def _march(
     ray: Float64Array,
     voxel: float,
     band: float,
-    distance: Float32Array,
+    distance: AnyArray,
     table_keys: Int64Array,
     table: Int32Array,
     shift: int,
     out: Float64Array,
 ) -> Any:
     """Go along a ray to where it enters the surface; ``out`` is what :func:`sample_cell` says there; -1 for nowhere."""
-    before, s_before = np.nan, s
+    before, s_before, step = np.nan, s, band / STEPS
     last = np.int64(-1)
     number = -1
     while s < end:
@@ -189,14 +197,15 @@ def _march(
             leave = min(_exit(x, i >> 3, ray[3]), _exit(y, j >> 3, ray[4]), _exit(z, k >> 3, ray[5]))
             s += leave + 0.05 * voxel
             continue
-        value = np.float64(distance[number, ((i & 7) * SIDE + (j & 7)) * SIDE + (k & 7)])
-        if math.isnan(value):
+        held = distance[number, ((i & 7) * SIDE + (j & 7)) * SIDE + (k & 7)]
+        if held == 0:
             before = np.nan
             s += voxel
             continue
+        value = (held - SURFACE) * step
         if value < 0.0:
             if before > 0.0:
-                return _refine(s_before, s, before, value, ray, voxel, distance, table_keys, table, shift, out)
+                return _refine(s_before, s, before, value, ray, voxel, distance, step, table_keys, table, shift, out)
             return -1.0
         before, s_before = value, s
         s += max(0.9 * value, voxel) if value < 0.99 * band else max(0.7 * band, voxel)
@@ -221,7 +230,8 @@ def _refine(
     f_high: float,
     ray: Float64Array,
     voxel: float,
-    distance: Float32Array,
+    distance: AnyArray,
+    step: float,
     table_keys: Int64Array,
     table: Int32Array,
     shift: int,
@@ -230,7 +240,7 @@ def _refine(
     """Find the zero of the interpolated distance between two places on a ray; -1 where none is."""
     half = 0.5 * voxel
     s = low + (high - low) * f_low / (f_low - f_high)
-    return _descend(s, low - half, high + half, ray, voxel, distance, table_keys, table, shift, out)
+    return _descend(s, low - half, high + half, ray, voxel, distance, step, table_keys, table, shift, out)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -240,7 +250,8 @@ def _descend(
     high: float,
     ray: Float64Array,
     voxel: float,
-    distance: Float32Array,
+    distance: AnyArray,
+    step: float,
     table_keys: Int64Array,
     table: Int32Array,
     shift: int,
@@ -253,14 +264,14 @@ def _descend(
     half, near = 0.5 * voxel, 0.25 * voxel
     for _ in range(4):
         x, y, z = ray[0] + s * ray[3], ray[1] + s * ray[4], ray[2] + s * ray[5]
-        if not sample_cell(x, y, z, distance, table_keys, table, shift, out):
+        if not sample_cell(x, y, z, distance, step, table_keys, table, shift, out):
             return -1.0
         slope = out[1] * ray[3] + out[2] * ray[4] + out[3] * ray[5]
         if not slope < 0.0:  # not what a ray that enters sees
             return -1.0
-        step = -out[0] / slope
-        s += step
-        if abs(step) < near:
+        move = -out[0] / slope
+        s += move
+        if abs(move) < near:
             return s
         if not low <= s <= high:
             s = min(max(s, low), high)

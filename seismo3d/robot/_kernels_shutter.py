@@ -80,31 +80,33 @@ def splat_rows(place: Int32Array, moved: Float32Array, out: Float32Array) -> Non
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def colour_at_depth(
+def colour_pixels(
     first: int,
     last: int,
-    rgb: AnyArray,
-    depth: Float32Array,
+    colours: AnyArray,
     vertices: Float32Array,
     twist: Float64Array,
     start: float,
     spacing: float,
     focal: Float32Array,
-    out: AnyArray,
+    pixels: AnyArray,
 ) -> None:
-    """Colour of the pixels of a depth image taken at another time, of those under some rows of its half image.
+    """Put colours into packed pixels (n_pixels) taken at another time, into those under some rows of the half image.
 
-    It is 0 where there is no depth; what no vertex lies over, at the end of an odd row, is left as it is. ``vertices``
-    are those of the half image; the four pixels under one are shifted alike. ``twist`` is what carries points of the
+    Pixels that are 0 stay so; in the others the three lowest bytes become those of ``colours`` (rows, columns; whole
+    numbers), each at least 1. ``vertices`` are those of the half image; the four pixels under one are shifted alike.
+    ``twist`` is what carries points of the
     depth's camera frame into the frame of a row of the colour image, over ``start`` seconds for its first row and
     ``spacing`` more for each one after it; the row is found from the pixel's own first.
     """
-    f4, i4 = np.float32, np.int32
-    rows, columns, _ = rgb.shape
+    f4, i4, u4, u8 = np.float32, np.int32, np.uint32, np.uint64
+    rows, columns, width = i4(colours.shape[0]), i4(colours.shape[1]), vertices.shape[1]
+    place = np.empty(2 * width, dtype=np.int32)
     across, down = np.empty(vertices.shape[1], dtype=np.int32), np.empty(vertices.shape[1], dtype=np.int32)
     w, v = _halves(twist)
     fx, fy, zero, half, near, none = focal[0], focal[1], f4(0.0), f4(0.5), f4(0.05), i4(-(1 << 20))
     t0, dt, most = f4(start), f4(spacing), f4(1 << 15)
+    flat = colours.reshape(-1)
     for hr in range(first, last):
         points, own = vertices[hr].reshape(-1), f4(i4(2 * hr)) + half
         for c in range(vertices.shape[1]):
@@ -119,14 +121,16 @@ def colour_at_depth(
             seen = (z > zero) & (nz >= near) & (abs(u) < most) & (abs(q) < most)
             across[c] = i4(np.floor(u)) if seen else none
             down[c] = i4(np.floor(q)) if seen else none
-        for k in range(4):
-            r = 2 * hr + (k >> 1)
-            for hc in range(vertices.shape[1]):
-                c = 2 * hc + (k & 1)
-                rr, cc = r + down[hc], c + across[hc]
-                if rr >= 0 and cc >= 0 and rr < rows and cc < columns and depth[r, c] > zero:
-                    for channel in range(3):
-                        out[r, c, channel] = max(rgb[rr, cc, channel], np.uint8(1))
-                else:
-                    for channel in range(3):
-                        out[r, c, channel] = 0
+        for r in range(2 * hr, 2 * hr + 2):
+            for c in range(width):
+                rr, cc = i4(i4(r) + down[c]), i4(i4(2 * c) + across[c])
+                at, inside = i4(i4(rr * columns) + cc), (rr >= i4(0)) & (rr < rows)
+                place[2 * c] = at if inside & (cc >= i4(0)) & (cc < columns) else i4(-1)
+                place[2 * c + 1] = i4(at + i4(1)) if inside & (cc >= i4(-1)) & (cc < i4(columns - 1)) else i4(-1)
+            to = pixels[r * columns : r * columns + 2 * width]
+            for c in range(2 * width):
+                if place[c] >= 0 and to[c] > u8(0):
+                    code = u4(flat[u8(place[c])])
+                    # the highest bit of each byte that is not 0, and so a 1 in each that is
+                    some = u4(u4(u4(code & u4(0x7F7F7F)) + u4(0x7F7F7F)) | code) & u4(0x808080)
+                    to[c] |= u8(u4(u4(code & u4(0xFFFFFF)) | u4(u4(some >> u4(7)) ^ u4(0x010101))))

@@ -169,8 +169,9 @@ class MotionFilter:
         for k, (index, ray, delay) in enumerate(zip(seen.index, seen.rays, seen.delay)):
             H, expected = self._expect(int(index), float(delay), T_body_camera)
             miss = ray - expected
-            distance = float(miss @ np.linalg.solve(H @ self.covariance @ H.T + R, miss))
-            if distance <= gate:
+            (a, b), (_, c) = (H @ self.covariance @ H.T + R).tolist()
+            u, v = miss.tolist()
+            if (c * u - b * v) * u + (a * v - b * u) * v <= gate * (a * c - b * b):
                 accepted[k] = True
                 rows.append(H)
                 misses.append(miss)

@@ -19,6 +19,8 @@ from seismo3d.robot.tracking import Located
 
 _LEAST_NORMALS = 300
 _RELOCATE_EVERY = 4
+_PAUSE = 0.1
+"""Standard deviation of where a camera is about where it was when the map it goes on with was saved, rad and m."""
 _LOOSE = 0.01
 """Standard deviation of the predicted turn from which on the prediction is but a guess, rad."""
 
@@ -65,9 +67,10 @@ class Follower:
         now = frame.depth_time + camera.clock_offset - (camera.depth_delay or 0.0) - 0.5 * (camera.readout or 0.0)
         if self._filter is None:
             T = invert_transform(camera.T_body_camera)
-            if self._maps.current.poses:  # a map that was read: near its last pose
-                T = self._maps.current.poses[-1].T_world_camera @ T
-            self._filter = MotionFilter(now, T)
+            last = self._maps.current.poses[-1:]  # of a map that was read
+            self._filter = MotionFilter(now, last[0].T_world_camera @ T if last else T)
+            if last:
+                self._filter.covariance[:6, :6] = np.eye(6) * _PAUSE**2
         if not self._settings.filtered:
             self._filter.twist[:] = 0.0
         self._filter.predict(now)

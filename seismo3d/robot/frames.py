@@ -10,15 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int32Array
+from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array
 from seismo3d._validate import as_number, as_real_array
 from seismo3d.errors import ShapeError
 from seismo3d.geometry._kernels_camera import straighten_rows
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot import _kernels_frame as kernels
 from seismo3d.robot import _kernels_shutter as shutter
+from seismo3d.robot._kernels_kept import unpack_colours
 from seismo3d.robot.camera import RgbdFrame, lens_numbers
 from seismo3d.robot.room import Room
+
+_PARTS = 4
+"""Parts that a frame's rows are measured in, side by side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,11 +74,13 @@ class Measured:
         Metres, 0 where there is none, as if all rows had been exposed at once.
     vertices, normals : ndarray of shape (rows / 2, columns / 2, 3), float32
         Points, and unit normals towards the camera; zero where there are none.
+    n_normals : int
+        Number of vertices with a normal.
     pixels : ndarray of shape (rows * columns,), uint64
-        Depth, slope and weight for fusion, packed, 0 for what is not fused; see
+        Depth, slope, weight for fusion and colour, packed, 0 for what is not fused; see
         :func:`seismo3d.robot._kernels_frame.pack_pixels`. The weight is 1 for a surface seen frontally at a metre.
-    colour : ndarray of shape (rows, columns, 3) or (0, 0, 3), uint8
-        Colour of each depth pixel.
+    has_colour : bool
+        Whether the pixels have colours.
     grey : ndarray of shape (rows, columns), uint8, or None
         The colour image as it was taken.
     """
@@ -82,19 +88,19 @@ class Measured:
     depth: Float32Array
     vertices: Float32Array
     normals: Float32Array
+    n_normals: int
     pixels: AnyArray
-    colour: AnyArray
+    has_colour: bool
     grey: AnyArray | None
 
     @property
-    def n_normals(self) -> int:
-        """Number of vertices with a normal."""
-        return int(np.count_nonzero(self.normals[:, :, 2]))
-
-    @property
-    def trusted(self) -> BoolArray:
-        """Which pixels (rows, columns) are fused."""
-        return np.asarray(self.pixels.reshape(self.depth.shape) > 0)
+    def colour(self) -> AnyArray:
+        """Colour (rows, columns, 3), uint8, of each depth pixel that is fused; (0, 0, 3) without colours."""
+        if not self.has_colour:
+            return np.zeros((0, 0, 3), dtype=np.uint8)
+        out = np.empty((*self.depth.shape, 3), dtype=np.uint8)
+        unpack_colours(self.pixels, out.reshape(-1, 3))
+        return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,28 +194,15 @@ class Measurer:
         depth = self._metres(frame)
         if timing.readout > 0.0 and np.any(twist):
             depth = self._frozen(depth, twist, timing)
-        colour = np.zeros((0, 0, 3), dtype=np.uint8)
-        vertices = self._vertices_of(depth)
         if frame.rgb is None:
-            self._by_rows(len(vertices), lambda a, b: self._halve(a, b, depth, vertices))
-        else:
-            rgb, colour = np.ascontiguousarray(frame.rgb), self._room_for(frame.rgb.shape, np.uint8)
-            # the motion from the depth's time to a row's: of the first row, and how much more of each one after it
-            lead, spacing = timing.colour_lead - 0.5 * timing.readout, timing.readout / len(depth)
-            motion = (-twist, lead, spacing, self._focal)
-
-            def halve_and_colour(first: int, last: int) -> None:
-                self._halve(first, last, depth, vertices)
-                shutter.colour_at_depth(first, last, rgb, depth, vertices, *motion, colour)
-
-            self._by_rows(len(vertices), halve_and_colour)
-        return self._packed(depth, vertices, colour, grey)
+            return self._packed(depth, None, grey)
+        # the motion from the depth's time to a row's: of the first row, and how much more of each one after it
+        lead, spacing = timing.colour_lead - 0.5 * timing.readout, timing.readout / len(depth)
+        return self._packed(depth, frame.rgb, grey, (-twist, lead, spacing))
 
     def measured(self, depth: Float32Array, colour: AnyArray, grey: AnyArray | None = None) -> Measured:
         """Measure a depth image in metres, free of the shutter's effect, with the colour of each pixel."""
-        vertices = self._vertices_of(depth)
-        self._by_rows(len(vertices), lambda a, b: self._halve(a, b, depth, vertices))
-        return self._packed(depth, vertices, colour, grey)
+        return self._packed(depth, colour if colour.size else None, grey)
 
     def _frozen(self, depth: Float32Array, twist: Float64Array, timing: Timing) -> Float32Array:
         """Return a depth image as if all rows had been exposed at the time of the middle one."""
@@ -222,26 +215,37 @@ class Measurer:
         shutter.splat_rows(place, moved, out)
         return out
 
-    def _vertices_of(self, depth: Float32Array) -> Float32Array:
-        """Return memory for the vertices of a depth image, its rays made known before the threads ask for them."""
-        self.rays(depth.shape)
-        return self._room.empty((depth.shape[0] // 2, depth.shape[1] // 2, 3), np.float32)
+    def _packed(
+        self,
+        depth: Float32Array,
+        rgb: AnyArray | None,
+        grey: AnyArray | None,
+        motion: tuple[Float64Array, float, float] = (np.zeros(6), 0.0, 0.0),
+    ) -> Measured:
+        """Return what is fused of a depth image, with the colours of an image to whose rows a motion leads."""
+        near, far, focal, rays = self.settings.near, self.settings.far, self._focal, self.rays(depth.shape)
+        vertices = self._room.empty((depth.shape[0] // 2, depth.shape[1] // 2, 3), np.float32)
+        normals, pixels = self._room.empty(vertices.shape, np.float32), self._room_for(depth.shape, np.uint64)
+        flat, colours = pixels.reshape(-1), None if rgb is None else self._whole_colours(rgb)
 
-    def _halve(self, first: int, last: int, depth: Float32Array, vertices: Float32Array) -> None:
-        near, far = self.settings.near, self.settings.far
-        kernels.halve(first, last, depth, self.rays(depth.shape), near, far, vertices)
+        def face_and_pack(first: int, last: int) -> int:
+            count = kernels.grid_normals(first, last, vertices, 2, normals)
+            kernels.pack_pixels(first, last, depth, vertices, normals, far, flat)
+            if colours is not None:
+                shutter.colour_pixels(first, last, colours, vertices, *motion, focal, flat)
+            return count
 
-    def _packed(self, depth: Float32Array, vertices: Float32Array, colour: AnyArray, grey: AnyArray | None) -> Measured:
-        far = self.settings.far
-        normals = self._room.empty(vertices.shape, np.float32)
-        pixels = self._room_for(depth.shape, np.uint64).reshape(-1)
+        self._by_rows(len(vertices), lambda a, b: kernels.halve(a, b, depth, rays, near, far, vertices))
+        n_normals = sum(self._by_rows(len(vertices), face_and_pack))
+        return Measured(depth, vertices, normals, n_normals, flat, colours is not None, grey)
 
-        def face_and_pack(first: int, last: int) -> None:
-            kernels.grid_normals(first, last, vertices, 2, normals)
-            kernels.pack_pixels(first, last, depth, vertices, normals, far, pixels)
+    def _whole_colours(self, rgb: AnyArray) -> AnyArray:
+        """Return an image's colours (rows, columns) as whole numbers, red in the lowest byte."""
+        import cv2
 
-        self._by_rows(len(vertices), face_and_pack)
-        return Measured(depth, vertices, normals, pixels, colour, grey)
+        out = self._room.empty((*rgb.shape[:2], 4), np.uint8)
+        cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2RGBA, out)
+        return out.view(np.uint32)[:, :, 0]
 
     def _room_for(self, shape: tuple[int, ...], kind: Any) -> AnyArray:
         """Return an image to be filled two by two pixels; a last row or column that is left over is zero."""
@@ -256,11 +260,10 @@ class Measurer:
             self._moved = np.empty(shape, dtype=np.int32), np.empty(shape, dtype=np.float32)
         return self._moved
 
-    def _by_rows(self, rows: int, work: Callable[[int, int], None]) -> None:
-        """Do work on rows in parts on the pool."""
-        edges = np.linspace(0, rows, 5).astype(int).tolist()
-        for part in [self._pool.submit(work, a, b) for a, b in pairwise(edges)]:
-            part.result()
+    def _by_rows(self, rows: int, work: Callable[[int, int], Any]) -> list[Any]:
+        """Do work on rows in parts on the pool; return what each gave."""
+        edges = [rows * k // _PARTS for k in range(_PARTS + 1)]
+        return [part.result() for part in [self._pool.submit(work, a, b) for a, b in pairwise(edges)]]
 
     def _check(self, frame: RgbdFrame) -> None:
         raw = as_real_array(frame.depth, "depth", ndim=2)
@@ -278,11 +281,9 @@ class Measurer:
             )
 
     def _metres(self, frame: RgbdFrame) -> Float32Array:
-        raw = as_real_array(frame.depth, "depth", ndim=2)
+        raw, scale = as_real_array(frame.depth, "depth", ndim=2), self.lens.depth_scale
         depth = self._room.empty(raw.shape, np.float32)
-        np.divide(raw, np.float32(self.lens.depth_scale), out=depth, dtype=np.float32)
-        if raw.dtype.kind != "u":
-            depth[~np.isfinite(depth) | (depth < 0.0)] = 0.0
+        self._by_rows(len(raw), lambda a, b: kernels.read_depth(a, b, raw, scale, depth))
         if self.settings.total_variation > 0.0:
             depth = smooth_depth(depth, self.settings.total_variation)
         return depth

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from seismo3d._typing import AnyArray
+from seismo3d.robot import _kernels_kept as kernels
 from seismo3d.robot.frames import Measured, Measurer
 
 
@@ -20,37 +21,45 @@ class KeptFrame:
     pose : int
         Its row among the located frames.
     camera : int
+    shape : (int, int)
+        Rows and columns.
     depth : ndarray of shape (n,), uint8
-        PNG of the depth that was fused, tenths of a millimetre, 0 where nothing was.
+        Tenths of a millimetre of the depth that was fused, as :mod:`seismo3d.robot._kernels_kept` packs them.
     colour : ndarray of shape (n,), uint8
-        JPEG of the colour at each depth pixel; empty without colour.
+        JPEG of the colour at each depth pixel that was fused; empty without colour.
     """
 
     pose: int
     camera: int
+    shape: tuple[int, int]
     depth: AnyArray
     colour: AnyArray
 
     @classmethod
     def of(cls, measured: Measured, pose: int, camera: int) -> KeptFrame:
         """Pack a measured frame; pixels without weight are left out."""
-        tenths = np.minimum(measured.depth * np.float32(1e4) + np.float32(0.5), np.float32(65535.0))
-        tenths *= measured.trusted
-        depth = cv2.imencode(".png", tenths.astype(np.uint16))[1].ravel()
+        room = np.empty(kernels.MOST_BYTES * measured.depth.size, dtype=np.uint8)
+        size = kernels.pack_depth(measured.depth.reshape(-1), measured.pixels, room)
         colour = np.empty(0, dtype=np.uint8)
-        if measured.colour.size:
+        if measured.has_colour:
             colour = cv2.imencode(".jpg", measured.colour, [cv2.IMWRITE_JPEG_QUALITY, 92])[1].ravel()
-        return cls(pose, camera, depth, colour)
+        rows, columns = measured.depth.shape
+        return cls(pose, camera, (rows, columns), room[:size].copy(), colour)
 
     def unpacked(self, measurer: Measurer) -> Measured:
-        """Return the frame as it was fused."""
-        depth = np.asarray(cv2.imdecode(self.depth, cv2.IMREAD_UNCHANGED)).astype(np.float32) * np.float32(1e-4)
+        """Return the frame as it was fused.
+
+        Raises
+        ------
+        ValueError
+            If it is damaged.
+        """
+        depth = np.empty(self.shape, dtype=np.float32)
+        if not kernels.unpack_depth(self.depth, depth.reshape(-1)):
+            raise ValueError(f"the depth of a kept frame does not fill its {depth.size} pixels")
         colour = np.zeros((0, 0, 3), dtype=np.uint8)
         if self.colour.size:
-            colour = np.where(
-                depth[:, :, None] > 0.0, np.asarray(cv2.imdecode(self.colour, cv2.IMREAD_COLOR)), 0
-            ).astype(np.uint8)
-            colour = np.where((depth[:, :, None] > 0.0) & (colour == 0), np.uint8(1), colour)
+            colour = np.asarray(cv2.imdecode(self.colour, cv2.IMREAD_COLOR))
         return measurer.measured(depth, colour)
 
     @property

@@ -9,20 +9,22 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array, Int64Array
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import skew
+from seismo3d.robot import _kernels_follow as following
 from seismo3d.robot.ekf import exp_motion
 from seismo3d.robot.frames import Timing
 from seismo3d.robot.tsdf import Prediction
 
 _FARTHEST = 0.9
 """Views that are farther, by ``View.apart``, are not searched."""
-_MOST = 200
+_TOP = 3
+"""Smallest image that patches are followed in, the whole one being 0: a shift of 40 pixels is one of 5 there."""
+_MOST = 150
 """Landmarks of a view that are looked for at most, evenly from the most to the least distinct."""
 
 
@@ -114,8 +116,7 @@ def sight_landmarks(
     *,
     also: Sequence[tuple[int, int]] = (),
     most_views: int = 3,
-    enough: int = 120,
-    radius: int = 7,
+    enough: int = 100,
 ) -> Sightings:
     """Find the landmarks of the nearest views, and some named ones, in an image.
 
@@ -131,8 +132,8 @@ def sight_landmarks(
     timing : Timing
     also : sequence of (int, int)
         View and landmark of those that are looked for from other views, too: from two more at most.
-    most_views, enough, radius : int
-        Views that are searched at most, landmarks after which no other view is, half the side of a patch in pixels.
+    most_views, enough : int
+        Views that are searched at most, landmarks after which no other view is.
 
     Returns
     -------
@@ -141,7 +142,7 @@ def sight_landmarks(
     T_colour = T_world_camera @ exp_motion(twist * timing.colour_lead)
     apart = views_apart(views, T_colour)
     found_points, found_pixels = [np.empty((0, 3))], [np.empty((0, 2))]
-    found_names = [np.empty((0, 2), dtype=np.int64)]
+    found_names, levels = [np.empty((0, 2), dtype=np.int64)], _padded_levels(grey)
 
     def search(number: int, wanted: Sequence[int] | None) -> None:
         view = views[number]
@@ -153,7 +154,7 @@ def sight_landmarks(
             return
         if len(sought) > _MOST:
             sought = sought[np.linspace(0, len(sought) - 1, _MOST).astype(int)]
-        pixels, good = _follow(view.grey, grey, view.pixels[sought], expected[sought], radius)
+        pixels, good = _follow(_padded_levels(view.grey), levels, view.pixels[sought], expected[sought])
         which = sought[good]
         found_points.append(view.points[which])
         found_pixels.append(pixels[good])
@@ -285,25 +286,30 @@ def _expected(
     return pixels, inside & (local[:, 2] > 0.2)
 
 
-def _follow(
-    before: AnyArray, now: AnyArray, pixels: Float64Array, expected: Float64Array, radius: int
-) -> tuple[Float64Array, BoolArray]:
-    """Follow patches from one image to another and back; return where they are and whether they came back."""
+def _padded_levels(grey: AnyArray) -> tuple[AnyArray, ...]:
+    """Return an image and its smaller ones, each of half the size, padded as patches are followed in them."""
     import cv2
 
-    start, guess = (np.ascontiguousarray(p, dtype=np.float32).reshape(-1, 1, 2) for p in (pixels, expected))
-    side = 2 * radius + 1
-    options: dict[str, Any] = {
-        "winSize": (side, side),
-        "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.03),
-        "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
-    }
-    there, found, _ = cv2.calcOpticalFlowPyrLK(before, now, start, guess.copy(), maxLevel=3, **options)
-    # where the way back should end is known, so that it needs no pyramid
-    back, returned, _ = cv2.calcOpticalFlowPyrLK(now, before, there, start.copy(), maxLevel=0, **options)
-    miss = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
-    good = (found.ravel() == 1) & (returned.ravel() == 1) & (miss < 0.7)
-    return there.reshape(-1, 2).astype(np.float64), good
+    levels = [grey]
+    for _ in range(_TOP):
+        levels.append(cv2.pyrDown(levels[-1]))
+    pad = following.PAD
+    return tuple(np.asarray(cv2.copyMakeBorder(level, pad, pad, pad, pad, cv2.BORDER_REFLECT_101)) for level in levels)
+
+
+def _follow(
+    before: tuple[AnyArray, ...], now: tuple[AnyArray, ...], pixels: Float64Array, expected: Float64Array
+) -> tuple[Float64Array, BoolArray]:
+    """Follow patches from one image to another and back; return where they are and whether they came back."""
+    there, back = np.array(expected, dtype=np.float64, order="C"), pixels.copy()
+    found, returned = np.empty(len(pixels), dtype=np.bool_), np.empty(len(pixels), dtype=np.bool_)
+    # no level on which the image is smaller than a patch
+    least = (min(now[0].shape) - 2 * following.PAD) / (2 * following.RADIUS + 2)
+    following.follow_patches(before, now, min(_TOP, max(0, int(np.log2(least)))), pixels, there, found)
+    # where the way back should end is known, so that it needs no smaller images
+    following.follow_patches(now, before, 0, there, back, returned)
+    miss = np.linalg.norm(back - pixels, axis=1)
+    return there, found & returned & (miss < 0.7)
 
 
 def _motions(twist: Float64Array, times: Float64Array) -> Float64Array:

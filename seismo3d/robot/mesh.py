@@ -118,8 +118,8 @@ def _padded(surface: SurfaceMap, number: int, least_weight: float) -> tuple[Floa
             continue
         into = tuple(slice(8, 9) if s else slice(0, 8) for s in step)
         take = tuple(slice(0, 1) if s else slice(0, 8) for s in step)
-        held = surface.distance[other].reshape(8, 8, 8)[take]
-        distance[into] = np.where(surface.weight[other].reshape(8, 8, 8)[take] >= least_weight, held, np.nan)
+        held, weight = (part.reshape(8, 8, 8)[take] for part in (surface.distances(other), surface.weights(other)))
+        distance[into] = np.where(weight >= least_weight, held, np.nan)
         colour[into] = surface.colour[other, :, :3].reshape(8, 8, 8, 3)[take]
     return distance, colour
 

@@ -54,7 +54,7 @@ class MapperSettings:
     measure: MeasureSettings = field(default_factory=MeasureSettings)
     terms: str = "fused"
     filtered: bool = True
-    enough_landmarks: int = 120
+    enough_landmarks: int = 100
     landmarks_in_state: bool = True
     calibrate_frames: int = 90
     view_distance: float = 0.14

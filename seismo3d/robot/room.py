@@ -1,8 +1,9 @@
-"""Memory for the arrays of a frame, used again once none of them is left."""
+"""Memory: for the arrays of a frame, used again once none of them is left, and for those that a map fills slowly."""
 
 from __future__ import annotations
 
 import math
+import mmap
 import weakref
 from typing import Any
 
@@ -36,3 +37,14 @@ class Room:
         array = np.frombuffer(memory, dtype=kind)
         weakref.finalize(array, free.append, memory).atexit = False
         return array.reshape(shape)
+
+
+def room_to_grow(shape: tuple[int, ...], kind: Any) -> AnyArray:
+    """Return zeros of a shape and a kind of number, for what is filled from the beginning and rarely to its end.
+
+    The system gives the memory page by page as it is written to. numpy asks it for large pages, which are ready less
+    often: under a hypervisor, that may have to find each of them first, a map then takes longer to be given its memory
+    than to be made.
+    """
+    kind = np.dtype(kind)
+    return np.frombuffer(mmap.mmap(-1, math.prod(shape) * kind.itemsize), dtype=kind).reshape(shape)

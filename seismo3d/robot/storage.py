@@ -28,7 +28,7 @@ from seismo3d.robot.trajectory import TimedPose
 if TYPE_CHECKING:
     from seismo3d.robot.mapper import Mapper
 
-_VERSION = 3
+_VERSION = 4
 
 
 def save_mapper(path: str | Path, mapper: Mapper) -> Path:
@@ -81,7 +81,7 @@ def _packed(state: MapState) -> dict[str, Any]:
     arrays: dict[str, Any] = {
         "keys": surface.keys[:n],
         "distance": surface.distance[:n],
-        "weight": surface.weight[:n],
+        "root": surface.root[:n],
         "colour": surface.colour[:n, :, :3],
         "times_shown": surface.times_shown[:n],
         "poses": np.array([pose.T_world_camera for pose in state.poses]).reshape(-1, 4, 4),
@@ -90,7 +90,7 @@ def _packed(state: MapState) -> dict[str, Any]:
         ),
         "key_numbers": np.array([[k.frame, k.camera, k.grey is not None, k.part] for k in keys]).reshape(-1, 4),
         "key_poses": state.key_poses,
-        "kept_numbers": np.array([[k.pose, k.camera] for k in state.kept], dtype=np.int64).reshape(-1, 2),
+        "kept_numbers": np.array([[k.pose, k.camera, *k.shape] for k in state.kept], dtype=np.int64).reshape(-1, 4),
         "view_poses": np.array([v.T_world_camera for v in state.views]).reshape(-1, 4, 4),
         "view_cameras": np.array([v.camera for v in state.views], dtype=np.int64),
     }
@@ -131,9 +131,9 @@ def _check(arrays: dict[str, AnyArray], n_cameras: int) -> None:
     """Refuse arrays of a local map that do not fit each other, by a ValueError that says which."""
     n, n_poses, n_keys, n_kept = (len(arrays[name]) for name in ("keys", "poses", "key_numbers", "kept_numbers"))
     shapes: dict[str, tuple[int, ...]] = {
-        "keys": (n,), "distance": (n, 512), "weight": (n, 512), "colour": (n, 512, 3), "times_shown": (n,),
+        "keys": (n,), "distance": (n, 512), "root": (n, 512), "colour": (n, 512, 3), "times_shown": (n,),
         "poses": (n_poses, 4, 4), "times": (n_poses, 11), "key_numbers": (n_keys, 4), "key_poses": (n_keys, 4, 4),
-        "kept_numbers": (n_kept, 2), "view_poses": (n_keys, 4, 4), "view_cameras": (n_keys,),
+        "kept_numbers": (n_kept, 4), "view_poses": (n_keys, 4, 4), "view_cameras": (n_keys,),
     }  # fmt: skip
     counts = {"key_grey": n_keys, "key_depth": n_keys, "kept_depth": n_kept, "kept_colour": n_kept}
     counts |= {f"view_{name}": n_keys for name in ("grey", "pixels", "points")}
@@ -166,8 +166,7 @@ def _fill(state: MapState, arrays: dict[str, AnyArray]) -> None:
     surface = state.surface
     surface.add_blocks(arrays["keys"])
     n = surface.n_blocks
-    surface.weight[:n] = arrays["weight"]
-    surface.distance[:n] = np.where(surface.weight[:n] > 0.0, arrays["distance"], np.float32(np.nan))
+    surface.distance[:n], surface.root[:n] = arrays["distance"], arrays["root"]
     surface.colour[:n, :, :3] = arrays["colour"]
     surface.times_shown[:n] = arrays["times_shown"]
     for T, row in zip(arrays["poses"], arrays["times"]):
@@ -178,10 +177,10 @@ def _fill(state: MapState, arrays: dict[str, AnyArray]) -> None:
         frame, camera, has_grey, part = (int(v) for v in row)
         image = _image(grey) if has_grey else None
         state.memory.add(describe_keyframe(frame, camera, T, image, _image(depth), part=part))
-    for (pose, camera), depth, colour in zip(
+    for (pose, camera, rows, columns), depth, colour in zip(
         arrays["kept_numbers"], _split(arrays, "kept_depth"), _split(arrays, "kept_colour")
     ):
-        state.packing.append(KeptFrame(int(pose), int(camera), depth, colour))
+        state.packing.append(KeptFrame(int(pose), int(camera), (int(rows), int(columns)), depth, colour))
     parts = (_split(arrays, name) for name in ("view_grey", "view_pixels", "view_points"))
     for T, camera, grey, pixels, points in zip(arrays["view_poses"], arrays["view_cameras"], *parts):
         image = _image(grey) if grey.size else np.empty((0, 0), np.uint8)

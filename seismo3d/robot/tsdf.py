@@ -29,6 +29,8 @@ from seismo3d.robot import _kernels_fuse as fusing
 from seismo3d.robot import _kernels_raycast as rays
 from seismo3d.robot.camera import lens_numbers
 from seismo3d.robot.frames import Measured
+from seismo3d.robot.room import room_to_grow
+from seismo3d.robot.voxels import unpack_distance, unpack_weight
 
 REACH = 0.15
 """Metres from the expected depth within which a surface is looked for."""
@@ -61,8 +63,8 @@ class Prediction:
 class SurfaceMap:
     """A truncated signed-distance map in hashed blocks of 8 x 8 x 8 voxels.
 
-    The distance of a voxel that was never seen is NaN, and its weight 0.
-    Memory follows the surface that has been seen, 6.2 KB a block, never the volume around it.
+    Distances and weights are held as :mod:`seismo3d.robot.voxels` says.
+    Memory follows the surface that has been seen, 4.1 KB a block, never the volume around it.
 
     Parameters
     ----------
@@ -81,9 +83,9 @@ class SurfaceMap:
         self.n_blocks = self._n_fused = 0
         self.keys = np.empty(_ROOM, dtype=np.int64)
         self.coordinates = np.empty((_ROOM, 3), dtype=np.int32)
-        self.distance = np.empty((_ROOM, 512), dtype=np.float32)
-        self.weight = np.zeros((_ROOM, 512), dtype=np.float32)
-        self.colour = np.zeros((_ROOM, 512, 4), dtype=np.uint8)
+        self.distance = room_to_grow((_ROOM, 512), np.uint16)
+        self.root = room_to_grow((_ROOM, 512), np.uint16)
+        self.colour = room_to_grow((_ROOM, 512, 4), np.uint8)
         self.times_shown = np.zeros(_ROOM, dtype=np.uint8)
         self._tables: dict[tuple[PinholeCamera, tuple[int, ...]], Int32Array] = {}
         self._image = np.zeros(1, dtype=np.uint64)
@@ -97,7 +99,7 @@ class SurfaceMap:
     @property
     def n_bytes(self) -> int:
         """Memory that the blocks in use take."""
-        return self.n_blocks * (512 * (4 + 4 + 4) + 8 + 12 + 1)
+        return self.n_blocks * (512 * (2 + 2 + 4) + 8 + 12 + 1)
 
     def add_blocks(self, keys: Int64Array) -> Int64Array:
         """Make the blocks of some keys where they are missing; return the numbers of all of them."""
@@ -107,9 +109,16 @@ class SurfaceMap:
         self._reserve(self.n_blocks + len(keys))
         first = self.n_blocks
         self.n_blocks = blocks.enter_keys(keys, first, self.keys, numbers, self._table_keys, self._table, self._shift)
-        self.distance[first : self.n_blocks] = np.nan
         self.coordinates[first : self.n_blocks] = blocks.unpack(self.keys[first : self.n_blocks])
         return numbers
+
+    def distances(self, numbers: int | slice) -> Float32Array:
+        """Return the signed distances (..., 512) of a block or more, metres, NaN where not known."""
+        return unpack_distance(self.distance[numbers], self.band)
+
+    def weights(self, numbers: int | slice) -> Float32Array:
+        """Return the weights (..., 512) of a block or more."""
+        return unpack_weight(self.root[numbers], self.heaviest)
 
     def block_at(self, coordinates: Int32Array) -> int:
         """Return the number of the block at block coordinates (3,), or -1."""
@@ -144,10 +153,10 @@ class SurfaceMap:
         R, t = _parts(T_world_camera)
         reach = self.band + 0.5 * self.voxel_size
         lens, table = lens_numbers(camera), self._pixel_table(camera, measured.depth.shape)
-        rgb, image = measured.colour.reshape(-1, 3), self._image_of(table.size)
+        image = self._image_of(table.size)
 
         def straighten(pair: tuple[int, int]) -> None:
-            fusing.straighten(*pair, table, measured.pixels, rgb, image)
+            fusing.straighten(*pair, table, measured.pixels, image)
 
         straightened = [pool.submit(straighten, pair) for pair in _ranges(len(table), n_threads)]
         touched = blocks.touched_blocks(measured.vertices, 2, R, t, self.block_size, reach)
@@ -158,7 +167,7 @@ class SurfaceMap:
         def work(pair: tuple[int, int]) -> None:
             part = slice(*pair)
             fusing.fuse_blocks(
-                numbers[part], self.coordinates, self.distance, self.weight, self.colour.view(np.uint32)[:, :, 0],
+                numbers[part], self.coordinates, self.distance, self.root, self.colour.view(np.uint32)[:, :, 0],
                 self.voxel_size, R, t, lens, table.shape, _MARGIN, image, times[part], self.band, self.heaviest,
             )  # fmt: skip
 
@@ -193,8 +202,8 @@ class SurfaceMap:
 
         def work(part: Int64Array) -> None:
             carving.carve_blocks(
-                part, self.coordinates, self.distance, self.weight, self.voxel_size, R, t, lens, table.shape, _MARGIN,
-                beyond, self.band,
+                part, self.coordinates, self.distance, self.root, self.voxel_size, R, t, lens, table.shape, _MARGIN,
+                beyond, self.band, self.heaviest,
             )  # fmt: skip
 
         seen = np.concatenate(_spread(before, _ranges(self.n_blocks, 4 * n_threads), pool))
@@ -262,9 +271,9 @@ class SurfaceMap:
         if n <= len(self.keys):
             return
         size = max(n, 2 * len(self.keys))
-        for name in ("keys", "coordinates", "distance", "weight", "colour", "times_shown"):
+        for name in ("keys", "coordinates", "distance", "root", "colour", "times_shown"):
             old = getattr(self, name)
-            new = np.zeros((size, *old.shape[1:]), dtype=old.dtype)
+            new = room_to_grow((size, *old.shape[1:]), old.dtype)
             new[: self.n_blocks] = old[: self.n_blocks]
             setattr(self, name, new)
 
@@ -283,8 +292,7 @@ def _parts(T: Float64Array) -> tuple[Float64Array, Float64Array]:
 
 def _ranges(n: int, n_parts: int) -> list[tuple[int, int]]:
     """Return first and last + 1 of parts of a range, nearly equal ones."""
-    edges = np.linspace(0, n, n_parts + 1).astype(int).tolist()
-    return list(pairwise(edges))
+    return list(pairwise(n * k // n_parts for k in range(n_parts + 1)))
 
 
 def _spread(work: Callable[[Any], Any], parts: list[Any], pool: ThreadPoolExecutor) -> list[Any]:

@@ -13,7 +13,7 @@ from seismo3d.robot.ekf import exp_motion
 from seismo3d.robot.frames import Measurer, MeasureSettings, Timing, smooth_depth
 from seismo3d.robot.landmarks import View, time_sightings, views_apart
 from seismo3d.robot.moving import MotionMemory
-from seismo3d.robot.room import Room
+from seismo3d.robot.room import Room, room_to_grow
 
 LENS = PinholeCamera(130.0, 131.0, 79.5, 59.5, (0.05,), 1000.0)
 POOL = ThreadPoolExecutor(2)
@@ -142,6 +142,15 @@ def test_memory_is_used_again_once_no_part_of_it_is_held() -> None:
     assert again.shape == (30, 40)
     assert again.dtype == np.int32
     assert room.empty((0, 3), np.uint8).shape == (0, 3)
+
+
+def test_room_to_grow_is_zero_and_can_be_written_to() -> None:
+    room = room_to_grow((1000, 3), np.uint16)
+    assert room.shape == (1000, 3)
+    assert room.dtype == np.uint16
+    assert not room.any()
+    room[7] = [1, 2, 3]
+    assert room.sum() == 6
 
 
 def test_frames_do_not_write_into_each_other() -> None:

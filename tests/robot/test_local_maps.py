@@ -97,8 +97,8 @@ def test_local_maps_become_one_when_the_old_place_is_seen_again(
     assert trajectory.maps.tolist() == [0] * len(trajectory)
     assert (np.diff(trajectory.frames) > 0).all()
     # all poses are in the first frame's world: the filter's guess across the dark was wrong by metres
-    # (a joint is good to 8 mm and 6 mrad, which carry over 3 m)
-    assert shift_errors(mapper, sequence, AWAY + BACK).max() < 0.05
+    # (a joint is good to 8 mm and 6 mrad, which carry over 3 m), and the first one after a pause to begin with, too
+    assert shift_errors(mapper, sequence, AWAY + BACK).max() < 0.02
     assert len(mapper.state.joints) >= 2
     errors = edge_errors(mapper.graph, mapper.graph.poses)
     assert np.linalg.norm(errors[:, 3:], axis=1).max() < 0.03

@@ -99,7 +99,7 @@ def test_a_settled_map_has_all_its_frames(room: tuple[RgbdSequence, list[RgbdFra
     for other in made[1:]:
         n = other.n_blocks
         assert n == made[0].n_blocks
-        for name in ("keys", "distance", "weight", "colour"):
+        for name in ("keys", "distance", "root", "colour"):
             np.testing.assert_array_equal(getattr(other, name)[:n], getattr(made[0], name)[:n])
 
 
@@ -138,22 +138,29 @@ def test_along_a_plain_wall_the_camera_slides_and_texture_holds_it(plain: bool, 
     paint = np.full((120, 160, 3), 128, np.uint8)
     if not plain:
         paint = np.kron(rng.integers(40, 220, (20, 27, 1)), np.ones((6, 6, 3)))[:120, :160].astype(np.uint8)
-    for number in range(8):
+    found = []
+    for number in range(12):
         depth = 1.5 + 0.003 * rng.standard_normal((120, 160)).astype(np.float32)
-        tracked = mapper.add(RgbdFrame.of(paint, depth, number / 30.0))
-    assert tracked.located is not None
-    assert tracked.is_located
-    across, along = tracked.located.covariance[5, 5], tracked.located.covariance[3:5, 3:5].diagonal()
-    assert across < 0.01**2
+        found.append(mapper.add(RgbdFrame.of(paint, depth, number / 30.0)))
+    assert all(tracked.is_located for tracked in found)
     if plain:
-        assert tracked.state == "sliding"
-        np.testing.assert_allclose(tracked.located.blind[:, 2], 0.0, atol=0.05)
-        assert (along > 1.0).all()
-        assert (tracked.covariance[3:5, 3:5].diagonal() > 10.0 * tracked.covariance[5, 5]).all()
+        sliding = [tracked for tracked in found if tracked.state == "sliding"]
+        assert len(sliding) >= 3  # the depth's noise decides whether the wall is told to be plain
+        tracked, located = sliding[-1], sliding[-1].located
+        assert located is not None
+        np.testing.assert_allclose(located.blind[:, 2], 0.0, atol=0.05)
+        # across the wall as it is mapped, which noise has turned by a few mrad
+        normal = np.cross(*located.blind)
+        shift, known = located.covariance[3:, 3:], tracked.covariance[3:, 3:]
+        assert normal @ shift @ normal < 0.01**2
+        assert (shift[:2, :2].diagonal() > 1.0).all()
+        assert (known[:2, :2].diagonal() > 4.0 * (normal @ known @ normal)).all()
     else:
-        assert tracked.state == "tracked"
-        assert not len(tracked.located.blind)
-        assert (along < 0.01**2).all()
+        assert [tracked.state for tracked in found] == ["started", *["tracked"] * 11]
+        located = found[-1].located
+        assert located is not None
+        assert not len(located.blind)
+        assert (located.covariance[3:, 3:].diagonal() < 0.01**2).all()
 
 
 def test_a_map_waits_for_the_first_frame_with_depth(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:

@@ -98,7 +98,8 @@ def watched(step: float, *, frames: int = 40) -> list[np.ndarray]:
         depth[40:80, 60:100] = 1.0 + step * number
         measured = measured_of(depth)
         marks.append(memory.watch(measured, LENS, np.eye(4)))
-        assert not measured.trusted[:80, :120].reshape(40, 2, 60, 2).any(axis=(1, 3))[marks[-1][:40, :60]].any()
+        fused = measured.pixels.reshape(120, 160) > 0
+        assert not fused[:80, :120].reshape(40, 2, 60, 2).any(axis=(1, 3))[marks[-1][:40, :60]].any()
     return marks
 
 

@@ -24,6 +24,12 @@ def measured_of(depth: np.ndarray, colour: np.ndarray | None = None, lens: Pinho
     )
 
 
+def hold(surface: SurfaceMap, number: int, distance: np.ndarray, weight: np.ndarray | float) -> None:
+    """Give a block its voxels, by the definition of how they are held."""
+    surface.distance[number] = np.rint(32768.0 + distance / surface.band * 32767.0)
+    surface.root[number] = np.rint(65535.0 * np.sqrt(weight / surface.heaviest))
+
+
 def tilted_plane(lens: PinholeCamera = LENS, shape: tuple[int, int] = (120, 160)) -> np.ndarray:
     """Depth of the plane z = 1 + 0.3 x, exactly, at each pixel."""
     grid = np.stack(np.meshgrid(np.arange(shape[1]), np.arange(shape[0])), axis=-1).reshape(-1, 2).astype(float)
@@ -73,7 +79,8 @@ def test_map_does_not_depend_on_the_worlds_place_by_whole_blocks() -> None:
     near.fuse(measured, LENS, np.eye(4), pool=POOL, n_threads=1)
     far.fuse(measured, LENS, T, pool=POOL, n_threads=2)
     assert near.n_blocks == far.n_blocks
-    np.testing.assert_allclose(near.distance[: near.n_blocks], far.distance[: far.n_blocks], atol=1e-5)
+    parts = slice(near.n_blocks)
+    np.testing.assert_allclose(near.distances(parts), far.distances(parts), atol=1e-5)
 
 
 def test_memory_follows_the_surface_not_the_volume() -> None:
@@ -118,8 +125,7 @@ def test_mesh_of_a_ball_is_closed_and_welded() -> None:
     voxel = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     for number in numbers:
         at = (surface.coordinates[number] * 8 + voxel) * 0.02
-        surface.distance[number] = np.clip(np.linalg.norm(at, axis=1) - 0.3, -0.06, 0.06)
-        surface.weight[number] = 2.0
+        hold(surface, number, np.clip(np.linalg.norm(at, axis=1) - 0.3, -0.06, 0.06), 2.0)
     mesh = extract_mesh(surface)
     assert np.abs(np.linalg.norm(mesh.points, axis=1) - 0.3).max() < 0.002
     edges = np.sort(
@@ -137,13 +143,25 @@ def test_interpolation_is_linear_across_blocks() -> None:
     for number in surface.add_blocks(keys):
         voxel = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
         at = surface.coordinates[number] * 8 + voxel
-        surface.distance[number] = at @ np.array([0.001, -0.002, 0.003])
-        surface.weight[number] = 1.0
-    out = np.empty(4)
+        hold(surface, number, at @ np.array([0.0005, -0.001, 0.0015]), 1.0)
+    out, step = np.empty(4), 0.04 / 32767.0
+    table = surface._table_keys, surface._table, surface._shift
     for x, y, z in ((2.3, 1.6, 5.9), (-0.4, -0.2, -0.9), (-1.0, 0.0, 3.5)):
-        assert sample_cell(x, y, z, surface.distance, surface._table_keys, surface._table, surface._shift, out)
-        np.testing.assert_allclose(out, [0.001 * x - 0.002 * y + 0.003 * z, 0.001, -0.002, 0.003], atol=1e-6)
-    assert not sample_cell(30.0, 0.0, 0.0, surface.distance, surface._table_keys, surface._table, surface._shift, out)
+        assert sample_cell(x, y, z, surface.distance, step, *table, out)
+        # each voxel is off by half a step at most, and a difference of two by a whole one
+        np.testing.assert_allclose(out, [0.0005 * x - 0.001 * y + 0.0015 * z, 0.0005, -0.001, 0.0015], atol=1.01 * step)
+    assert not sample_cell(30.0, 0.0, 0.0, surface.distance, step, *table, out)
+
+
+def test_voxels_that_were_never_held_are_not_known() -> None:
+    surface = SurfaceMap(0.01, 0.04)
+    (number,) = surface.add_blocks(np.array([blocks.pack(1, 2, 3)]))
+    assert np.isnan(surface.distances(int(number))).all()
+    assert not surface.weights(int(number)).any()
+    distance, weight = np.linspace(-0.04, 0.04, 512), np.geomspace(1e-4, 200.0, 512)
+    hold(surface, int(number), distance, weight)
+    np.testing.assert_allclose(surface.distances(int(number)), distance, atol=0.51 * 0.04 / 32767.0)
+    np.testing.assert_allclose(np.sqrt(surface.weights(int(number))), np.sqrt(weight), atol=0.51 * 200.0**0.5 / 65535.0)
 
 
 def test_lens_numbers_fill_up_with_zeros() -> None:

@@ -1,0 +1,157 @@
+"""Kernel that follows patches from one image to another, by Lucas and Kanade on a pyramid [1]_.
+
+Images are padded by ``PAD`` pixels on all sides, so that the patch of each pixel of them lies within.
+
+References
+----------
+.. [1] J.-Y. Bouguet, "Pyramidal implementation of the Lucas Kanade feature tracker", Intel Corporation, 2000.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba as nb
+import numpy as np
+
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
+
+RADIUS = 7
+"""Half the side of a patch, pixels."""
+PAD = RADIUS + 3
+_SIDE = 2 * RADIUS + 1
+_WIDE = 16
+"""Numbers of a patch's row, the last one without weight: as many as the processor's vectors take in whole steps."""
+_MOST_STEPS, _STILL = 12, 0.03
+"""Steps at most on a level, and the length of one, pixels, that is the last."""
+_FLAT = 0.1
+"""Mean square of the gradient, grey values a pixel, along the direction of its least, below which nothing is told."""
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _corners(x: float, y: float) -> Any:
+    """Row and column of the pixel before a place in a padded image, and the weights of the four around it."""
+    f4 = np.float32
+    column, row = math.floor(x), math.floor(y)
+    a, b = f4(x - column), f4(y - row)
+    c, d = f4(1.0) - a, f4(1.0) - b
+    return np.int64(row) + PAD, np.int64(column) + PAD, c * d, a * d, c * b, a * b
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def take_patch(
+    image: AnyArray, x: float, y: float, wide: Float32Array, patch: Float32Array, gx: Float32Array, gy: Float32Array
+) -> None:
+    """Write the patch (15, 16) about a place of a padded image, and its gradient by Scharr's operator.
+
+    ``wide`` (17, 18) is room for the patch with what is around it.
+    """
+    f4 = np.float32
+    row, column, w0, w1, w2, w3 = _corners(x, y)
+    row, column = row - RADIUS - 1, column - RADIUS - 1
+    for i in range(_SIDE + 2):
+        above, below, to = image[row + i, column:], image[row + i + 1, column:], wide[i]
+        for j in range(_WIDE + 1):
+            to[j] = w0 * f4(above[j]) + w1 * f4(above[j + 1]) + w2 * f4(below[j]) + w3 * f4(below[j + 1])
+    near, far = f4(10.0 / 32.0), f4(3.0 / 32.0)
+    for i in range(_SIDE):
+        above, middle, below = wide[i], wide[i + 1], wide[i + 2]
+        to, across, down = patch[i], gx[i], gy[i]
+        for j in range(_SIDE):
+            to[j] = middle[j + 1]
+            across[j] = near * (middle[j + 2] - middle[j]) + far * (above[j + 2] - above[j] + below[j + 2] - below[j])
+            down[j] = near * (below[j + 1] - above[j + 1]) + far * (below[j] - above[j] + below[j + 2] - above[j + 2])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _products(gx: Float32Array, gy: Float32Array, lanes: Float32Array) -> tuple[float, float, float]:
+    """Return the sums of the products of the gradient's parts over a patch."""
+    lanes[:] = np.float32(0.0)
+    first, second, third = lanes[0], lanes[1], lanes[2]
+    for i in range(_SIDE):
+        across, down = gx[i], gy[i]
+        for j in range(_WIDE):
+            first[j] += across[j] * across[j]
+            second[j] += across[j] * down[j]
+            third[j] += down[j] * down[j]
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for j in range(_WIDE):
+        xx, xy, yy = xx + first[j], xy + second[j], yy + third[j]
+    return xx, xy, yy
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _miss(
+    image: AnyArray, x: float, y: float, patch: Float32Array, gx: Float32Array, gy: Float32Array, lanes: Float32Array
+) -> tuple[float, float]:
+    """Return the sums of the gradient times how much brighter than a patch an image is about a place."""
+    f4 = np.float32
+    row, column, w0, w1, w2, w3 = _corners(x, y)
+    row, column = row - RADIUS, column - RADIUS
+    lanes[:] = f4(0.0)
+    right, low = lanes[0], lanes[1]
+    for i in range(_SIDE):
+        above, below, old, across, down = image[row + i, column:], image[row + i + 1, column:], patch[i], gx[i], gy[i]
+        for j in range(_WIDE):
+            off = w0 * f4(above[j]) + w1 * f4(above[j + 1]) + w2 * f4(below[j]) + w3 * f4(below[j + 1]) - old[j]
+            right[j] += off * across[j]
+            low[j] += off * down[j]
+    bx, by = 0.0, 0.0
+    for j in range(_WIDE):
+        bx += right[j]
+        by += low[j]
+    return bx, by
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def follow_patches(
+    before: tuple[AnyArray, ...],
+    now: tuple[AnyArray, ...],
+    top: int,
+    pixels: Float64Array,
+    places: Float64Array,
+    found: BoolArray,
+) -> None:
+    """Follow the patches about some pixels (n, 2; column, row) of an image to another.
+
+    Parameters are the padded images, each level half the size of the one before it, the level that is begun with, the
+    pixels, where they are sought, which becomes where they are, and whether each was found: inside the image, on a
+    patch that tells where it is.
+    """
+    wide = np.zeros((_SIDE + 2, _WIDE + 2), dtype=np.float32)
+    patch, lanes = np.zeros((_SIDE, _WIDE), dtype=np.float32), np.zeros((3, _WIDE), dtype=np.float32)
+    gx, gy = np.zeros((_SIDE, _WIDE), dtype=np.float32), np.zeros((_SIDE, _WIDE), dtype=np.float32)
+    for n in range(pixels.shape[0]):
+        u, v = places[n, 0] / (1 << top), places[n, 1] / (1 << top)
+        found[n] = True
+        for level in range(top, -1, -1):
+            image = now[level]
+            rows, columns = image.shape[0] - 2 * PAD, image.shape[1] - 2 * PAD
+            x, y = pixels[n, 0] / (1 << level), pixels[n, 1] / (1 << level)
+            within = 0.0 <= x <= columns - 1 and 0.0 <= y <= rows - 1
+            xx, xy, yy = 0.0, 0.0, 0.0
+            if within:
+                take_patch(before[level], x, y, wide, patch, gx, gy)
+                xx, xy, yy = _products(gx, gy, lanes)
+            least = 0.5 * (xx + yy - math.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))
+            known = within and least >= _FLAT * _SIDE * _SIDE
+            determinant, last_x, last_y = xx * yy - xy * xy, 0.0, 0.0
+            for step in range(_MOST_STEPS if known else 0):
+                if not (0.0 <= u <= columns - 1 and 0.0 <= v <= rows - 1):
+                    known = False
+                    break
+                bx, by = _miss(image, u, v, patch, gx, gy, lanes)
+                du, dv = (xy * by - yy * bx) / determinant, (xy * bx - xx * by) / determinant
+                u, v = u + du, v + dv
+                if du * du + dv * dv <= _STILL * _STILL:
+                    break
+                if step > 0 and abs(du + last_x) < 0.01 and abs(dv + last_y) < 0.01:  # to and fro
+                    u, v = u - 0.5 * du, v - 0.5 * dv
+                    break
+                last_x, last_y = du, dv
+            if level > 0:
+                u, v = 2.0 * u, 2.0 * v
+            else:
+                found[n] = known and 0.0 <= u <= columns - 1 and 0.0 <= v <= rows - 1
+        places[n, 0], places[n, 1] = u, v
