@@ -13,45 +13,6 @@ _BATCH = 2560
 """Samples of rows that are laid end to end."""
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, corner, out):  # type: ignore[no-untyped-def]
-    """Write the weighted mean of w_first * first + w_second * second along a line in the time slice.
-
-    The axes are (across the plane, along its strike, sample): the line runs along the second axis and moves by `shear`
-    along the first. What lies outside the cube is left out of the mean. Rows of `out` carry `pad` zeros at either end;
-    its first row is that of `first` at `corner`.
-    """
-    n0, n1, n2 = first.shape
-    half = len(taps) // 2
-    for line in prange(out.shape[0]):
-        row = np.int64(line)
-        i = row + corner[0]
-        for column in range(out.shape[1]):
-            j = column + corner[1]
-            values = out[row, column]
-            for k in range(n2 + 2 * pad):
-                values[k] = 0.0
-            total = np.float32(0.0)
-            for t in range(-half, half + 1):
-                jj = j + t
-                moved = shear * t
-                base = math.floor(moved)
-                fraction = np.float32(moved - base)
-                for side in range(2):
-                    weight = taps[t + half] * (fraction if side == 1 else np.float32(1.0) - fraction)
-                    ii = i + base + side
-                    if weight > np.float32(1e-5) and 0 <= ii < n0 and 0 <= jj < n1:
-                        total += weight
-                        a = weight * w_first
-                        b = weight * w_second
-                        for k in range(n2):
-                            part = multiply_add(b, second[ii, jj, k], values[k + pad])
-                            values[k + pad] = multiply_add(a, first[ii, jj, k], part)
-            scale = np.float32(1.0) / max(total, np.float32(0.2))
-            for k in range(n2):
-                values[k + pad] *= scale
-
-
 @njit(cache=True, nogil=True, inline="always")
 def _between_lines(i, moved, tap, n0):  # type: ignore[no-untyped-def]
     """Return the two lines that a plane passes between, `moved` lines off line i, with the tap's shares of each.
@@ -73,6 +34,40 @@ def _between_lines(i, moved, tap, n0):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, parallel=True)
+def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, corner, out):  # type: ignore[no-untyped-def]
+    """Write the weighted mean of w_first * first + w_second * second along a line in the time slice.
+
+    The axes are (across the plane, along its strike, sample): the line runs along the second axis and moves by `shear`
+    along the first. What lies outside the cube is left out of the mean. Rows of `out` carry `pad` zeros at either end;
+    its first row is that of `first` at `corner`.
+    """
+    n0, n1, n2 = first.shape
+    half = len(taps) // 2
+    for line in prange(out.shape[0]):
+        row = np.int64(line)
+        i = row + corner[0]
+        for column in range(out.shape[1]):
+            j = column + corner[1]
+            out[row, column] = 0.0
+            values = out[row, column, pad : pad + n2]
+            total = np.float32(0.0)
+            for t in range(-half, half + 1):
+                jj = j + t
+                if jj < 0 or jj >= n1:
+                    continue
+                a, b, w0, w1 = _between_lines(i, shear * t, taps[t + half], n0)
+                total += w0 + w1
+                first0, second0, first1, second1 = first[a, jj], second[a, jj], first[b, jj], second[b, jj]
+                u0, v0, u1, v1 = w0 * w_first, w0 * w_second, w1 * w_first, w1 * w_second
+                for k in range(n2):
+                    part = multiply_add(u0, first0[k], multiply_add(v0, second0[k], values[k]))
+                    values[k] = multiply_add(u1, first1[k], multiply_add(v1, second1[k], part))
+            scale = np.float32(1.0) / max(total, np.float32(0.2))
+            for k in range(n2):
+                values[k] *= scale
+
+
+@njit(cache=True, nogil=True, parallel=True)
 def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, code, best, arg):  # type: ignore[no-untyped-def]
     """Sum the lines down every dip; keep the largest mean and the number of its orientation.
 
@@ -86,13 +81,13 @@ def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, cod
     half = len(taps) // 2
     width = n2 + 2 * half
     flat = lines.reshape(n0, n1 * width)
-    whole = np.float32(1.0) - evenness
     # sums and what is added to them stay in the nearest cache
     batch = max(1, _BATCH // width)
     for line in prange(best.shape[0]):
         r = np.int64(line)
         i = r + first
         sums = np.empty((2, batch * width), np.float32)
+        top, number = np.empty((batch, n2), np.float32), np.empty((batch, n2), np.int32)
         weights = np.empty((len(shears), 2, n2), np.float32)
         for c in range(len(shears)):
             weights[c] = prior_weight
@@ -109,30 +104,58 @@ def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, cod
             # the outermost padding of the batch is never read: shifts stay within `half`
             start = j0 * width + half
             length = n_rows * width - 2 * half
+            for row in range(n_rows):
+                top[row] = best[r, j0 + row]
+                for k in range(n2):
+                    number[row, k] = arg[r, j0 + row, k]
             for c in range(len(shears)):
                 sums[:] = prior_weight * prior
-                for t in range(-half, half + 1):
-                    a, b, w0, w1 = _between_lines(i, shears[c] * t, taps[t + half], n0)
-                    if w0 + w1 <= np.float32(0.0):
-                        continue
-                    row0 = flat[a, start + t : start + t + length]
-                    row1 = flat[b, start + t : start + t + length]
-                    for part in range(0 if t <= 0 else 1, 2 if t >= 0 else 1):
-                        into = sums[part, :length]
+                for part in range(2):
+                    into = sums[part, :length]
+                    end = part * half
+                    # two at a time: the sums are read and written half as often
+                    for t in range(end - half, end + 1, 2):
+                        a, b, u0, u1 = _between_lines(i, shears[c] * t, taps[t + half], n0)
+                        after = min(t + 1, end)
+                        tap = taps[after + half] if after > t else np.float32(0.0)
+                        d, e, v0, v1 = _between_lines(i, shears[c] * after, tap, n0)
+                        if u0 + u1 + v0 + v1 <= np.float32(0.0):
+                            continue
+                        from_t, to_t = start + t, start + t + length
+                        from_after, to_after = start + after, start + after + length
+                        row0, row1 = flat[a, from_t:to_t], flat[b, from_t:to_t]
+                        row2, row3 = flat[d, from_after:to_after], flat[e, from_after:to_after]
                         for m in range(length):
-                            into[m] = multiply_add(w0, row0[m], multiply_add(w1, row1[m], into[m]))
-                number = np.int16(code + c)
+                            one = multiply_add(u0, row0[m], multiply_add(u1, row1[m], into[m]))
+                            into[m] = multiply_add(v0, row2[m], multiply_add(v1, row3[m], one))
                 for row in range(n_rows):
                     above = sums[0, row * width : row * width + n2]
                     below = sums[1, row * width : row * width + n2]
-                    top, top_arg = best[r, j0 + row], arg[r, j0 + row]
-                    for k in range(n2):
-                        mean = (above[k] + below[k]) / (weights[c, 0, k] + weights[c, 1, k])
-                        poorer = min(above[k] / weights[c, 0, k], below[k] / weights[c, 1, k])
-                        value = whole * mean + evenness * poorer
-                        better = value > top[k]
-                        top[k] = value if better else top[k]
-                        top_arg[k] = number if better else top_arg[k]
+                    _even_means(above, below, weights[c, 0], weights[c, 1], evenness)
+                    _keep_larger(above, np.int32(code + c), top[row], number[row])
+            for row in range(n_rows):
+                best[r, j0 + row] = top[row]
+                for k in range(n2):
+                    arg[r, j0 + row, k] = number[row, k]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _even_means(above, below, w_above, w_below, evenness):  # type: ignore[no-untyped-def]
+    """Write the mean of two halves, drawn towards that of the poorer one, over the sums of the first."""
+    whole = np.float32(1.0) - evenness
+    for k in range(len(above)):
+        mean = (above[k] + below[k]) / (w_above[k] + w_below[k])
+        first, second = above[k] / w_above[k], below[k] / w_below[k]
+        above[k] = whole * mean + evenness * min(first, second)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _keep_larger(values, number, top, numbers):  # type: ignore[no-untyped-def]
+    """Take values, and the number they go by, where they are larger; numbers as wide as values, for the speed."""
+    for k in range(len(values)):
+        better = values[k] > top[k]
+        top[k] = values[k] if better else top[k]
+        numbers[k] = number if better else numbers[k]
 
 
 @njit(cache=True, nogil=True, parallel=True)

@@ -381,10 +381,9 @@ def _smoothed(
     trend = _plane(cells, values, weight)
     rest = values - trend(cells[0], cells[1])
     summed = np.bincount(flat, weight * rest, size).reshape(shape)
-    smooth_weight = ndimage.gaussian_filter(total, sigma, mode="constant")
-    smooth_sum = ndimage.gaussian_filter(summed, sigma, mode="constant")
-    wide_weight = ndimage.gaussian_filter(total, 3.0 * sigma, mode="constant")
-    wide_sum = ndimage.gaussian_filter(summed, 3.0 * sigma, mode="constant")
+    both = np.stack([total, summed])
+    smooth_weight, smooth_sum = ndimage.gaussian_filter(both, (0.0, sigma, sigma), mode="constant")
+    wide_weight, wide_sum = ndimage.gaussian_filter(both, (0.0, 3.0 * sigma, 3.0 * sigma), mode="constant")
     # where the narrow window is nearly empty the wide one takes over
     share = 0.02
     mean = (smooth_sum + share * wide_sum) / np.maximum(smooth_weight + share * wide_weight, 1e-12)

@@ -87,7 +87,7 @@ def _find_share(
     slope = _at_counterparts(slopes, slip, thin)[taken]
     terms = _quadratic(taken)
     throw, counts = (slip.throw + shift)[taken].astype(np.float64), weight[taken].astype(np.float64)
-    left = np.array([_left_over(throw, counts, terms * (1.0 - share * slope)[:, None]) for share in _SHARES])
+    left = _left_over(throw, counts, terms, 1.0 - _SHARES[:, None] * slope)
     best = int(left.argmin())
     share, least = float(_SHARES[best]), float(left[best])
     if 0 < best < len(left) - 1:
@@ -105,13 +105,18 @@ def _quadratic(taken: BoolArray) -> Float64Array:
     return np.column_stack([np.ones_like(a), a, b, a * a, a * b, b * b])
 
 
-def _left_over(values: Float64Array, weights: Float64Array, terms: Float64Array) -> float:
-    """Mean robust square, at most one, of what a combination of terms leaves of the values."""
-    robust = weights
-    error = values
+def _left_over(values: Float64Array, weights: Float64Array, terms: Float64Array, scales: Float64Array) -> Float64Array:
+    """Mean robust square, at most one, of what a combination of terms leaves of the values, for each row of scales.
+
+    A row's terms are the terms times its scales, place by place.
+    """
+    n_terms = terms.shape[1]
+    products = (terms[:, :, None] * terms[:, None, :]).reshape(len(terms), -1)
+    robust, error = np.broadcast_to(weights, scales.shape), values
     for _ in range(3):
-        normal = (terms * robust[:, None]).T @ terms
-        normal[np.diag_indices_from(normal)] += 1e-9 * np.trace(normal)
-        error = values - terms @ np.linalg.solve(normal, terms.T @ (robust * values))
+        normal = ((robust * scales**2) @ products).reshape(-1, n_terms, n_terms)
+        normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(n_terms)
+        found = np.linalg.solve(normal, ((robust * scales * values) @ terms)[:, :, None])[:, :, 0]
+        error = values - scales * (found @ terms.T)
         robust = weights / (1.0 + error**2) ** 2
-    return float((weights * error**2 / (1.0 + error**2)).sum() / weights.sum())
+    return np.asarray((weights * error**2 / (1.0 + error**2)).sum(axis=1) / weights.sum())

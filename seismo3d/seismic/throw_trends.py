@@ -71,9 +71,8 @@ def local_trend(values: Float32Array, known: BoolArray, *, width: float) -> Floa
     """
     if not known.any():
         return np.zeros(values.shape, np.float32)
-    mass, row, column, value = (
-        _gather(part, known) for part in (np.ones_like(values), *np.indices(values.shape), values)
-    )
+    parts = np.where(known, np.stack([np.ones(values.shape), *np.indices(values.shape), values]), 0.0)
+    mass, row, column, value = _gather(parts)
     row, column, value = (
         np.divide(part, mass, out=np.zeros_like(part), where=mass > 0) for part in (row, column, value)
     )
@@ -87,12 +86,10 @@ def local_trend(values: Float32Array, known: BoolArray, *, width: float) -> Floa
     return np.clip(trend, low - 0.25 * abs(low) - 1.0, high + 0.25 * abs(high) + 1.0).astype(np.float32)
 
 
-def _gather(values: Float64Array, known: BoolArray) -> Float64Array:
-    """Sum the known values over blocks."""
-    padding = [(0, -n % _COARSE) for n in values.shape]
-    padded = np.pad(np.where(known, values, 0.0), padding)
-    n, m = padded.shape[0] // _COARSE, padded.shape[1] // _COARSE
-    return np.asarray(padded.reshape(n, _COARSE, m, _COARSE).sum(axis=(1, 3)), np.float64)
+def _gather(parts: Float64Array) -> Float64Array:
+    """Sum each of some grids over blocks."""
+    rows, columns = (np.arange(0, n, _COARSE) for n in parts.shape[1:])
+    return np.asarray(np.add.reduceat(np.add.reduceat(parts, rows, axis=1), columns, axis=2))
 
 
 def _planes(
@@ -103,17 +100,28 @@ def _planes(
     width: float,
 ) -> tuple[Float64Array, Float64Array]:
     """Value at the middle of every block of the plane through the blocks around it, and the weight of these."""
-
-    def mean(part: Float64Array) -> Float64Array:
-        return np.asarray(ndimage.gaussian_filter(mass * part, width / _COARSE, mode="constant", truncate=3.0)) / total
-
-    total = np.maximum(ndimage.gaussian_filter(mass, width / _COARSE, mode="constant", truncate=3.0), 1e-12)
-    r, c, t = mean(row), mean(column), mean(value)
+    parts = (
+        np.ones_like(mass),
+        row,
+        column,
+        value,
+        row * row,
+        column * column,
+        row * column,
+        row * value,
+        column * value,
+    )
+    sums = ndimage.gaussian_filter(
+        np.stack([mass * part for part in parts]),
+        (0.0, width / _COARSE, width / _COARSE),
+        mode="constant",
+        truncate=3.0,
+    )
+    total = np.maximum(sums[0], 1e-12)
+    r, c, t, rr, cc, rc, rt, ct = sums[1:] / total
     # a little of the window's own width in the denominators keeps a plane through one row of blocks level across it
     ridge = 0.02 * width**2
-    rr, cc = mean(row * row) - r * r + ridge, mean(column * column) - c * c + ridge
-    rc = mean(row * column) - r * c
-    rt, ct = mean(row * value) - r * t, mean(column * value) - c * t
+    rr, cc, rc, rt, ct = rr - r * r + ridge, cc - c * c + ridge, rc - r * c, rt - r * t, ct - c * t
     scale = np.maximum(rr * cc - rc * rc, 1e-12)
     down, along = (ct * rr - rt * rc) / scale, (rt * cc - ct * rc) / scale
     rows, columns = (_COARSE * np.indices(mass.shape)[axis] + 0.5 * (_COARSE - 1) for axis in (0, 1))
