@@ -164,7 +164,9 @@ _VOLUMES = ("likelihood.zarr", "labels.zarr", "throw.zarr")
 
 
 def measure_workers(size: int, *, edge: int) -> dict[str, Any]:
-    """Trace a cube on one dask worker process and on two, each on one thread."""
+    """Trace a cube on one dask worker process and on two, each on one thread, without dask's sampling of stacks."""
+    import dask
+
     from seismo3d.seismic.blocks.scheduling import OnCluster
 
     try:
@@ -178,6 +180,7 @@ def measure_workers(size: int, *, edge: int) -> dict[str, Any]:
     found: dict[str, Any] = {"size": size}
     with tempfile.TemporaryDirectory(dir=_scratch()) as folder:
         cube = open_cube(write_zarr(Path(folder) / "cube.zarr", large_cube((size, size, size))), lazy=True)
+        dask.config.set({"distributed.worker.profile.enabled": False})
         for n_workers in (1, 2):
             options = {"n_workers": n_workers, "threads_per_worker": 1, "dashboard_address": None}
             with LocalCluster(processes=True, **options) as local, OnCluster(local.scheduler_address) as cluster:

@@ -6,6 +6,12 @@ import numpy as np
 from numba import njit, prange
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _off(t, reach):  # type: ignore[no-untyped-def]
+    """Return how far off the surface a trace lies: -reach .. -1, then 1 .. reach."""
+    return t - reach if t < reach else t - reach + 1
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def split_profiles(values, known, farthest, within, contrast):  # type: ignore[no-untyped-def]
     """Write, for every break from -farthest to farthest, what its two sides leave, and how far their means lie apart.
@@ -19,31 +25,37 @@ def split_profiles(values, known, farthest, within, contrast):  # type: ignore[n
     for line in prange(n_rows):
         r = np.int64(line)
         for k in range(n_samples):
+            n_known, n_before = 0.0, 0.0
+            total, before = 0.0, 0.0
+            square, square_before = 0.0, 0.0
+            for t in range(n_traces):
+                if known[t, r, k]:
+                    value = float(values[t, r, k])
+                    n_known += 1.0
+                    total += value
+                    square += value * value
+            t = 0
             for place in range(2 * farthest + 1):
                 b = place - farthest
-                count = np.zeros(2, np.float32)
-                total = np.zeros(2, np.float32)
-                square = np.zeros(2, np.float32)
-                n_known = np.float32(0.0)
-                for t in range(n_traces):
-                    off = t - reach if t < reach else t - reach + 1
-                    if not known[t, r, k]:
-                        continue
-                    n_known += np.float32(1.0)
-                    if off == b:
-                        continue
-                    side = 0 if off < b else 1
-                    value = values[t, r, k]
-                    count[side] += np.float32(1.0)
-                    total[side] += value
-                    square[side] += value * value
-                left = np.float32(0.0)
-                for side in range(2):
-                    if count[side] > 0.0:
-                        left += max(square[side] - total[side] * total[side] / count[side], np.float32(0.0))
-                n_counted = max(count[0] + count[1], np.float32(1.0))
-                within[place, r, k] = left * n_known / (np.float32(n_traces) * n_counted)
-                contrast[place, r, k] = np.float32(0.0)
-                if count[0] > 0.0 and count[1] > 0.0:
-                    apart = total[0] / count[0] - total[1] / count[1]
-                    contrast[place, r, k] = apart * apart
+                # what lies before the break; the trace at it is passed by below
+                while t < n_traces and _off(t, reach) < b:
+                    if known[t, r, k]:
+                        value = float(values[t, r, k])
+                        n_before += 1.0
+                        before += value
+                        square_before += value * value
+                    t += 1
+                n_beyond, beyond, square_beyond = n_known - n_before, total - before, square - square_before
+                if t < n_traces and _off(t, reach) == b and known[t, r, k]:
+                    value = float(values[t, r, k])
+                    n_beyond -= 1.0
+                    beyond -= value
+                    square_beyond -= value * value
+                left = 0.0
+                if n_before > 0.0:
+                    left += max(square_before - before * before / n_before, 0.0)
+                if n_beyond > 0.0:
+                    left += max(square_beyond - beyond * beyond / n_beyond, 0.0)
+                within[place, r, k] = left * n_known / (n_traces * max(n_before + n_beyond, 1.0))
+                apart = before / n_before - beyond / n_beyond if n_before > 0.0 and n_beyond > 0.0 else 0.0
+                contrast[place, r, k] = apart * apart

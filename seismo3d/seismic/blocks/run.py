@@ -55,6 +55,11 @@ class BlockRun:
         kind = found["kind"]
         return cls(folder, BlockPlan.from_dict(found["plan"]), unpack_settings(found["settings"], kind), kind)
 
+    @staticmethod
+    def planned_at(folder: Path) -> int:
+        """Return when a folder's run was begun, in nanoseconds: no other run there has the same."""
+        return (folder / "work" / _PLAN).stat().st_mtime_ns
+
     @classmethod
     def begin(
         cls, folder: Path, plan: BlockPlan, settings: Any, *, source: Mapping[str, Any], kind: str = "faults"
