@@ -178,9 +178,9 @@ def measure_workers(size: int, *, edge: int) -> dict[str, Any]:
 
     settings = FaultSettings()
     found: dict[str, Any] = {"size": size}
-    with tempfile.TemporaryDirectory(dir=_scratch()) as folder:
+    unsampled = dask.config.set({"distributed.worker.profile.enabled": False})
+    with tempfile.TemporaryDirectory(dir=_scratch()) as folder, unsampled:
         cube = open_cube(write_zarr(Path(folder) / "cube.zarr", large_cube((size, size, size))), lazy=True)
-        dask.config.set({"distributed.worker.profile.enabled": False})
         for n_workers in (1, 2):
             options = {"n_workers": n_workers, "threads_per_worker": 1, "dashboard_address": None}
             with LocalCluster(processes=True, **options) as local, OnCluster(local.scheduler_address) as cluster:

@@ -100,23 +100,11 @@ def _planes(
     width: float,
 ) -> tuple[Float64Array, Float64Array]:
     """Value at the middle of every block of the plane through the blocks around it, and the weight of these."""
-    parts = (
-        np.ones_like(mass),
-        row,
-        column,
-        value,
-        row * row,
-        column * column,
-        row * column,
-        row * value,
-        column * value,
-    )
+    firsts, seconds = (row, column, value), (row * row, column * column, row * column, row * value, column * value)
     sums = ndimage.gaussian_filter(
-        np.stack([mass * part for part in parts]),
-        (0.0, width / _COARSE, width / _COARSE),
-        mode="constant",
-        truncate=3.0,
-    )
+        np.stack([mass, *(mass * part for part in (*firsts, *seconds))]),
+        (0.0, width / _COARSE, width / _COARSE), mode="constant", truncate=3.0,
+    )  # fmt: skip
     total = np.maximum(sums[0], 1e-12)
     r, c, t, rr, cc, rc, rt, ct = sums[1:] / total
     # a little of the window's own width in the denominators keeps a plane through one row of blocks level across it
