@@ -112,7 +112,8 @@ def grow_surfaces(  # type: ignore[no-untyped-def]
 
     Begins with the seed at `first` of the order and surface `number`, and pauses between two surfaces once `most`
     points are taken: returns the next seed's place and surface. `height` and `owner` have room for each place of a
-    surface: (2 (inlines + crosslines) + 1, levels); `label` and `owner` are -1 at first.
+    surface: (2 (inlines + crosslines) + 1, levels); `label` and `owner` are -1 at first. A point that waits to be taken
+    has the label -2: it waits once.
     """
     n0, n1, n2 = shape
     cells, points = index
@@ -131,8 +132,7 @@ def grow_surfaces(  # type: ignore[no-untyped-def]
         heap = [(-score[seed], np.int64(seed))]
         while len(heap) > 0:
             _, a = heapq.heappop(heap)
-            if label[a] >= 0:
-                continue
+            label[a] = -1
             x, y = positions[a, 0] - positions[seed, 0], positions[a, 1] - positions[seed, 1]
             w = nx * x + ny * y - cotangent * (positions[a, 2] - positions[seed, 2])
             row = int(np.rint(nx * y - ny * x)) + span
@@ -158,7 +158,7 @@ def grow_surfaces(  # type: ignore[no-untyped-def]
                 i, j = _carried(voxels, normals, a, (kk - k) * step)
                 for m in range(find_points(cells, points, i, j, kk, reach, any_cell, 0, found)):
                     b = found[m]
-                    if label[b] >= 0:
+                    if label[b] != -1:
                         continue
                     turned = (
                         normals[b, 0] * normals[seed, 0]
@@ -169,6 +169,7 @@ def grow_surfaces(  # type: ignore[no-untyped-def]
                         continue
                     if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
                         heapq.heappush(heap, (-score[b], b))
+                        label[b] = -2
         number += 1
     return len(order), number
 
@@ -188,6 +189,16 @@ def find_lone_surfaces(voxels, label, cells, n_cells):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
+def _add(near, along, one, other, n_surfaces, n_near, n_along):  # type: ignore[no-untyped-def]
+    """Add to the counts of two surfaces; no count is kept where there is nothing to add."""
+    key = min(one, other) * n_surfaces + max(one, other)
+    if n_near > 0:
+        near[key] = near.get(key, 0) + n_near
+    if n_along > 0:
+        along[key] = along.get(key, 0) + n_along
+
+
+@njit(cache=True, nogil=True)
 def count_contacts(  # type: ignore[no-untyped-def]
     voxels,
     positions,
@@ -203,14 +214,12 @@ def count_contacts(  # type: ignore[no-untyped-def]
     off_plane,
     first,
     last,
-    near,
-    along,
 ):
-    """Count, for every two surfaces in touch, pairs of near points, and those of them that agree.
+    """Return a row (surface, surface, pairs of near points, those of them that agree) for every two in touch.
 
-    Looks from the points `first` to `last`, and adds to `near` and `along`, whose keys are both surfaces in one number.
-    `holds` is from :func:`find_lone_surfaces`.
+    Counts what is seen from the points `first` to `last`. `holds` is from :func:`find_lone_surfaces`.
     """
+    near, along = Dict.empty(types.int64, types.int64), Dict.empty(types.int64, types.int64)
     n2 = shape[2]
     cells, points = index
     found = np.empty((2 * reach + 1) ** 2, np.int64)
@@ -219,32 +228,23 @@ def count_contacts(  # type: ignore[no-untyped-def]
         if la < 0:
             continue
         k = voxels[a, 2]
+        # neighbours of one surface mostly come one after another: they are added up together
+        other, n_near, n_along = np.int64(-1), 0, 0
         for kk in range(max(0, k - reach), min(n2, k + reach + 1)):
             i, j = _carried(voxels, normals, a, (kk - k) * step)
             for m in range(find_points(cells, points, i, j, kk, reach, holds, la, found)):
                 b = found[m]
-                if label[b] < 0 or label[b] == la:
-                    continue
                 lb = np.int64(label[b])
-                key = min(la, lb) * n_surfaces + max(la, lb)
-                near[key] = near.get(key, 0) + 1
-                if _on_each_other(positions, normals, a, b, least_cosine, off_plane):
-                    along[key] = along.get(key, 0) + 1
-
-
-@njit(cache=True, nogil=True)
-def new_counts():  # type: ignore[no-untyped-def]
-    """Return counts with no key."""
-    return Dict.empty(types.int64, types.int64)
-
-
-@njit(cache=True, nogil=True)
-def list_contacts(near, along, n_surfaces):  # type: ignore[no-untyped-def]
-    """Return a row (surface, surface, pairs of near points, those of them that agree) for every two in touch."""
-    out = np.empty((len(near), 4), np.int64)
+                if lb < 0 or lb == la:
+                    continue
+                if lb != other:
+                    _add(near, along, la, other, n_surfaces, n_near, n_along)
+                    other, n_near, n_along = lb, 0, 0
+                n_near += 1
+                n_along += _on_each_other(positions, normals, a, b, least_cosine, off_plane)
+        _add(near, along, la, other, n_surfaces, n_near, n_along)
+    rows = np.empty((len(near), 4), np.int64)
     for row, key in enumerate(near):
-        out[row, 0] = key // n_surfaces
-        out[row, 1] = key % n_surfaces
-        out[row, 2] = near[key]
-        out[row, 3] = along.get(key, 0)
-    return out
+        rows[row, 0], rows[row, 1] = key // n_surfaces, key % n_surfaces
+        rows[row, 2], rows[row, 3] = near[key], along.get(key, 0)
+    return rows

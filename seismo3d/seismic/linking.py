@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,17 +11,21 @@ from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from seismo3d._threads import map_items
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_linking import (
     count_contacts,
     fill_cells,
     find_lone_surfaces,
     grow_surfaces,
-    list_contacts,
-    new_counts,
     number_cells,
 )
 from seismo3d.seismic.scan import RidgePoints
+
+# surfaces that are fitted between two rests
+_BETWEEN_RESTS = 64
+# into so many shares, to be counted one by one, the points of a cube are split
+_SHARES = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,20 +207,23 @@ def link_sheets(
     list of Sheet
     """
     settings = settings or LinkSettings()
-    sheets: list[Sheet] = []
-    for number, parts in enumerate(_grow(ridges, shape, step, settings, room)):
-        if room is not None and number % 64 == 0:
-            room.rest()
+
+    def fit(parts: list[IntArray]) -> list[Sheet]:
         whole = np.concatenate(parts)
+        if len(whole) < least_points:
+            return []
         sheet, share = _fit_sheet(ridges, whole, shape, step, end_score, settings)
         if len(parts) == 1 or share > settings.joint_share:
-            sheets += [sheet] if len(whole) >= least_points else []
-        else:  # no one height field: what seemed to continue is two faults that meet
-            sheets += [
-                _fit_sheet(ridges, part, shape, step, end_score, settings)[0]
-                for part in parts
-                if len(part) >= least_points
-            ]
+            return [sheet]
+        # no one height field: what seemed to continue is two faults that meet
+        large = [part for part in parts if len(part) >= least_points]
+        return [_fit_sheet(ridges, part, shape, step, end_score, settings)[0] for part in large]
+
+    surfaces, sheets = _grow(ridges, shape, step, settings, room), []
+    for start in range(0, len(surfaces), _BETWEEN_RESTS):
+        if room is not None:
+            room.rest()
+        sheets += [sheet for found in map_items(fit, surfaces[start : start + _BETWEEN_RESTS]) for sheet in found]
     return sorted(sheets, key=lambda sheet: -sheet.area)
 
 
@@ -256,17 +264,19 @@ def _grow(
     n_surfaces = int(label.max()) + 1
     if n_surfaces == 0:
         return []
-    near, along = new_counts(), new_counts()
     holds = find_lone_surfaces(ridges.voxels, label, cells, n_cells)
+    contacts = []
     for start in range(0, n, min(n, most)):
         room.rest()
-        count_contacts(
-            ridges.voxels, ridges.positions, normals, label, n_surfaces, shape, index, holds, step, settings.gap,
-            np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(settings.off_plane),
-            start, min(start + most, n), near, along,
+        ends = np.linspace(start, min(start + most, n), _SHARES + 1).astype(np.int64)
+        contacts += map_items(
+            lambda share: count_contacts(
+                ridges.voxels, ridges.positions, normals, label, n_surfaces, shape, index, holds, step, settings.gap,
+                np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(settings.off_plane), *share,
+            ),
+            pairwise(ends),
         )  # fmt: skip
-    contacts = list_contacts(near, along, n_surfaces)
-    group = _join(n_surfaces, contacts, settings.contacts)
+    group = _join(n_surfaces, np.concatenate(contacts), settings.contacts)
     parts: dict[int, list[IntArray]] = {}
     for part in _split(label):
         parts.setdefault(int(group[label[part[0]]]), []).append(part)
@@ -283,7 +293,8 @@ def _split(label: IntArray) -> list[IntArray]:
 
 def _join(n_surfaces: int, contacts: IntArray, least: int) -> IntArray:
     """Return the group of every surface: united are those most of whose close points lie on each other's planes."""
-    first, second, near, along = contacts.T
+    pairs, row = np.unique(contacts[:, :2], axis=0, return_inverse=True)
+    (first, second), (near, along) = pairs.T, (np.bincount(row, counted) for counted in contacts.T[2:])
     joined = (along >= least) & (along > 0.7 * near)
     graph = coo_matrix((np.ones(joined.sum()), (first[joined], second[joined])), shape=(n_surfaces, n_surfaces))
     _, group = connected_components(graph, directed=False)
