@@ -7,6 +7,24 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
+def find_in_view(in_hanging, in_foot, throw, thin, share):  # type: ignore[no-untyped-def]
+    """Return where the hanging wall is known and so is the footwall at the place that it came from."""
+    n_rows, n_samples = in_foot.shape
+    found = np.zeros(throw.shape, np.bool_)
+    for r in range(throw.shape[0]):
+        for k in range(throw.shape[1]):
+            if in_hanging[thin * r, thin * k] <= 0:
+                continue
+            row, sample = (
+                np.rint(thin * r - np.float64(share * throw[r, k])),
+                np.rint(thin * k - np.float64(throw[r, k])),
+            )
+            if 0 <= row < n_rows and 0 <= sample < n_samples:
+                found[r, k] = in_foot[np.int64(row), np.int64(sample)] > 0
+    return found
+
+
+@njit(cache=True, nogil=True)
 def pull_shifts(cost, known, usual, pull, shift, least, rise):  # type: ignore[no-untyped-def]
     """Write the cheapest shift at every place, refined by a parabola.
 

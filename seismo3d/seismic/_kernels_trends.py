@@ -1,4 +1,4 @@
-"""The quadratic trend over a fault that costs least, given the cost of every throw at every place."""
+"""Trends of throw over a fault: the quadratic one that costs least, and planes through what is known nearby."""
 
 from __future__ import annotations
 
@@ -72,3 +72,75 @@ def search_trends(costs, u, v, starts, slopes, beyond, rounds, terms, scores):  
         scores[start] = _descend(costs, u, v, beyond, rounds, best, score)
         for term in range(6):
             terms[start, term] = best[term]
+
+
+@njit(cache=True, nogil=True)
+def gather_blocks(values, known, size):  # type: ignore[no-untyped-def]
+    """Return, for every block of `size` x `size` places, how many are known, and their mean row, column and value."""
+    n_rows, n_columns = values.shape
+    parts = np.zeros((4, (n_rows + size - 1) // size, (n_columns + size - 1) // size))
+    for r in range(n_rows):
+        for k in range(n_columns):
+            if known[r, k]:
+                block = parts[:, r // size, k // size]
+                block[0] += 1.0
+                block[1] += r
+                block[2] += k
+                block[3] += values[r, k]
+    for i in range(parts.shape[1]):
+        for j in range(parts.shape[2]):
+            if parts[0, i, j] > 0.0:
+                for m in range(1, 4):
+                    parts[m, i, j] /= parts[0, i, j]
+    return parts
+
+
+@njit(cache=True, nogil=True)
+def _smooth(grids, taps):  # type: ignore[no-untyped-def]
+    """Smooth grids along both axes by weights of odd number; beyond their ends they are 0."""
+    n_grids, n_rows, n_columns = grids.shape
+    reach = len(taps) // 2
+    across, out = np.zeros_like(grids), np.zeros_like(grids)
+    for m in range(n_grids):
+        for i in range(n_rows):
+            for a in range(max(-reach, -i), min(reach, n_rows - 1 - i) + 1):
+                weight = taps[a + reach]
+                for j in range(n_columns):
+                    across[m, i, j] += weight * grids[m, i + a, j]
+        for i in range(n_rows):
+            for j in range(n_columns):
+                total = 0.0
+                for b in range(max(-reach, -j), min(reach, n_columns - 1 - j) + 1):
+                    total += taps[b + reach] * across[m, i, j + b]
+                out[m, i, j] = total
+    return out
+
+
+@njit(cache=True, nogil=True)
+def fit_block_planes(parts, size, taps, ridge):  # type: ignore[no-untyped-def]
+    """Return, at the middle of every block, the value of the plane through the blocks around it, and their weight.
+
+    `parts` is from :func:`gather_blocks`. A little of the window's own width, `ridge`, in the denominators keeps a
+    plane through one row of blocks level across it.
+    """
+    n_rows, n_columns = parts.shape[1:]
+    sums = np.empty((9, n_rows, n_columns))
+    for i in range(n_rows):
+        for j in range(n_columns):
+            mass, r, c, t = parts[0, i, j], parts[1, i, j], parts[2, i, j], parts[3, i, j]
+            sums[0, i, j], sums[1, i, j], sums[2, i, j], sums[3, i, j] = mass, mass * r, mass * c, mass * t
+            sums[4, i, j], sums[5, i, j], sums[6, i, j] = mass * r * r, mass * c * c, mass * r * c
+            sums[7, i, j], sums[8, i, j] = mass * r * t, mass * c * t
+    sums = _smooth(sums, taps)
+    found, weight = np.empty((n_rows, n_columns)), np.empty((n_rows, n_columns))
+    for i in range(n_rows):
+        for j in range(n_columns):
+            total = max(sums[0, i, j], 1e-12)
+            r, c, t = sums[1, i, j] / total, sums[2, i, j] / total, sums[3, i, j] / total
+            rr, cc = sums[4, i, j] / total - r * r + ridge, sums[5, i, j] / total - c * c + ridge
+            rc, rt, ct = sums[6, i, j] / total - r * c, sums[7, i, j] / total - r * t, sums[8, i, j] / total - c * t
+            scale = max(rr * cc - rc * rc, 1e-12)
+            down, along = (ct * rr - rt * rc) / scale, (rt * cc - ct * rc) / scale
+            row, column = size * i + 0.5 * (size - 1), size * j + 0.5 * (size - 1)
+            found[i, j], weight[i, j] = t + along * (row - r) + down * (column - c), total
+    return found, weight

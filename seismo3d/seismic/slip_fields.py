@@ -10,7 +10,7 @@ from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_costs import compare_about
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_restore import enlarge_grid
-from seismo3d.seismic._kernels_slip import add_bending, add_places, pull_shifts, solve_bands
+from seismo3d.seismic._kernels_slip import add_bending, add_places, find_in_view, pull_shifts, solve_bands
 
 # grid places between the nodes of a field, and how firmly a field that nothing holds stays at the mean
 _COARSE, _RIDGE = 4, 1e-3
@@ -44,13 +44,7 @@ class Sides:
 
     def in_view(self, throw: Float32Array, thin: int, share: float = 0.0) -> BoolArray:
         """Tell where the hanging wall is known and so is the footwall at the place that it came from."""
-        rows, columns = np.indices(throw.shape) * thin
-        above = np.rint(columns - throw).astype(np.int64)
-        beside = np.rint(rows - share * throw).astype(np.int64)
-        n_rows, n_samples = self.foot.shape
-        reach = (above >= 0) & (above < n_samples) & (beside >= 0) & (beside < n_rows)
-        above, beside = np.clip(above, 0, n_samples - 1), np.clip(beside, 0, n_rows - 1)
-        return reach & (self.in_hanging[rows, columns] > 0) & (self.in_foot[beside, above] > 0)
+        return np.asarray(find_in_view(self.in_hanging, self.in_foot, throw, thin, np.float32(share)))
 
 
 @dataclass(frozen=True, slots=True)

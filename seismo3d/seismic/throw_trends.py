@@ -7,7 +7,7 @@ from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array
 from seismo3d.seismic._kernels_restore import enlarge_grid
-from seismo3d.seismic._kernels_trends import search_trends
+from seismo3d.seismic._kernels_trends import fit_block_planes, gather_blocks, search_trends
 
 # places of the grid that one place of a trend's own coarser grid stands for
 _COARSE = 4
@@ -71,49 +71,24 @@ def local_trend(values: Float32Array, known: BoolArray, *, width: float) -> Floa
     """
     if not known.any():
         return np.zeros(values.shape, np.float32)
-    parts = np.where(known, np.stack([np.ones(values.shape), *np.indices(values.shape), values]), 0.0)
-    mass, row, column, value = _gather(parts)
-    row, column, value = (
-        np.divide(part, mass, out=np.zeros_like(part), where=mass > 0) for part in (row, column, value)
-    )
-    narrow, weight = _planes(mass, row, column, value, width)
-    wide, spare = _planes(mass, row, column, value, 3.0 * width)
+    parts = gather_blocks(values, known, _COARSE)
+    narrow, weight = _planes(parts, width)
+    wide, spare = _planes(parts, 3.0 * width)
     share = np.clip(20.0 * weight / max(float(weight.max()), 1e-12), 0.0, 1.0)
-    mean = (value * mass).sum() / mass.sum()
+    mean = (parts[3] * parts[0]).sum() / parts[0].sum()
     trend = np.where(spare > 1e-9, share * narrow + (1.0 - share) * wide, mean)
     low, high = np.percentile(values[known], [0.5, 99.5])
     trend = _enlarge(trend, values.shape)
     return np.clip(trend, low - 0.25 * abs(low) - 1.0, high + 0.25 * abs(high) + 1.0).astype(np.float32)
 
 
-def _gather(parts: Float64Array) -> Float64Array:
-    """Sum each of some grids over blocks."""
-    rows, columns = (np.arange(0, n, _COARSE) for n in parts.shape[1:])
-    return np.asarray(np.add.reduceat(np.add.reduceat(parts, rows, axis=1), columns, axis=2))
-
-
-def _planes(
-    mass: Float64Array,
-    row: Float64Array,
-    column: Float64Array,
-    value: Float64Array,
-    width: float,
-) -> tuple[Float64Array, Float64Array]:
+def _planes(parts: Float64Array, width: float) -> tuple[Float64Array, Float64Array]:
     """Value at the middle of every block of the plane through the blocks around it, and the weight of these."""
-    firsts, seconds = (row, column, value), (row * row, column * column, row * column, row * value, column * value)
-    sums = ndimage.gaussian_filter(
-        np.stack([mass, *(mass * part for part in (*firsts, *seconds))]),
-        (0.0, width / _COARSE, width / _COARSE), mode="constant", truncate=3.0,
-    )  # fmt: skip
-    total = np.maximum(sums[0], 1e-12)
-    r, c, t, rr, cc, rc, rt, ct = sums[1:] / total
-    # a little of the window's own width in the denominators keeps a plane through one row of blocks level across it
-    ridge = 0.02 * width**2
-    rr, cc, rc, rt, ct = rr - r * r + ridge, cc - c * c + ridge, rc - r * c, rt - r * t, ct - c * t
-    scale = np.maximum(rr * cc - rc * rc, 1e-12)
-    down, along = (ct * rr - rt * rc) / scale, (rt * cc - ct * rc) / scale
-    rows, columns = (_COARSE * np.indices(mass.shape)[axis] + 0.5 * (_COARSE - 1) for axis in (0, 1))
-    return t + along * (rows - r) + down * (columns - c), total
+    sigma = width / _COARSE
+    reach = round(3.0 * sigma)
+    taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    value, weight = fit_block_planes(parts, _COARSE, taps / taps.sum(), 0.02 * width**2)
+    return value, weight
 
 
 def _enlarge(values: Float64Array, shape: tuple[int, ...]) -> Float64Array:
