@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from numba import njit
+from numba import njit, prange
 
 from seismo3d._typing import Float64Array, IntArray
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, parallel=True)
 def carry_to_places(
     w: Float64Array,
     known: Float64Array,
@@ -42,7 +42,7 @@ def carry_to_places(
         Filled: height, 0 where there is none, and how many nodes told it.
     """
     row_reach, column_reach = len(row_taps) // 2, len(column_taps) // 2
-    for n in range(len(rows)):
+    for n in prange(len(rows)):
         r, c, side = rows[n], columns[n], wanted[n]
         total = x = y = h = xx = xy = yy = xh = yh = 0.0
         for i in range(max(0, r - row_reach), min(w.shape[0], r + row_reach + 1)):

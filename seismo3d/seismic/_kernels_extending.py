@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, parallel=True)
 def fit_local_planes(
     w: Float64Array, inside: BoolArray, rows: IntArray, columns: IntArray, taps: Float64Array, planes: Float64Array
 ) -> None:
@@ -28,7 +28,7 @@ def fit_local_planes(
         Filled: height, and slopes along rows and columns; 0 where nothing is known around.
     """
     reach = len(taps) // 2
-    for k in range(len(rows)):
+    for k in prange(len(rows)):
         total = x = y = h = xx = xy = yy = xh = yh = 0.0
         for i in range(max(0, rows[k] - reach), min(w.shape[0], rows[k] + reach + 1)):
             r = float(i - rows[k])
@@ -55,7 +55,7 @@ def fit_local_planes(
         rh, ch = xh / total - x * h, yh / total - y * h
         size = max(rr * cc - rc * rc, 1e-12)
         along, down = (cc * rh - rc * ch) / size, (rr * ch - rc * rh) / size
-        planes[k] = np.array((h - along * x - down * y, along, down))
+        planes[k, 0], planes[k, 1], planes[k, 2] = h - along * x - down * y, along, down
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._threads import map_items
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_cut_offsets import carry_to_places
 from seismo3d.seismic._kernels_restore import read_between
@@ -87,7 +86,7 @@ def offset_sheets(
     """
     settings = settings or CutSettings()
     grids = [_Grid(sheet) for sheet in sheets]
-    return map_items(lambda number: _offset(number, grids, patch, settings), range(len(sheets)))
+    return [_offset(number, grids, patch, settings) for number in range(len(sheets))]
 
 
 class _Grid:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._threads import map_items
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_extending import find_beside, fit_local_planes, follow_planes, lay_on_grid
 from seismo3d.seismic.choosing import strength
@@ -90,25 +89,23 @@ def extend_sheets(
         In their order.
     """
     settings = settings or ExtendSettings()
-    found = list(sheets)
+    found, certain = list(sheets), []
 
     def carry_on(number: int) -> None:
-        found[number] = extend_sheet(sheets[number], ridges, shape, settings=settings)
+        found[number] = extend_sheet(found[number], ridges, shape, settings=settings)
         if room is not None:
             room.rest()
 
     significance = [strength(sheet) for sheet in sheets]
-    certain = [number for number, value in enumerate(significance) if value >= settings.strength]
-    map_items(carry_on, certain)
-    hosts = [SheetNodes.of(found[number]) for number in certain]
-
-    def carry_on_beside(number: int) -> None:
-        nodes = SheetNodes.of(sheets[number])
-        if any(nodes.touches(host, settings.gap) for host in hosts):
+    for number, value in enumerate(significance):
+        if value >= settings.strength:
             carry_on(number)
-
-    weaker = [n for n, value in enumerate(significance) if settings.company_strength <= value < settings.strength]
-    map_items(carry_on_beside, weaker)
+            certain.append(SheetNodes.of(found[number]))
+    for number, value in enumerate(significance):
+        if settings.company_strength <= value < settings.strength:
+            nodes = SheetNodes.of(found[number])
+            if any(nodes.touches(other, settings.gap) for other in certain):
+                carry_on(number)
     return found
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Protocol
 
+import cv2
 import numpy as np
 from scipy import ndimage
 from scipy.sparse import coo_matrix
@@ -22,8 +23,6 @@ from seismo3d.seismic._kernels_linking import (
 )
 from seismo3d.seismic.scan import RidgePoints
 
-# surfaces that are fitted between two rests
-_BETWEEN_RESTS = 64
 # into so many shares, to be counted one by one, the points of a cube are split
 _SHARES = 8
 
@@ -207,23 +206,22 @@ def link_sheets(
     list of Sheet
     """
     settings = settings or LinkSettings()
-
-    def fit(parts: list[IntArray]) -> list[Sheet]:
+    sheets: list[Sheet] = []
+    for number, parts in enumerate(_grow(ridges, shape, step, settings, room)):
+        if room is not None and number % 64 == 0:
+            room.rest()
         whole = np.concatenate(parts)
         if len(whole) < least_points:
-            return []
+            continue
         sheet, share = _fit_sheet(ridges, whole, shape, step, end_score, settings)
         if len(parts) == 1 or share > settings.joint_share:
-            return [sheet]
-        # no one height field: what seemed to continue is two faults that meet
-        large = [part for part in parts if len(part) >= least_points]
-        return [_fit_sheet(ridges, part, shape, step, end_score, settings)[0] for part in large]
-
-    surfaces, sheets = _grow(ridges, shape, step, settings, room), []
-    for start in range(0, len(surfaces), _BETWEEN_RESTS):
-        if room is not None:
-            room.rest()
-        sheets += [sheet for found in map_items(fit, surfaces[start : start + _BETWEEN_RESTS]) for sheet in found]
+            sheets.append(sheet)
+        else:  # no one height field: what seemed to continue is two faults that meet
+            sheets += [
+                _fit_sheet(ridges, part, shape, step, end_score, settings)[0]
+                for part in parts
+                if len(part) >= least_points
+            ]
     return sorted(sheets, key=lambda sheet: -sheet.area)
 
 
@@ -414,9 +412,10 @@ def _bridge(cells: tuple[IntArray, IntArray], on_sheet: BoolArray, shape: tuple[
     taken = np.zeros(shape, bool)
     taken[cells[0][on_sheet], cells[1][on_sheet]] = True
     disc = np.hypot(*np.mgrid[-closing : closing + 1, -closing : closing + 1]) <= closing
-    padded = np.pad(taken, closing)
-    closed = ndimage.binary_closing(padded, disc)[closing:-closing, closing:-closing]
-    closed = ndimage.binary_fill_holes(closed)
+    padded = np.pad(taken, closing).astype(np.uint8)
+    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc.astype(np.uint8))[closing:-closing, closing:-closing]
+    around, _ = ndimage.label(np.pad(closed == 0, 1, constant_values=True))
+    closed = (around != around[0, 0])[1:-1, 1:-1]  # holes are filled
     if not closed.any():
         return closed
     parts, n_parts = ndimage.label(closed, np.ones((3, 3)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from seismo3d._typing import IntArray
 from seismo3d.seismic.blocks.evidence import final_noise, read_levelled, thinned_shape
 from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.results import write_result
@@ -81,34 +82,46 @@ def least_scores(run: BlockRun) -> tuple[float, float]:
     return score_at_noise(run.settings.least_score, ratio), run.settings.extend.weakest
 
 
-def gather_ridges(run: BlockRun, room: OnDisk, least: float) -> RidgePoints:
-    """Return the whole cube's ridges of that support at least, in the order in which the cube in one piece has them."""
-    blocks = range(len(run.plan.tiling("draw")))
-    shape = thinned_shape(run)
-    keys = []
+def gather_ridges(run: BlockRun, room: OnDisk) -> list[RidgePoints]:
+    """Return the whole cube's strong ridges, and those that sheets are followed along.
+
+    They are in the order in which the cube in one piece has them.
+    """
+    blocks, shape, scores = range(len(run.plan.tiling("draw"))), thinned_shape(run), least_scores(run)
+    keys: list[list[IntArray]] = [[] for _ in scores]
     for number in blocks:
         part, _ = run.read_part("thin", number)
-        keys.append(np.ravel_multi_index(tuple(part["voxels"][part["score"] >= least].T), shape))
-    flat = np.concatenate(keys)
+        flat = np.ravel_multi_index(tuple(part["voxels"].T), shape)
+        for found, least in zip(keys, scores, strict=True):
+            found.append(flat[part["score"] >= least])
+    places = [_places_in_order(np.concatenate(found)) for found in keys]
     del keys
-    order = np.argsort(flat, kind="stable")
+    wholes = [
+        RidgePoints(
+            voxels=room.array((len(place), 3), np.int32), positions=room.array((len(place), 3), np.float32),
+            planes=room.array((len(place), 3), np.float32), score=room.array((len(place),), np.float32),
+        )
+        for place in places
+    ]  # fmt: skip
+    first = [0] * len(scores)
+    for number in blocks:
+        part, _ = run.read_part("thin", number)
+        for n, (whole, place, least) in enumerate(zip(wholes, places, scores, strict=True)):
+            enough = part["score"] >= least
+            at = place[first[n] : first[n] + int(enough.sum())]
+            for name in ("voxels", "positions", "planes", "score"):
+                getattr(whole, name)[at] = part[name][enough]
+            first[n] += len(at)
+        room.rest()
+    return wholes
+
+
+def _places_in_order(keys: IntArray) -> IntArray:
+    """Return the place that each of some numbers has when they are sorted."""
+    order = np.argsort(keys, kind="stable")
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
-    del flat, order
-    n = len(place)
-    voxels, score = room.array((n, 3), np.int32), room.array((n,), np.float32)
-    positions, planes = room.array((n, 3), np.float32), room.array((n, 3), np.float32)
-    whole = {"voxels": voxels, "positions": positions, "planes": planes, "score": score}
-    first = 0
-    for number in blocks:
-        part, _ = run.read_part("thin", number)
-        enough = part["score"] >= least
-        at = place[first : first + int(enough.sum())]
-        for name, values in whole.items():
-            values[at] = part[name][enough]
-        first += len(at)
-        room.rest()
-    return RidgePoints(**whole)
+    return place
 
 
 def _inside(ridges: RidgePoints, box: Box):  # type: ignore[no-untyped-def]

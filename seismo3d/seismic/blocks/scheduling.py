@@ -186,7 +186,10 @@ def _keep_freed_memory() -> None:
 def _use_own_threads() -> None:
     """Compute on as many threads as this worker was given."""
     import numba
+    import zarr
     from distributed import get_worker
 
     given = int(get_worker().state.nthreads)
+    # of the library's own threads, which it starts when it first reads or writes
+    zarr.config.set({"threading.max_workers": given})
     numba.set_num_threads(max(1, min(given, int(getattr(numba.config, "NUMBA_NUM_THREADS", given)))))

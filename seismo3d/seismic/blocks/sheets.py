@@ -9,7 +9,7 @@ import numpy as np
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic.blocks.evidence import final_noise, thinned_shape
 from seismo3d.seismic.blocks.results import write_result
-from seismo3d.seismic.blocks.ridges import gather_ridges, least_scores
+from seismo3d.seismic.blocks.ridges import gather_ridges
 from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.sheet_parts import Around, join_parts, note_blocks, pack, read_parts, rows_near, unpack
@@ -34,7 +34,7 @@ def link_facts(run: BlockRun) -> None:
     """Link the whole cube's ridges into sheets that may be faults."""
     ratio, _ = final_noise(run)
     room = OnDisk(run.work / "ridges")
-    strong, weak = (gather_ridges(run, room, least) for least in least_scores(run))
+    strong, weak = gather_ridges(run, room)
     sheets = find_candidates(strong, weak, thinned_shape(run), ratio, run.settings, room=room)
     room.remove()
     run.write_fact("link", n_sheets=len(sheets), **pack("sheet", sheets))
