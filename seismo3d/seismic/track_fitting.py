@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_tracks import match_waveforms
-from seismo3d.seismic.layer_pieces import find_levels, read_along
+from seismo3d.seismic.layer_pieces import Waves, find_levels, read_along, read_around
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.track_growing import grow_parts, keep_sides
 from seismo3d.seismic.track_refining import STRETCHES, TrackSettings, refine_depth, stretched
@@ -146,28 +148,14 @@ def _place_parts(
 ) -> tuple[Float64Array, Float32Array]:  # fmt: skip
     """Move every part to where its mean waveform fits that of the trusted parts, or drop it where it fits nowhere.
 
+    Waveforms are read along the layer time, and once more sample by sample: the first holds where layers thicken within
+    a part, the second where the layer time is off on its side of a fault. Each part goes by the one that fits better.
     Samples beyond a fault count for nothing. The parts of the seeds stay. Returns the crossings, and the correlation of
     every part.
     """
-    far, half = settings.farthest, settings.window
-    n = int(parts.max(initial=-1)) + 1
-    sums, counts = np.zeros((n, 2 * (half + far) + 1)), np.zeros((n, 2 * (half + far) + 1))
-    for depth, part in zip(crossings, parts, strict=True):
-        waves, known = read_along(layers, depth, half + far)
-        inside = part >= 0
-        order = np.argsort(part[inside], kind="stable")
-        begin = np.flatnonzero(np.diff(part[inside][order], prepend=-1))
-        labels = part[inside][order][begin]
-        if len(labels):
-            sums[labels] += np.add.reduceat((waves * known)[inside][order], begin)
-            counts[labels] += np.add.reduceat(known[inside][order], begin)
-    means = (sums / np.maximum(counts, 1e-6)).astype(np.float32)
-    share = (counts / np.maximum(counts.max(axis=1, keepdims=True, initial=0.0), 1.0)).astype(np.float32)
-    trust = np.where(scores >= settings.trusted, scores, 0.0)[:, None]
-    total = (trust * counts).sum(axis=0)
-    reference = ((trust * sums).sum(axis=0) / np.maximum(total, 1e-6)).astype(np.float32)
-    in_reference = (total / max(float(total.max(initial=0.0)), 1e-6)).astype(np.float32)
-    lags = _match_stretched(means, share, reference, in_reference, settings)
+    far, n = settings.farthest, int(parts.max(initial=-1)) + 1
+    along, deep = (_lags(layers, crossings, parts, scores, read, settings) for read in (read_along, read_around))
+    lags = np.where((deep.max(axis=1) > along.max(axis=1))[:, None], deep, along)
     size = np.bincount(parts[parts >= 0], minlength=n)
     near = slice(far - _NEARBY, far + _NEARBY + 1)
     best, close = lags.argmax(axis=1), lags[:, near].argmax(axis=1) + near.start
@@ -183,6 +171,31 @@ def _place_parts(
     crossings = crossings + np.where(dropped, np.nan, move)[parts]
     crossings[parts < 0] = np.nan
     return crossings, np.clip(score, 0.0, 1.0).astype(np.float32)
+
+
+def _lags(
+    layers: LayerModel, crossings: Float64Array, parts: IntArray, scores: Float32Array, read: Callable[..., Waves],
+    settings: TrackSettings,
+) -> Float32Array:  # fmt: skip
+    """Correlation of every part's mean waveform, so read, with that of the trusted parts, at every lag."""
+    reach, n = settings.window + settings.farthest, int(parts.max(initial=-1)) + 1
+    sums, counts = np.zeros((n, 2 * reach + 1)), np.zeros((n, 2 * reach + 1))
+    for depth, part in zip(crossings, parts, strict=True):
+        waves, known = read(layers, depth, reach)
+        inside = part >= 0
+        order = np.argsort(part[inside], kind="stable")
+        begin = np.flatnonzero(np.diff(part[inside][order], prepend=-1))
+        labels = part[inside][order][begin]
+        if len(labels):
+            sums[labels] += np.add.reduceat((waves * known)[inside][order], begin)
+            counts[labels] += np.add.reduceat(known[inside][order], begin)
+    means = (sums / np.maximum(counts, 1e-6)).astype(np.float32)
+    share = (counts / np.maximum(counts.max(axis=1, keepdims=True, initial=0.0), 1.0)).astype(np.float32)
+    trust = np.where(scores >= settings.trusted, scores, 0.0)[:, None]
+    total = (trust * counts).sum(axis=0)
+    reference = ((trust * sums).sum(axis=0) / np.maximum(total, 1e-6)).astype(np.float32)
+    in_reference = (total / max(float(total.max(initial=0.0)), 1e-6)).astype(np.float32)
+    return _match_stretched(means, share, reference, in_reference, settings)
 
 
 def _match_stretched(
