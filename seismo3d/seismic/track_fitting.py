@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_tracks import match_waveforms
 from seismo3d.seismic.layer_pieces import Waves, find_levels, read_along, read_around
 from seismo3d.seismic.layer_time import LayerModel
@@ -19,6 +19,8 @@ from seismo3d.seismic.track_refining import STRETCHES, TrackSettings, refine_dep
 _CROSSINGS, _STEP = 3, 6.0
 # traces of a part that is but a scrap, and how far from a seed on one a part is looked for
 _SCRAP, _AROUND = 16, 4
+# half-length of the waveforms by which neighbours are compared, and share of their usual correlation that is too little
+_ALIKE_HALF, _ALIKE = 10, 0.65
 # share of a window that must be known for it to be compared
 _LEAST_KNOWN = 0.3
 # share of either side of it that must be known for thicknesses to be compared
@@ -46,7 +48,7 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
     """
     crossings = find_crossings(layers, index, beyond=settings.farthest)
     first = crossings
-    parts = label_parts(crossings, layers.cuts)
+    parts = label_parts(crossings, layers.cuts, _shapes(layers, crossings))
     seeded = np.unique([_nearest_part(crossings, parts, at) for at in index])
     seeded = seeded[seeded >= 0]
     scores = np.isin(np.arange(int(parts.max(initial=-1)) + 1), seeded).astype(np.float32)
@@ -86,8 +88,21 @@ def _time_at(row: AnyArray, cut: AnyArray, z: float) -> float:
     return float(row[near] + z - near)
 
 
-def label_parts(crossings: Float64Array, cuts: AnyArray) -> IntArray:
+def _shapes(layers: LayerModel, crossings: Float64Array) -> Float32Array:
+    """Return the waveform about every crossing, of unit length; zero where less than half of it is known."""
+    shapes = np.empty((*crossings.shape, 2 * _ALIKE_HALF + 1), np.float32)
+    for depth, shape in zip(crossings, shapes, strict=True):
+        waves, known = read_around(layers, depth, _ALIKE_HALF)
+        waves *= known.mean(axis=2, keepdims=True) > 0.5
+        shape[:] = waves / np.maximum(np.linalg.norm(waves, axis=2, keepdims=True), 1e-6)
+    return shapes
+
+
+def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | None = None) -> IntArray:
     """Give numbers to the parts of a layer that faults bound, from 0; -1 where there is no crossing.
+
+    A fault may end too early, or be missed. Layer time then leads from one side to the other over a few traces, where
+    waveforms of neighbours along it are far less alike than they are elsewhere: parts end there too.
 
     Parameters
     ----------
@@ -95,6 +110,8 @@ def label_parts(crossings: Float64Array, cuts: AnyArray) -> IntArray:
         Fractional samples, NaN where there is none.
     cuts : ndarray of shape (inline, crossline, sample), uint8
         Bits 0 and 1: a fault passes before the next inline or crossline.
+    shapes : ndarray of shape (n, inline, crossline, m), float32, optional
+        Waveform about every crossing, of unit length; zero where it is not known. Without them faults alone are bounds.
     """
     known = np.isfinite(crossings)
     numbers = np.arange(crossings.size).reshape(crossings.shape)
@@ -112,6 +129,8 @@ def label_parts(crossings: Float64Array, cuts: AnyArray) -> IntArray:
                 cut |= (cuts[i[a], j[a], sample] & (1 << axis)) > 0
             step = np.abs(np.nan_to_num(crossings[one][a] - crossings[other][b], nan=np.inf))
             free = (step < _STEP) & ~cut
+            if shapes is not None:
+                free &= _are_alike(shapes[one][a], shapes[other][b], free)
             first.append(numbers[one][a][free])
             second.append(numbers[other][b][free])
     ends = (np.concatenate(first), np.concatenate(second))
@@ -121,6 +140,14 @@ def label_parts(crossings: Float64Array, cuts: AnyArray) -> IntArray:
     parts = np.full(crossings.shape, -1, np.int64)
     parts[known] = np.unique(labels[known], return_inverse=True)[1]
     return parts
+
+
+def _are_alike(one: Float32Array, other: Float32Array, among: BoolArray) -> BoolArray:
+    """Tell where two waveforms are as alike as most are, among some, or one is not known."""
+    alike = np.einsum("ijk,ijk->ij", one, other)
+    told = among & one.any(axis=2) & other.any(axis=2)
+    usual = float(np.median(alike[told])) if told.any() else 0.0
+    return np.asarray(~told | (alike >= _ALIKE * usual))
 
 
 def _nearest_part(crossings: Float64Array, parts: IntArray, at: Float64Array) -> int:

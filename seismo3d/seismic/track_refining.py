@@ -88,7 +88,8 @@ def refine_depth(
 
     Next to a fault, where what lies beyond it is mixed into the waveforms and may bend the layer time, a trace goes
     where its part's inner traces lead to. Where a fault leaves too little of the waveform, a trace goes with its
-    neighbours. The track passes through its seeds.
+    neighbours. The track passes through its seeds, as their own waveforms tell: what leads traces past a fault on its rim
+    may be off there, and is not to move all the others.
 
     Parameters
     ----------
@@ -120,6 +121,7 @@ def refine_depth(
     reach = int(np.ceil(settings.most)) + _SPARE
     score = _score_stretched(layers, depth, parts, of_seeds if of_seeds.any() else there, reach, settings)
     move, here = _best_moves(score, reach)
+    own = depth + move
     compared = there & (score.min(axis=2) > -1.0)
     weight = np.where(compared & (here > settings.least_trace), here, 0.0)[..., None].astype(np.float32)
     both = _smooth_parts(np.concatenate([weight * move[..., None], weight], axis=2).astype(np.float32), parts, 2.0)
@@ -130,12 +132,12 @@ def refine_depth(
     common = np.median(move[of_seeds & trusted]) if (of_seeds & trusted).any() else 0.0
     depth = np.where(trusted, depth + common + np.clip(move - common, -settings.most, settings.most), np.nan)
     depth = _straighten_rims(layers, depth, np.where(trusted, parts, -1), settings)
-    miss = _miss(depth, of_seeds & trusted, index)
+    miss = _miss(own, of_seeds & trusted, index)
     return depth - (common if miss is None else miss), confidence
 
 
 def _miss(depth: Float64Array, chosen: BoolArray, index: Float64Array) -> float | None:
-    """How far a track passes below its seeds, on the whole; None where it misses them all."""
+    """How far depths lie below the seeds, on the whole; None where they miss them all."""
     at = tuple(np.rint(index[:, :2]).astype(int).T)
     below = depth[at] - index[:, 2]
     near = chosen[at] & (np.abs(below) <= _ANCHOR)

@@ -1,0 +1,78 @@
+"""Parts of a track found and placed, on layers laid out by hand: what layer time has wrong, waveforms put right."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from seismo3d.seismic.layer_time import LayerModel
+from seismo3d.seismic.track_fitting import fit_track
+from seismo3d.seismic.track_refining import TrackSettings
+
+SHAPE, WALL, THROW, SEED = (40, 48, 128), 24, 8.0, 60.0
+
+
+def lay_out(rng: np.random.Generator, shift: np.ndarray, times: np.ndarray, *, cut: bool) -> LayerModel:
+    """Return layers that lie deeper by a shift from crossline to crossline, with this layer time."""
+    reflectivity = gaussian_filter1d(rng.normal(size=SHAPE[2] + 80), 1.5)
+    samples = np.arange(SHAPE[2])
+    lines = np.stack([np.interp(samples - s + 40.0, np.arange(len(reflectivity)), reflectivity) for s in shift])
+    volume = np.broadcast_to(lines / lines.std(), SHAPE).astype(np.float32)
+    volume = volume + 0.05 * rng.normal(size=SHAPE).astype(np.float32)
+    cuts = np.zeros(SHAPE, np.uint8)
+    if cut:
+        cuts[:, WALL - 1] = 2
+    closure: Any = None
+    return LayerModel(
+        np.broadcast_to(times, SHAPE).astype(np.float32), cuts, volume, np.ones(SHAPE, bool), np.ones(SHAPE[:2], bool),
+        "samples", 0.0, closure,
+    )  # fmt: skip
+
+
+def track(layers: LayerModel, j: int, z: float = SEED) -> np.ndarray:
+    """Return the depth, in the mean over inlines, of the track through one seed; NaN where half of it is missing."""
+    depth, _ = fit_track(layers, np.array([[20.0, float(j), z]]), TrackSettings())
+    found = np.isfinite(depth).mean(axis=0) > 0.5
+    return np.where(found, np.nanmedian(np.where(np.isfinite(depth), depth, SEED), axis=0), np.nan)
+
+
+@pytest.fixture
+def shift() -> np.ndarray:
+    return np.where(np.arange(SHAPE[1]) < WALL, 0.0, THROW)
+
+
+def test_a_part_ends_at_a_fault_that_was_missed(rng: np.random.Generator, shift: np.ndarray) -> None:
+    level = np.arange(SHAPE[2], dtype=np.float64)
+    found = track(lay_out(rng, shift, level, cut=False), 8)
+    np.testing.assert_allclose(found, SEED + shift, atol=0.3)
+
+
+def test_layers_that_only_bend_are_one_part(rng: np.random.Generator) -> None:
+    bent = 6.0 * np.sin(np.arange(SHAPE[1]) / 8.0)
+    times = np.arange(SHAPE[2]) - bent[:, None]
+    found = track(lay_out(rng, bent, times, cut=False), 8, SEED + bent[8])
+    np.testing.assert_allclose(found, SEED + bent, atol=0.3)
+
+
+def test_a_part_whose_layer_time_is_off_and_strained_is_put_right(rng: np.random.Generator, shift: np.ndarray) -> None:
+    samples = np.arange(SHAPE[2])
+    far = SEED + 0.55 * (samples - SEED - THROW) + 3.0
+    times = np.where(np.arange(SHAPE[1])[:, None] < WALL, samples, far)
+    found = track(lay_out(rng, shift, times, cut=True), 8)
+    np.testing.assert_allclose(found, SEED + shift, atol=0.3)
+
+
+def test_a_seed_beside_a_fault_holds_the_track_where_its_own_waveform_lies(
+    rng: np.random.Generator, shift: np.ndarray
+) -> None:
+    """Drag bends the layers at the wall, where the track goes straight on; all else must not be off by the bend."""
+    j = np.arange(SHAPE[1])
+    drag = np.where((j >= WALL - 4) & (j < WALL), 0.4 * (j - (WALL - 5)), 0.0)
+    times = np.arange(SHAPE[2]) - (shift + drag)[:, None]
+    layers = lay_out(rng, shift + drag, times, cut=True)
+    found = track(layers, WALL - 2, SEED + drag[WALL - 2])
+    away = np.abs(j - WALL + 0.5) > 6
+    np.testing.assert_allclose(found[away], (SEED + shift)[away], atol=0.4)
