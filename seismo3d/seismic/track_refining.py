@@ -25,6 +25,8 @@ _DOUBT = 0.1
 _LEAVING = 4.0
 # farthest that a track is moved as a whole to pass through its seeds
 _ANCHOR = 3.0
+# traces around a seed over which it is bent to it
+_BENT = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +90,8 @@ def refine_depth(
 
     Next to a fault, where what lies beyond it is mixed into the waveforms and may bend the layer time, a trace goes
     where its part's inner traces lead to. Where a fault leaves too little of the waveform, a trace goes with its
-    neighbours. The track passes through its seeds, as their own waveforms tell: what leads traces past a fault on its rim
-    may be off there, and is not to move all the others.
+    neighbours. As a whole the track lies as the waveforms of its seeds tell, and bends to pass through each: where it
+    is led on along a fault, or smoothed, it may be off, which is not to move all the others.
 
     Parameters
     ----------
@@ -133,7 +135,19 @@ def refine_depth(
     depth = np.where(trusted, depth + common + np.clip(move - common, -settings.most, settings.most), np.nan)
     depth = _straighten_rims(layers, depth, np.where(trusted, parts, -1), settings)
     miss = _miss(own, of_seeds & trusted, index)
-    return depth - (common if miss is None else miss), confidence
+    depth = depth - (common if miss is None else miss)
+    return _bend_to_seeds(depth, parts, of_seeds & trusted, index), confidence
+
+
+def _bend_to_seeds(depth: Float64Array, parts: IntArray, chosen: BoolArray, index: Float64Array) -> Float64Array:
+    """Bend a track, over the traces around each seed and of its part, to pass through it."""
+    rows, columns = np.indices(depth.shape)
+    for i, j, z in zip(*np.rint(index[:, :2]).astype(int).T, index[:, 2], strict=True):
+        left = z - depth[i, j]
+        if chosen[i, j] and abs(left) <= _ANCHOR:
+            share = np.exp(-0.5 * ((rows - i) ** 2 + (columns - j) ** 2) / _BENT**2)
+            depth = np.where(parts == parts[i, j], depth + share * left, depth)
+    return depth
 
 
 def _miss(depth: Float64Array, chosen: BoolArray, index: Float64Array) -> float | None:

@@ -76,3 +76,5 @@ def test_a_seed_beside_a_fault_holds_the_track_where_its_own_waveform_lies(
     found = track(layers, WALL - 2, SEED + drag[WALL - 2])
     away = np.abs(j - WALL + 0.5) > 6
     np.testing.assert_allclose(found[away], (SEED + shift)[away], atol=0.4)
+    depth, _ = fit_track(layers, np.array([[20.0, WALL - 2.0, SEED + drag[WALL - 2]]]), TrackSettings())
+    assert depth[20, WALL - 2] == pytest.approx(SEED + drag[WALL - 2], abs=1e-9)
