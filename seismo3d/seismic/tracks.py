@@ -67,10 +67,11 @@ def trace_tracks(
 ) -> list[Track]:
     """Follow horizons from seeds through a cube, across its faults.
 
-    A track is a level set of the layer time (see :func:`layer_time`). Every part of it that faults bound is compared
-    with the parts that the seeds lie on over a long window of layers, which ends at faults, and moved to where it fits,
-    or left out where it fits nowhere; then each trace is aligned with that waveform at sub-sample precision. Where a
-    reverse fault lays a horizon over itself the track is the upper one, on the part of the seeds their own.
+    A track is a level set of the layer time (see :func:`layer_time`). Every part of it that faults bound, or traces
+    unlike their neighbours, is compared with the parts that the seeds lie on over a long window of layers, which ends
+    at faults, and moved to where it fits, or left out where it fits nowhere; then each trace is aligned with that
+    waveform at sub-sample precision. Where a reverse fault lays a horizon over itself the track is the upper one, on
+    the part of the seeds their own. A track passes through its seeds.
 
     Parameters
     ----------
