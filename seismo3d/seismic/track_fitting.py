@@ -90,8 +90,10 @@ def _time_at(row: AnyArray, cut: AnyArray, z: float) -> float:
 
 def _shapes(layers: LayerModel, crossings: Float64Array) -> Float32Array:
     """Return the waveform about every crossing, of unit length; zero where less than half of it is known."""
-    shapes = np.empty((*crossings.shape, 2 * _ALIKE_HALF + 1), np.float32)
+    shapes = np.zeros((*crossings.shape, 2 * _ALIKE_HALF + 1), np.float32)
     for depth, shape in zip(crossings, shapes, strict=True):
+        if not np.isfinite(depth).any():
+            continue
         waves, known = read_around(layers, depth, _ALIKE_HALF)
         waves *= known.mean(axis=2, keepdims=True) > 0.5
         shape[:] = waves / np.maximum(np.linalg.norm(waves, axis=2, keepdims=True), 1e-6)
@@ -123,6 +125,8 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
         if axis == 1:
             a, b = a[::-1], b[::-1]
         for one, other in np.ndindex(len(crossings), len(crossings)):
+            if not (known[one].any() and known[other].any()):
+                continue
             ka, kb = k[one][a], k[other][b]
             cut = np.zeros(ka.shape, bool)
             for sample in (ka, (ka + kb) // 2, kb):
@@ -208,8 +212,10 @@ def _lags(
     reach, n = settings.window + settings.farthest, int(parts.max(initial=-1)) + 1
     sums, counts = np.zeros((n, 2 * reach + 1)), np.zeros((n, 2 * reach + 1))
     for depth, part in zip(crossings, parts, strict=True):
-        waves, known = read(layers, depth, reach)
         inside = part >= 0
+        if not inside.any():
+            continue
+        waves, known = read(layers, depth, reach)
         order = np.argsort(part[inside], kind="stable")
         begin = np.flatnonzero(np.diff(part[inside][order], prepend=-1))
         labels = part[inside][order][begin]
