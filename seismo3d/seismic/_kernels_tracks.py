@@ -178,17 +178,20 @@ def match_waveforms(waves, known, reference, in_reference, taper, least, scores)
     """Write the correlation of every row with a shorter reference at every lag; -1 where too little is known."""
     width, n_lags = len(reference), scores.shape[1]
     whole = taper.sum()
-    for p in prange(len(waves)):
+    for row in prange(len(waves)):
+        p = np.int64(row)
+        product, left, right, share = np.zeros(n_lags), np.zeros(n_lags), np.zeros(n_lags), np.zeros(n_lags)
+        for t in range(width):
+            weight, r = taper[t] * in_reference[t], reference[t]
+            # all lags side by side, which the processor's vectors take several of in a step
+            for lag in range(n_lags):
+                w, x = weight * known[p, lag + t], waves[p, lag + t]
+                share[lag] += w
+                product[lag] += w * x * r
+                left[lag] += w * x * x
+                right[lag] += w * r * r
         for lag in range(n_lags):
-            product, left, right, share = 0.0, 0.0, 0.0, 0.0
-            for t in range(width):
-                w = taper[t] * known[p, lag + t] * in_reference[t]
-                if w > 0.0:
-                    share += w
-                    product += w * waves[p, lag + t] * reference[t]
-                    left += w * waves[p, lag + t] * waves[p, lag + t]
-                    right += w * reference[t] * reference[t]
-            if share < least * whole or left <= 0.0 or right <= 0.0:
+            if share[lag] < least * whole or left[lag] <= 0.0 or right[lag] <= 0.0:
                 scores[p, lag] = -1.0
             else:
-                scores[p, lag] = product / np.sqrt(left * right)
+                scores[p, lag] = product[lag] / np.sqrt(left[lag] * right[lag])
