@@ -19,7 +19,7 @@ NORMAL, GRADIENT, DIAGONAL = 0, 1, 2
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _head(shift, gaps, k, step, m):  # type: ignore[no-untyped-def]
+def find_head(shift, gaps, k, step, m):  # type: ignore[no-untyped-def]
     """Return where a link from vertex k ends on its trace: a vertex, -1 beyond the ends, and the share of the next."""
     ahead = k * step + shift
     if ahead < 0.0 or ahead > (m - 1) * step:
@@ -65,7 +65,7 @@ def _pull_along(values, shift, weight, breaks, hop, step, i, kind, out):  # type
             w = weight[i, j, k]
             if w == 0.0:
                 continue
-            low, part = _head(shift[i, j, k], breaks[i, j + hop], k, step, m)
+            low, part = find_head(shift[i, j, k], breaks[i, j + hop], k, step, m)
             pull = _pull(values[i, j, k], values[i, j + hop], low, part, -shift[i, j, k], w, kind)
             out[i, j, k] += sign * pull
             _give(out[i, j + hop], low, part, pull, kind)
@@ -79,7 +79,7 @@ def _pull_across(values, shift, weight, breaks, hop, step, i, kind, out):  # typ
     for j in range(n1):
         for k in range(m):
             if i + hop < n0 and weight[i, j, k] != 0.0:
-                low, part = _head(shift[i, j, k], breaks[i + hop, j], k, step, m)
+                low, part = find_head(shift[i, j, k], breaks[i + hop, j], k, step, m)
                 pull = _pull(values[i, j, k], values[i + hop, j], low, part, -shift[i, j, k], weight[i, j, k], kind)
                 out[i, j, k] += sign * pull
         if i < hop:
@@ -88,7 +88,7 @@ def _pull_across(values, shift, weight, breaks, hop, step, i, kind, out):  # typ
             w = weight[i - hop, j, k]
             if w == 0.0:
                 continue
-            low, part = _head(shift[i - hop, j, k], breaks[i, j], k, step, m)
+            low, part = find_head(shift[i - hop, j, k], breaks[i, j], k, step, m)
             pull = _pull(values[i - hop, j, k], values[i, j], low, part, -shift[i - hop, j, k], w, kind)
             _give(out[i, j], low, part, pull, kind)
 
@@ -171,19 +171,39 @@ def pull_rows(values, links, breaks, step, down, faults, start, stop, kind, out,
         sums[i] = total
 
 
+@njit(cache=True, nogil=True)
+def _solve_trace(pivots, ties, gradient, out):  # type: ignore[no-untyped-def]
+    """Write what a trace's own equations make of a gradient: its diagonal, and the links down it."""
+    m = len(gradient)
+    out[0] = gradient[0]
+    for k in range(1, m):
+        out[k] = gradient[k] + ties[k - 1] * pivots[k - 1] * out[k - 1]
+    out[m - 1] *= pivots[m - 1]
+    for k in range(m - 2, -1, -1):
+        out[k] = pivots[k] * (out[k] + ties[k] * out[k + 1])
+
+
 @njit(cache=True, nogil=True, parallel=True)
-def begin_rows(scale, gradient, start, stop, step, direction, energies):  # type: ignore[no-untyped-def]
-    """Turn the diagonal into its inverse, and begin a solution at nothing, down the scaled gradient."""
+def begin_rows(pivots, ties, gradient, start, stop, step, direction, energies):  # type: ignore[no-untyped-def]
+    """Turn the diagonal into the inverse pivots of each trace's own equations, and begin a solution at nothing.
+
+    Its first direction is what those equations make of the gradient. `ties` are the weights of the links down a trace.
+    """
     _, n1, m = step.shape
     for line in prange(start, stop):
         i = np.int64(line)
         total = 0.0
         for j in range(n1):
+            row = pivots[i, j]
             for k in range(m):
-                if scale[i, j, k] > 0.0:
-                    scale[i, j, k] = np.float32(1.0) / scale[i, j, k]
+                left = row[k]
+                if k > 0:
+                    left -= ties[i, j, k - 1] * ties[i, j, k - 1] * row[k - 1]
+                # what rounding leaves of a trace that hangs on nothing but itself
+                row[k] = np.float32(1.0) / left if left > np.float32(1e-6) * row[k] else np.float32(0.0)
+            _solve_trace(row, ties[i, j], gradient[i, j], direction[i, j])
+            for k in range(m):
                 step[i, j, k] = 0.0
-                direction[i, j, k] = scale[i, j, k] * gradient[i, j, k]
                 total += np.float64(gradient[i, j, k]) * np.float64(direction[i, j, k])
         energies[i] = total
 
@@ -221,7 +241,7 @@ def weigh_links(values, shift, variance, breaks, axis, hop, step, cutoff, start,
                 weight[i, j, k] = 0.0
                 if i + di >= n0 or j + dj >= n1 or np.isinf(variance[i, j, k]):
                     continue
-                low, part = _head(shift[i, j, k], breaks[i + di, j + dj], k, step, m)
+                low, part = find_head(shift[i, j, k], breaks[i + di, j + dj], k, step, m)
                 if low < 0:
                     continue
                 head = values[i + di, j + dj]
@@ -253,29 +273,33 @@ def weigh_samples(values, thickness, breaks, variance, cutoff, start, stop, weig
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def advance(length, direction, product, scale, start, stop, step, gradient, energies):  # type: ignore[no-untyped-def]
+def advance(length, direction, product, pivots, ties, start, stop, step, gradient, energies):  # type: ignore[no-untyped-def]
     """Take a step along the direction; row i of `energies` gets what is left in row i."""
     _, n1, m = step.shape
     for line in prange(start, stop):
         i = np.int64(line)
-        total = 0.0
+        total, solved = 0.0, np.empty(m, np.float32)
         for j in range(n1):
             for k in range(m):
                 step[i, j, k] += length * direction[i, j, k]
                 gradient[i, j, k] -= length * product[i, j, k]
-                total += np.float64(gradient[i, j, k]) * np.float64(scale[i, j, k] * gradient[i, j, k])
+            _solve_trace(pivots[i, j], ties[i, j], gradient[i, j], solved)
+            for k in range(m):
+                total += np.float64(gradient[i, j, k]) * np.float64(solved[k])
         energies[i] = total
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def turn(factor, gradient, scale, start, stop, direction):  # type: ignore[no-untyped-def]
+def turn(factor, gradient, pivots, ties, start, stop, direction):  # type: ignore[no-untyped-def]
     """Write the next direction."""
     _, n1, m = direction.shape
     for line in prange(start, stop):
         i = np.int64(line)
+        solved = np.empty(m, np.float32)
         for j in range(n1):
+            _solve_trace(pivots[i, j], ties[i, j], gradient[i, j], solved)
             for k in range(m):
-                direction[i, j, k] = factor * direction[i, j, k] + scale[i, j, k] * gradient[i, j, k]
+                direction[i, j, k] = factor * direction[i, j, k] + solved[k]
 
 
 @njit(cache=True, nogil=True, parallel=True)

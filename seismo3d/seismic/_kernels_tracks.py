@@ -195,3 +195,20 @@ def match_waveforms(waves, known, reference, in_reference, taper, least, scores)
                 scores[p, lag] = -1.0
             else:
                 scores[p, lag] = product[lag] / np.sqrt(left[lag] * right[lag])
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def sum_parts(waves, known, order, begin, labels, sums, counts):  # type: ignore[no-untyped-def]
+    """Add the known amplitudes of each part's rows to its sums, and count them.
+
+    Rows of part ``labels[p]`` are those that `order` names from ``begin[p]`` to before ``begin[p + 1]``.
+    """
+    width = waves.shape[1]
+    for place in prange(len(labels)):
+        p = np.int64(place)
+        total, count = sums[labels[p]], counts[labels[p]]
+        for n in range(begin[p], begin[p + 1]):
+            row = order[n]
+            for t in range(width):
+                total[t] += waves[row, t] * known[row, t]
+                count[t] += known[row, t]

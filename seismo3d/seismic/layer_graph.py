@@ -12,6 +12,7 @@ from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_layer_solve import keep_free
 from seismo3d.seismic.dip import DipSettings
 from seismo3d.seismic.fault_links import LinkSettings, SurfaceGrid, doubt_matches, link_grid
+from seismo3d.seismic.layer_parts import PartSettings
 from seismo3d.seismic.layer_system import LayerSystem, LinkFields
 from seismo3d.seismic.linking import InMemory
 from seismo3d.seismic.shifts import ShiftField, ShiftSettings
@@ -49,7 +50,11 @@ class LayerTimeSettings:
         The same on each finer graph.
     iterations : int
         Most steps a round on the finest graph; a graph of every n-th trace has n squared times as many.
-    dip, shifts, links
+    apart : float
+        Units of layer time between the levels at which parts that faults bound are placed by their waveforms.
+    sure : float
+        Correlation that a part must have for layer time to be mended by it.
+    dip, shifts, links, parts
         Settings of the stages.
     """
 
@@ -61,11 +66,14 @@ class LayerTimeSettings:
     clear: int = 2
     least: float = 1e-3
     first_cutoffs: tuple[float, ...] = (np.inf, 30.0, 15.0, 8.0, 5.0, 3.0, 3.0, 3.0)
-    cutoffs: tuple[float, ...] = (3.0,)
+    cutoffs: tuple[float, ...] = (30.0, 3.0)
     iterations: int = 50
+    apart: float = 16.0
+    sure: float = 0.6
     dip: DipSettings = field(default_factory=DipSettings)
     shifts: ShiftSettings = field(default_factory=ShiftSettings)
     links: LinkSettings = field(default_factory=LinkSettings)
+    parts: PartSettings = field(default_factory=PartSettings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,6 +134,7 @@ def solve_graph(graph: LayerGraph) -> tuple[Float32Array, float]:
             cutoffs = settings.first_cutoffs[n_doubted:]
         else:
             values, cutoffs = _refine_grid(values, traces, stride), settings.cutoffs
+            system.lead(values)
         for cutoff in cutoffs:
             values, rejected = _round(graph, system, values, stride, cutoff)
     return values, rejected

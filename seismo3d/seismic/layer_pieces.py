@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float32Array, Float64Array
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
 from seismo3d.seismic._kernels_tracks import cross_levels, read_layers, read_runs
-
-if TYPE_CHECKING:
-    from seismo3d.seismic.layer_time import LayerModel
 
 Place = tuple[slice, slice]
 """Inlines and crosslines of a piece."""
@@ -19,7 +16,31 @@ Waves = tuple[Float32Array, Float32Array]
 """Amplitudes of shape (inline, crossline, 2 half + 1), and where they are known."""
 
 
-def layer_pieces(layers: LayerModel, *names: str) -> Iterator[tuple[Place, list[AnyArray]]]:
+class LayerVolumes(Protocol):
+    """What is read piece by piece: the volumes of a :class:`~seismo3d.seismic.layer_time.LayerModel`."""
+
+    @property
+    def times(self) -> Any:
+        """Layer time, in samples."""
+
+    @property
+    def cuts(self) -> Any:
+        """Where faults pass between voxels."""
+
+    @property
+    def volume(self) -> Any:
+        """Amplitudes."""
+
+    @property
+    def valid(self) -> Any:
+        """Where there are any."""
+
+    @property
+    def live(self) -> BoolArray:
+        """Traces with data."""
+
+
+def layer_pieces(layers: LayerVolumes, *names: str) -> Iterator[tuple[Place, list[AnyArray]]]:
     """Give the pieces of a layer model: where each lies, and what it has of the named volumes.
 
     Corners of pieces are multiples of eight traces.
@@ -29,12 +50,12 @@ def layer_pieces(layers: LayerModel, *names: str) -> Iterator[tuple[Place, list[
         yield at, [np.asarray(volume[at]) for volume in volumes]
 
 
-def places(layers: LayerModel) -> list[Place]:
+def places(layers: LayerVolumes) -> list[Place]:
     """Return where the pieces of a layer model lie."""
     return getattr(layers.times, "places", [(slice(None), slice(None))])
 
 
-def find_levels(layers: LayerModel, target: Float64Array, beyond: float, crossings: Float64Array) -> None:
+def find_levels(layers: LayerVolumes, target: Float64Array, beyond: float, crossings: Float64Array) -> None:
     """Write the fractional samples, from above, at which every trace reaches its target; NaN for those it lacks.
 
     They may lie up to `beyond` samples off the cube.
@@ -43,7 +64,7 @@ def find_levels(layers: LayerModel, target: Float64Array, beyond: float, crossin
         cross_levels(times, cuts, target[at], np.float32(beyond), crossings[(slice(None), *at)])
 
 
-def read_around(layers: LayerModel, depth: Float64Array, half: int) -> Waves:
+def read_around(layers: LayerVolumes, depth: Float64Array, half: int) -> Waves:
     """Return the amplitudes up to `half` samples from every depth, and 1 where there are any, on its side of faults."""
     waves, known = _room(depth, half)
     for at, (volume, valid, cuts) in layer_pieces(layers, "volume", "valid", "cuts"):
@@ -51,7 +72,7 @@ def read_around(layers: LayerModel, depth: Float64Array, half: int) -> Waves:
     return waves, known
 
 
-def read_along(layers: LayerModel, depth: Float64Array, half: int) -> Waves:
+def read_along(layers: LayerVolumes, depth: Float64Array, half: int) -> Waves:
     """Return the same at every unit of layer time up to `half` before and after every depth's."""
     waves, known = _room(depth, half)
     for at, (volume, valid, times, cuts) in layer_pieces(layers, "volume", "valid", "times", "cuts"):

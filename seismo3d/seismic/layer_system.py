@@ -22,6 +22,7 @@ from seismo3d.seismic._kernels_layer_solve import (
     weigh_links,
     weigh_samples,
 )
+from seismo3d.seismic._kernels_layer_start import lead_traces
 from seismo3d.seismic.linking import Room
 
 _TOLERANCE = 1e-3
@@ -151,13 +152,28 @@ class LayerSystem:
         down = (self.thickness, self.down)
         pull_rows(values, links, self.breaks, self.step, down, listed, start, stop, kind, out, other, sums)
 
+    def lead(self, values: Float32Array) -> None:
+        """Start the traces that a graph of every second one did not have, in place, where their links lead.
+
+        A trace that starts with the value of one beyond a fault is so far off that all its links count as wrong.
+        """
+        fields = self.fields
+        nearest = [int(np.flatnonzero((fields.axes == axis) & (fields.hops == 1))[0]) for axis in (0, 1)]
+        rows, columns = ((fields.shift[f], fields.variance[f]) for f in nearest)
+        for crossed in (False, True):
+            for start, stop in self.slabs():
+                lead_traces(values, rows, columns, self.breaks, self.step, start, stop, crossed)
+
     def weigh(self, values: Float32Array, cutoff: float, variance: float) -> float:
         """Weigh every link by how well values fit it; return the share of those beyond the cutoff."""
         with _fitting_threads(values.size):
             return self._weigh(values, cutoff, variance)
 
     def improve(self, values: Float32Array, iterations: int) -> None:
-        """Take values, in place, to the least squares of the weighted links, by scaled conjugate gradients."""
+        """Take values, in place, to the least squares of the weighted links.
+
+        By conjugate gradients, in each step of which every trace's own equations are solved.
+        """
         with _fitting_threads(values.size):
             self._improve(values, iterations)
 
@@ -195,12 +211,12 @@ class LayerSystem:
         return n_beyond
 
     def _improve(self, values: Float32Array, iterations: int) -> None:
-        gradient, scale, step, direction, product = (self.room.array(self.shape, np.float32) for _ in range(5))
+        gradient, pivots, step, direction, product = (self.room.array(self.shape, np.float32) for _ in range(5))
         sums: Float64Array = np.zeros(self.shape[0])
         for start, stop in self.slabs():
-            self.pull(DIAGONAL, values, start, stop, scale, values, sums)
+            self.pull(DIAGONAL, values, start, stop, pivots, values, sums)
             self.pull(GRADIENT, values, start, stop, gradient, values, sums)
-            begin_rows(scale, gradient, start, stop, step, direction, sums)
+            begin_rows(pivots, self.down, gradient, start, stop, step, direction, sums)
         energy = first = float(sums.sum())
         for _ in range(iterations):
             if energy <= _TOLERANCE**2 * first or energy <= 0.0:
@@ -209,11 +225,11 @@ class LayerSystem:
                 self.pull(NORMAL, direction, start, stop, product, direction, sums)
             length = np.float32(energy / max(float(sums.sum()), 1e-30))
             for start, stop in self.slabs():
-                advance(length, direction, product, scale, start, stop, step, gradient, sums)
+                advance(length, direction, product, pivots, self.down, start, stop, step, gradient, sums)
             last, energy = energy, float(sums.sum())
             factor = np.float32(energy / last)
             for start, stop in self.slabs():
-                turn(factor, gradient, scale, start, stop, direction)
+                turn(factor, gradient, pivots, self.down, start, stop, direction)
         for start, stop in self.slabs():
             values[start:stop] += step[start:stop]
 

@@ -14,6 +14,7 @@ from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_inc
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_links import SurfaceGrid, cut_grid, grid_surface, match_grid
 from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, solve_graph
+from seismo3d.seismic.layer_levels import find_level_moves, mend_times
 from seismo3d.seismic.loop_closure import LoopClosure, close_fields
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.shifts import measure_shifts
@@ -74,6 +75,9 @@ def layer_time(
     throw that it has. All of them are edges of one graph; its vertices are samples of traces, and an edge says that two
     of them are of one age. The graph is solved robustly by least squares, coarse to fine. Level sets of the solution
     are horizons [1]_.
+
+    Where a throw is off by a cycle all beyond the fault is. So, at one level after another, the parts that faults bound
+    are then compared as a whole with those around, over long waveforms, and moved to where they fit.
 
     Parameters
     ----------
@@ -150,7 +154,12 @@ def model_layers(
     if not live.any():
         raise ShapeError("cube has no live trace. Give a cube with data.")
     times += _datum(times, live)
-    return LayerModel(times, cuts, volume, valid, live, unit, rejected, closure)
+    layers = LayerModel(times, cuts, volume, valid, live, unit, rejected, closure)
+    if grids:
+        report("levels", 0.0)
+        mend_times(times, cuts, find_level_moves(layers, settings), settings.least)
+        times += _datum(times, live)
+    return layers
 
 
 def check_layers_of(cube: Any, faults: Any) -> None:

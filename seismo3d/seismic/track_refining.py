@@ -10,13 +10,14 @@ from scipy import ndimage
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_tracks import match_waveforms
 from seismo3d.seismic.layer_graph import LayerTimeSettings
+from seismo3d.seismic.layer_parts import stretched
 from seismo3d.seismic.layer_pieces import read_around
 from seismo3d.seismic.layer_time import LayerModel
 
 # lags beyond the farthest move at which a waveform is compared
 _SPARE = 2
 # thicknesses that are tried to either side of that at the seeds
-STRETCHES = 5
+_STRETCHES = 5
 # share of a waveform from which on it tells them
 _WHOLE = 0.9
 # share of the traces around that must be such for them to count as much as their price
@@ -35,10 +36,6 @@ class TrackSettings:
 
     Attributes
     ----------
-    window : int
-        Half-length of the waveform by which parts are recognised across faults.
-    farthest : int
-        Farthest that a part is moved to where its waveform fits.
     near : int
         Half-length of the waveform that is followed from trace to trace.
     most : float
@@ -48,36 +45,22 @@ class TrackSettings:
         lead to.
     bend : float
         Width, in traces, of the window over which they are led on.
-    stretch, even : float
-        Largest share by which layers may be thicker or thinner than at the seeds, and the width, in traces, over which
-        that is found.
-    price : float
-        Correlation that it must be worth.
-    gain : float
-        How much better the correlation of a part must become for it to be moved.
+    even : float
+        Width, in traces, over which it is found how much thicker or thinner layers are than at the seeds.
     rounds : int
         How often parts are compared: first with those of the seeds, then also with those that fit them.
-    trusted : float
-        Correlation of such parts.
-    least_block, least_trace : float
-        Correlation below which a part, or a trace, is left out.
+    least_trace : float
+        Correlation below which a trace is left out.
     layers : LayerTimeSettings
-        Settings of the layer time.
+        Settings of the layer time, and of how parts are placed.
     """
 
-    window: int = 32
-    farthest: int = 12
     near: int = 16
     most: float = 2.0
     rim: int = 4
     bend: float = 4.0
-    stretch: float = 0.2
     even: float = 4.0
-    price: float = 0.1
-    gain: float = 0.15
     rounds: int = 2
-    trusted: float = 0.75
-    least_block: float = 0.4
     least_trace: float = 0.3
     layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
 
@@ -134,7 +117,8 @@ def refine_depth(
     common = np.median(move[of_seeds & trusted]) if (of_seeds & trusted).any() else 0.0
     depth = np.where(trusted, depth + common + np.clip(move - common, -settings.most, settings.most), np.nan)
     depth = _straighten_rims(layers, depth, np.where(trusted, parts, -1), settings)
-    miss = _miss(own, of_seeds & trusted, index)
+    # a seed whose own waveform is unlike the others' cannot tell where it lies on them
+    miss = _miss(own, of_seeds & trusted & (here >= settings.layers.parts.trusted), index)
     depth = depth - (common if miss is None else miss)
     return _bend_to_seeds(depth, parts, of_seeds & trusted, index), confidence
 
@@ -185,13 +169,6 @@ def _match_traces(
     return lags
 
 
-def stretched(waveform: Float32Array, half: int, shares: Float64Array) -> Float32Array:
-    """Return the middle of a waveform, thicker by shares: of shape (share, 2 half + 1)."""
-    middle = len(waveform) // 2
-    at = middle + np.arange(-half, half + 1) / (1.0 + shares[:, None])
-    return np.asarray(ndimage.map_coordinates(waveform.astype(np.float64), at[None], order=3), np.float32)
-
-
 def _score_stretched(
     layers: LayerModel, depth: Float64Array, parts: IntArray, chosen: BoolArray, reach: int, settings: TrackSettings
 ) -> Float32Array:
@@ -200,17 +177,18 @@ def _score_stretched(
     The waveform is the chosen traces' mean, as thick as fits best around each trace: without that a trace with thicker
     layers goes where those above or below fit, whichever side is seen farther.
     """
-    shares = np.linspace(-settings.stretch, settings.stretch, 2 * STRETCHES + 1)
-    long = _mean_waveform(layers, depth, chosen, int(np.ceil(settings.near * (1.0 + 2.0 * settings.stretch))) + 1)
+    stretch = settings.layers.parts.stretch
+    shares = np.linspace(-stretch, stretch, 2 * _STRETCHES + 1)
+    long = _mean_waveform(layers, depth, chosen, int(np.ceil(settings.near * (1.0 + 2.0 * stretch))) + 1)
     waves, known = _read_smoothly(layers, depth, parts, settings.near + reach)
     lags = [_match_traces(waves, known, wave, reach, 0.5) for wave in stretched(long, settings.near, shares)]
     scores = np.stack(lags).reshape(len(shares), *depth.shape, -1)
     # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
     whole = read_around(layers, depth, settings.near)[1].mean(axis=2)[..., None] > _WHOLE
     fits = np.moveaxis(scores.max(axis=3), 0, -1)
-    gain = np.where(whole, fits - fits[..., STRETCHES, None], np.float32(0.0))
+    gain = np.where(whole, fits - fits[..., _STRETCHES, None], np.float32(0.0))
     both = _smooth_parts(np.concatenate([gain, whole], axis=2).astype(np.float32), parts, settings.even)
-    best = (both[..., :-1] / (both[..., -1:] + _DOUBT) - settings.price * np.abs(shares)).argmax(axis=2)
+    best = (both[..., :-1] / (both[..., -1:] + _DOUBT) - settings.layers.parts.price * np.abs(shares)).argmax(axis=2)
     return np.asarray(np.take_along_axis(scores, best[None, :, :, None], axis=0)[0], np.float32)
 
 

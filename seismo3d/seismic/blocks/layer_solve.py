@@ -1,4 +1,4 @@
-"""The layer graph of a large cube solved coarse to fine, and layer time at every sample of its blocks."""
+"""The layer graph of a large cube solved coarse to fine."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, BoolArray, Float32Array
+from seismo3d._typing import AnyArray, Float32Array
 from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_layer_solve import keep_free
-from seismo3d.seismic._kernels_layers import fill_samples, make_increasing, make_runs_increasing
-from seismo3d.seismic.blocks.layers import by_box, coarse_shape, live_traces, read_field, read_grid
+from seismo3d.seismic.blocks.layers import by_box, coarse_shape, read_field, read_grid
 from seismo3d.seismic.blocks.medians import BlockMedians
 from seismo3d.seismic.blocks.plan import BASE_BYTES, Box, Tiling
-from seismo3d.seismic.blocks.results import write_result
 from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.fault_links import doubt_matches, link_grid
@@ -89,6 +87,8 @@ def solve(run: BlockRun, stride: int) -> None:
         is_doubted, cutoff = rounds[number]
         if system is None or loaded != is_doubted:
             system, loaded = _load(run, stride, is_doubted, room, at_a_time), is_doubted
+            if number == 0 and stride != settings.strides[0]:
+                system.lead(values)
         _expect(run, system, values, stride)
         system.weigh(values, cutoff, spread)
         system.improve(values, settings.iterations * stride**2)
@@ -235,50 +235,6 @@ def _expect(run: BlockRun, system: LayerSystem, values: Float32Array, stride: in
         found = smooth_thickness(np.array(values[cut]), np.array(system.breaks[cut]), run.settings, stride)
         system.thickness[box.i0 : box.i1, box.j0 : box.j1] = found[box.within(wide)]
         system.room.rest()
-
-
-# ----- layer time from the solution
-
-
-def datum_facts(run: BlockRun) -> None:
-    """Find what makes the layer time of the middle sample of the live trace nearest to the middle its own index."""
-    live = live_traces(run)
-    places = np.argwhere(live)
-    i, j = places[np.abs(places - (np.array(live.shape) - 1) / 2).sum(axis=1).argmin()]
-    times = _times(run, Box(int(i), int(i) + 1, int(j), int(j) + 1))
-    k = times.shape[2] // 2
-    run.write_fact("datum", shift=float(np.float32(k - times[0, 0, k])))
-
-
-def fill(run: BlockRun, number: int) -> None:
-    """Write a block's layer time; NaN on traces that are not live."""
-    box = run.plan.tiling("fill").box(number)
-    times = read_times(run, box)
-    make_increasing(times, run.settings.least)
-    times[~_live_box(run, box)] = np.nan
-    write_result(run, "layer_time", box, times)
-    run.write_part("fill", number, {})
-
-
-def read_times(run: BlockRun, box: Box) -> Float32Array:
-    """Return the layer time of a box, growing from one fault to the next, also where a trace is not live."""
-    times = _times(run, box)
-    times += np.float32(run.fact("datum")["shift"])
-    return times
-
-
-def _times(run: BlockRun, box: Box) -> Float32Array:
-    settings = run.settings
-    last = last_stride(settings)
-    values = run.store.read(values_name(last, len(list_rounds(settings, last)) - 1), box)
-    times = np.empty((*box.shape, run.plan.shape[2]), np.float32)
-    fill_samples(values, run.store.read("breaks", box), settings.shifts.step, times)
-    make_runs_increasing(times, run.store.read("cuts", box), settings.least)
-    return times
-
-
-def _live_box(run: BlockRun, box: Box) -> BoolArray:
-    return np.asarray(run.store.read("valid", box).any(axis=2))
 
 
 # ----- how well shifts agree round closed loops

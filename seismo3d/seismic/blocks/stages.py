@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from seismo3d.seismic.blocks import cleaning, evidence, layer_solve, layers, registering, ridges, sheets
+from seismo3d.seismic.blocks import cleaning, evidence, layer_solve, layer_times, layers, registering, ridges, sheets
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.faults import FaultSettings
 from seismo3d.seismic.layer_graph import LayerTimeSettings
@@ -196,8 +196,12 @@ def _layer_stages(settings: LayerTimeSettings) -> dict[str, Stage]:
         "loops": Stage("loops", "shifts", layer_solve.loops, find=layer_solve.loops_facts),
         "loop_medians": Stage("loops", "shifts", layer_solve.LOOPS.count_near, find=layer_solve.loop_medians_facts),
         **solving,
-        "datum": Stage("layers", "", _no_block, find=layer_solve.datum_facts, leaves=fields),
-        "fill": Stage("layers", "fill", layer_solve.fill),
+        "datum": Stage("layers", "", _no_block, find=layer_times.datum_facts, leaves=fields),
+        "levels": Stage(
+            "levels", "", _no_block, find=layer_times.levels_facts, writes=layer_times.LEVELS,
+            forget=layer_times.forget_levels,
+        ),
+        "fill": Stage("layers", "fill", layer_times.fill),
     }  # fmt: skip
 
 

@@ -1,0 +1,275 @@
+"""The parts of a layer that faults bound, told apart and placed by their waveforms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d.seismic._kernels_tracks import match_waveforms, sum_parts
+from seismo3d.seismic.layer_pieces import LayerVolumes, Waves, read_along, read_around
+
+CROSSINGS = 3
+"""How often a trace may cross one layer."""
+
+# thicknesses that are tried to either side of the usual one
+_STRETCHES = 10
+# a step between traces, in samples, that is none of one part
+_STEP = 6.0
+# half-length of the waveforms by which neighbours are compared, and share of their usual correlation that is too little
+_ALIKE_HALF, _ALIKE = 10, 0.65
+# share of a window that must be known for it to be compared
+_LEAST_KNOWN = 0.3
+# share of either side of it that must be known for thicknesses to be compared
+_BOTH_SIDES = 0.5
+# how far a part is moved for whatever it gains
+_NEARBY = 3
+# traces that a part must have
+_LEAST_TRACES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class PartSettings:
+    """How the parts of a layer are placed; lengths in samples and traces.
+
+    Attributes
+    ----------
+    window : int
+        Half-length of the waveform by which parts are recognised across faults.
+    farthest : int
+        Farthest that a part is moved to where its waveform fits.
+    stretch : float
+        Largest share by which layers may be thicker or thinner than elsewhere.
+    price : float
+        Correlation that it must be worth.
+    gain : float
+        How much better the correlation of a part must become for it to be moved.
+    trusted : float
+        Correlation of parts whose waveforms others are compared with.
+    least : float
+        Correlation below which a part is left out.
+    """
+
+    window: int = 32
+    farthest: int = 12
+    stretch: float = 0.2
+    price: float = 0.1
+    gain: float = 0.15
+    trusted: float = 0.75
+    least: float = 0.4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartWaves:
+    """Waveforms of the parts of a layer, read along the layer time, and once more sample by sample.
+
+    The first holds where layers thicken within a part, the second where the layer time is off on its side of a fault.
+
+    Attributes
+    ----------
+    sums, counts : ndarray of shape (2, part, sample), float64
+        Amplitudes of all traces of a part added up, and how many are known; the middle sample is at the layer.
+    size : ndarray of shape (part,), int
+        Crossings of each part.
+    """
+
+    sums: Float64Array
+    counts: Float64Array
+    size: IntArray
+
+
+def find_shapes(layers: LayerVolumes, crossings: Float64Array) -> Float32Array:
+    """Return the waveform about every crossing, of unit length; zero where less than half of it is known."""
+    shapes = np.zeros((*crossings.shape, 2 * _ALIKE_HALF + 1), np.float32)
+    for depth, shape in zip(crossings, shapes, strict=True):
+        if not np.isfinite(depth).any():
+            continue
+        waves, known = read_around(layers, depth, _ALIKE_HALF)
+        waves *= known.mean(axis=2, keepdims=True) > 0.5
+        shape[:] = waves / np.maximum(np.linalg.norm(waves, axis=2, keepdims=True), 1e-6)
+    return shapes
+
+
+def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | None = None) -> IntArray:
+    """Give numbers to the parts of a layer that faults bound, from 0; -1 where there is no crossing.
+
+    A fault may end too early, or be missed. Layer time then leads from one side to the other over a few traces, where
+    waveforms of neighbours along it are far less alike than they are elsewhere: parts end there too.
+
+    Parameters
+    ----------
+    crossings : ndarray of shape (n, inline, crossline), float64
+        Fractional samples, NaN where there is none.
+    cuts : ndarray of shape (inline, crossline, sample), uint8
+        Bits 0 and 1: a fault passes before the next inline or crossline.
+    shapes : ndarray of shape (n, inline, crossline, m), float32, optional
+        Waveform about every crossing, of unit length; zero where it is not known. Without them faults alone are bounds.
+    """
+    known = np.isfinite(crossings)
+    numbers = np.arange(crossings.size).reshape(crossings.shape)
+    k: AnyArray = np.clip(np.rint(np.nan_to_num(crossings)).astype(np.int64), 0, cuts.shape[2] - 1)
+    i, j = np.meshgrid(*(np.arange(n) for n in crossings.shape[1:]), indexing="ij")
+    first, second = [], []
+    for axis in range(2):
+        a, b = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
+        if axis == 1:
+            a, b = a[::-1], b[::-1]
+        for one, other in np.ndindex(len(crossings), len(crossings)):
+            if not (known[one].any() and known[other].any()):
+                continue
+            ka, kb = k[one][a], k[other][b]
+            cut = np.zeros(ka.shape, bool)
+            for sample in (ka, (ka + kb) // 2, kb):
+                cut |= (cuts[i[a], j[a], sample] & (1 << axis)) > 0
+            step = np.abs(np.nan_to_num(crossings[one][a] - crossings[other][b], nan=np.inf))
+            free = (step < _STEP) & ~cut
+            if shapes is not None:
+                free &= _are_alike(shapes[one][a], shapes[other][b], free)
+            first.append(numbers[one][a][free])
+            second.append(numbers[other][b][free])
+    parts = np.full(crossings.shape, -1, np.int64)
+    if not first:
+        return parts
+    ends = (np.concatenate(first), np.concatenate(second))
+    graph = coo_matrix((np.ones(len(ends[0]), bool), ends), shape=(crossings.size,) * 2)
+    labels = connected_components(graph, directed=False)[1].reshape(crossings.shape)
+    # what is no crossing is labelled too, each by itself: far more labels than parts
+    parts[known] = np.unique(labels[known], return_inverse=True)[1]
+    return parts
+
+
+def _are_alike(one: Float32Array, other: Float32Array, among: BoolArray) -> BoolArray:
+    """Tell where two waveforms are as alike as most are, among some, or one is not known."""
+    alike = np.einsum("ijk,ijk->ij", one, other)
+    told = among & one.any(axis=2) & other.any(axis=2)
+    usual = float(np.median(alike[told])) if told.any() else 0.0
+    return np.asarray(~told | (alike >= _ALIKE * usual))
+
+
+def read_parts(layers: LayerVolumes, crossings: Float64Array, parts: IntArray, settings: PartSettings) -> PartWaves:
+    """Read the waveforms of parts, as far as they are compared. Samples beyond a fault count for nothing."""
+    reach, n = settings.window + 2 * settings.farthest, int(parts.max(initial=-1)) + 1
+    sums, counts = np.zeros((2, n, 2 * reach + 1)), np.zeros((2, n, 2 * reach + 1))
+    for depth, part in zip(crossings, parts, strict=True):
+        inside = np.flatnonzero(part.ravel() >= 0)
+        if not len(inside):
+            continue
+        order = inside[np.argsort(part.ravel()[inside], kind="stable")]
+        labels, begin = np.unique(part.ravel()[order], return_index=True)
+        begin = np.append(begin, len(order))
+        readings: tuple[Callable[..., Waves], ...] = (read_along, read_around)
+        for number, read in enumerate(readings):
+            waves, known = (a.reshape(part.size, -1) for a in read(layers, depth, reach))
+            sum_parts(waves, known, order, begin, labels, sums[number], counts[number])
+    return PartWaves(sums, counts, np.bincount(parts[parts >= 0], minlength=n))
+
+
+def _match_parts(waves: PartWaves, moves: Float64Array, scores: Float32Array, settings: PartSettings) -> Float32Array:
+    """Correlation of every part's mean waveform with that of the trusted parts, at every lag about its move.
+
+    Each part goes by the reading that fits better; -1 where too little is known.
+    """
+    along, deep = (
+        _match_reading(sums, counts, moves, scores, settings)
+        for sums, counts in zip(waves.sums, waves.counts, strict=True)
+    )
+    return np.where((deep.max(axis=1) > along.max(axis=1))[:, None], deep, along)
+
+
+def _match_reading(
+    sums: Float64Array, counts: Float64Array, moves: Float64Array, scores: Float32Array, settings: PartSettings
+) -> Float32Array:
+    means = sums / np.maximum(counts, 1e-6)
+    inner = slice(settings.farthest, sums.shape[1] - settings.farthest)
+    if moves.any():
+        rows, samples = np.indices(sums.shape, dtype=np.float64)[:, :, inner]
+        at = rows, samples + moves[:, None]
+        means = ndimage.map_coordinates(means, at, order=3, mode="nearest")
+        counts = ndimage.map_coordinates(counts, at, order=1, mode="nearest")
+    else:
+        means, counts = means[:, inner], counts[:, inner]
+    share = (counts / np.maximum(counts.max(axis=1, keepdims=True, initial=0.0), 1.0)).astype(np.float32)
+    trust = np.where(scores >= settings.trusted, scores, 0.0)[:, None]
+    total = (trust * counts).sum(axis=0)
+    reference = ((trust * counts * means).sum(axis=0) / np.maximum(total, 1e-6)).astype(np.float32)
+    in_reference = (total / max(float(total.max(initial=0.0)), 1e-6)).astype(np.float32)
+    return _match_stretched(means.astype(np.float32), share, reference, in_reference, settings)
+
+
+def _match_stretched(
+    means: Float32Array, share: Float32Array, reference: Float32Array, known: Float32Array, settings: PartSettings
+) -> Float32Array:
+    """Correlation of every part's mean waveform with a reference, as thick as fits best, at every lag."""
+    far, half = settings.farthest, settings.window
+    taper = np.hanning(2 * half + 3)[1:-1].astype(np.float32)
+    shares = np.linspace(-settings.stretch, settings.stretch, 2 * _STRETCHES + 1)
+    waves, seen = stretched(reference, half, shares), np.clip(stretched(known, half, shares), 0.0, 1.0)
+    scores = np.empty((len(shares), len(means), 2 * far + 1), np.float32)
+    for wave, part, found in zip(waves, seen, scores, strict=True):
+        match_waveforms(means, share, wave, part, taper, np.float32(_LEAST_KNOWN), found)
+    # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
+    seen_of = (share[:, far:-far] * known[far:-far])[:, 1:].reshape(len(means), 2, half).mean(axis=2).min(axis=1)
+    price = np.where(seen_of > _BOTH_SIDES, settings.price, 100.0) * np.abs(shares)[:, None]
+    best = (scores.max(axis=2) - price).argmax(axis=0)
+    return scores[best, np.arange(len(means))]
+
+
+def stretched(waveform: Float32Array, half: int, shares: Float64Array) -> Float32Array:
+    """Return the middle of a waveform, thicker by shares: of shape (share, 2 half + 1)."""
+    middle = len(waveform) // 2
+    at = middle + np.arange(-half, half + 1) / (1.0 + shares[:, None])
+    return np.asarray(ndimage.map_coordinates(waveform.astype(np.float64), at[None], order=3), np.float32)
+
+
+def place_once(
+    waves: PartWaves, moves: Float64Array, scores: Float32Array, fixed: IntArray, settings: PartSettings
+) -> tuple[Float64Array, Float32Array]:
+    """Move every part to where its mean waveform fits that of the trusted parts.
+
+    Parameters
+    ----------
+    waves : PartWaves
+    moves : ndarray of shape (part,), float64
+        How far each part is moved already; NaN counts as nothing, and more than `farthest` as that.
+    scores : ndarray of shape (part,), float32
+        How far each is trusted, 0 to 1.
+    fixed : ndarray of int
+        Parts that stay; what their waveforms seem to be off by is taken from all.
+    settings : PartSettings
+
+    Returns
+    -------
+    moves : ndarray of shape (part,), float64
+        How far in all; NaN where a part fits nowhere.
+    scores : ndarray of the same shape, float32
+        Correlation there, 0 to 1.
+    """
+    moves = np.clip(np.nan_to_num(moves), -settings.farthest, settings.farthest)
+    lags = _match_parts(waves, moves, scores, settings)
+    far, every, size = settings.farthest, np.arange(len(lags)), waves.size
+    near = slice(far - _NEARBY, far + _NEARBY + 1)
+    best, close = lags.argmax(axis=1), lags[:, near].argmax(axis=1) + near.start
+    best = np.where(lags[every, best] > lags[every, close] + settings.gain, best, close)
+    scores = lags[every, best]
+    steps = _vertices(lags, best) - far
+    steps -= np.average(steps[fixed], weights=size[fixed]) if len(fixed) else 0.0
+    dropped = (size < _LEAST_TRACES) | (scores < settings.least)
+    steps[fixed], dropped[fixed] = 0.0, False
+    # near an end of the cube too little of a layer's surroundings is known to be compared
+    scores[fixed] = np.maximum(scores[fixed], settings.trusted)
+    return np.where(dropped, np.nan, moves + steps), np.clip(scores, 0.0, 1.0).astype(np.float32)
+
+
+def _vertices(scores: Float32Array, best: IntArray) -> Float64Array:
+    """Places of the maxima next to the best entries, by parabolas."""
+    every, last = np.arange(len(scores)), scores.shape[1] - 1
+    inner = np.clip(best, 1, last - 1)
+    before, here, after = (scores[every, inner + d].astype(np.float64) for d in (-1, 0, 1))
+    bend = before - 2.0 * here + after
+    part = np.where(bend < 0.0, 0.5 * (before - after) / np.where(bend < 0.0, bend, 1.0), 0.0)
+    return np.where((best == inner), best + part, best.astype(np.float64))
