@@ -49,7 +49,10 @@ class LevelMoves:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Placed:
-    """Parts of a level that are placed: maps of their moves, fits, runs between faults, and of the part that stays."""
+    """Parts of a level that are placed: maps of their moves, fits, runs between faults, and of the part that stays.
+
+    Moves are NaN where they are not known.
+    """
 
     moves: Float64Array
     scores: Float64Array
@@ -128,13 +131,14 @@ def _place_level(
     waves = read_parts(layers, crossings, parts, settings.parts)
     for _ in range(_FIRST_ROUNDS if before is None else 1):
         moves, scores = place_once(waves, moves, scores, fixed, settings.parts)
-    of_part = np.where((scores >= settings.sure) & (waves.size >= _LEAST_TRACES), moves, np.nan)
+    is_sure = (scores >= settings.sure) & (waves.size >= _LEAST_TRACES)
+    of_part = np.where(is_sure, moves, np.nan)
     depth, move = (
         np.ascontiguousarray(np.moveaxis(a, 0, -1), dtype=np.float32)
         for a in (crossings, np.append(of_part, np.nan)[parts])
     )
     stays = np.append(np.isin(np.arange(n), fixed), False)[parts]
-    placed = _Placed(np.append(moves, np.nan)[parts], np.append(scores, 0.0)[parts], runs, stays)
+    placed = _Placed(np.append(of_part, np.nan)[parts], np.append(scores, 0.0)[parts], runs, stays)
     return LevelMoves(depth, move), placed
 
 

@@ -16,8 +16,8 @@ from seismo3d.seismic._kernels_tracks import cross_levels, match_waveforms, read
 from seismo3d.seismic.fault_links import LinkSettings, doubt_matches
 from seismo3d.seismic.horizon_search import find_seeds
 from seismo3d.seismic.layer_graph import LayerTimeSettings, thickness_variance
+from seismo3d.seismic.layer_parts import stretched
 from seismo3d.seismic.layer_time import LayerModel, model_layers
-from seismo3d.seismic.track_refining import stretched
 from seismo3d.synthetic import SyntheticCube, SyntheticFault, make_cube, recipe_of
 
 SHAPE = (48, 48, 80)

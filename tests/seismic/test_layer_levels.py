@@ -1,0 +1,74 @@
+"""Layer time that is off beyond faults, put right by the waveforms of many traces."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from seismo3d.seismic.layer_graph import LayerTimeSettings
+from seismo3d.seismic.layer_levels import LevelMoves, find_level_moves, mend_times
+from seismo3d.seismic.layer_time import LayerModel
+
+SHAPE, WALL, THROW = (40, 48, 128), 24, 8.0
+
+
+def lay_out(rng: np.random.Generator, wrong: float, noise: float) -> LayerModel:
+    """Return layers that a vertical fault throws, with layer time off by so much beyond it."""
+    shift = np.where(np.arange(SHAPE[1]) < WALL, 0.0, THROW)
+    reflectivity = gaussian_filter1d(rng.normal(size=SHAPE[2] + 80), 1.5)
+    samples = np.arange(SHAPE[2])
+    lines = np.stack([np.interp(samples - s + 40.0, np.arange(len(reflectivity)), reflectivity) for s in shift])
+    volume = np.broadcast_to(lines / lines.std(), SHAPE) + noise * rng.normal(size=SHAPE)
+    cuts = np.zeros(SHAPE, np.uint8)
+    cuts[:, WALL - 1] = 2
+    times = samples - shift[:, None] + np.where(shift > 0.0, wrong, 0.0)[:, None]
+    closure: Any = None
+    return LayerModel(
+        np.broadcast_to(times, SHAPE).astype(np.float32), cuts, volume.astype(np.float32), np.ones(SHAPE, bool),
+        np.ones(SHAPE[:2], bool), "samples", 0.0, closure,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("noise", [0.05, 1.0])
+@pytest.mark.parametrize("wrong", [-7.0, 0.0, 4.0])
+def test_layer_time_beyond_a_fault_is_put_right(rng: np.random.Generator, wrong: float, noise: float) -> None:
+    settings = LayerTimeSettings()
+    layers = lay_out(rng, wrong, noise)
+    times = layers.times.copy()
+    mend_times(times, layers.cuts, find_level_moves(layers, settings), settings.least)
+    truth = lay_out(rng, 0.0, 0.0).times
+    apart = (times - truth)[:, :, 16:-16]
+    # as a whole it may be moved: layer time has no zero of its own
+    np.testing.assert_allclose(apart[:, WALL:].mean(), apart[:, :WALL].mean(), atol=0.3)
+    assert np.abs(apart - np.median(apart)).max() < 1.0
+
+
+def test_a_run_goes_by_its_own_levels() -> None:
+    """Of two runs of a trace, one is moved, more the deeper, and the other stays; trends go on to a run's ends."""
+    times = np.broadcast_to(np.arange(64.0), (1, 1, 64)).astype(np.float32)
+    cuts = np.zeros((1, 1, 64), np.uint8)
+    cuts[0, 0, 29] = 4
+    depth = np.array([[[10.0, 20.0, 40.0]]], np.float32)
+    move = np.array([[[2.0, 4.0, np.nan]]], np.float32)
+    mended = times.copy()
+    mend_times(mended, cuts, LevelMoves(depth, move), 1e-3)
+    np.testing.assert_array_equal(mended[0, 0, 30:], times[0, 0, 30:])
+    # what lay at 10 is now at 12, what lay at 20 at 24
+    np.testing.assert_allclose(mended[0, 0, [12, 24]], [10.0, 20.0], atol=1e-5)
+    np.testing.assert_allclose(mended[0, 0, [0, 29]], [-2.0, 25.0], atol=1e-5)
+
+
+def test_a_cube_that_leaves_nothing_to_be_compared_stays(rng: np.random.Generator) -> None:
+    """Noise on both sides: nothing fits, and nothing is moved but a scrap by a part of a sample."""
+    settings = LayerTimeSettings()
+    layers = lay_out(rng, 0.0, 0.0)
+    layers.volume[...] = rng.normal(size=SHAPE)
+    found = find_level_moves(layers, settings)
+    times = layers.times.copy()
+    mend_times(times, layers.cuts, found, settings.least)
+    moved = np.abs(times - layers.times)
+    assert moved.max() < 0.5
+    assert (moved > 1e-3).mean() < 0.25
