@@ -14,7 +14,7 @@ from seismo3d._typing import BoolArray, Float32Array, Float64Array, Int64Array, 
 from seismo3d.seismic._kernels_layer_levels import mend_runs, number_runs
 from seismo3d.seismic._kernels_layers import make_runs_increasing
 from seismo3d.seismic.layer_graph import LayerTimeSettings
-from seismo3d.seismic.layer_parts import CROSSINGS, find_shapes, label_parts, place_once, read_parts
+from seismo3d.seismic.layer_parts import CROSSINGS, PartWaves, find_shapes, label_parts, place_once, read_parts
 from seismo3d.seismic.layer_pieces import LayerVolumes, find_levels, layer_pieces
 
 # share of the traces whose first or last sample lies beyond the first or last level
@@ -131,7 +131,7 @@ def _place_level(
     waves = read_parts(layers, crossings, parts, settings.parts)
     for _ in range(_FIRST_ROUNDS if before is None else 1):
         moves, scores = place_once(waves, moves, scores, fixed, settings.parts)
-    is_sure = (scores >= settings.sure) & (waves.size >= _LEAST_TRACES)
+    is_sure = (scores >= _least_scores(waves, settings)) & (waves.size >= _LEAST_TRACES)
     of_part = np.where(is_sure, moves, np.nan)
     depth, move = (
         np.ascontiguousarray(np.moveaxis(a, 0, -1), dtype=np.float32)
@@ -140,6 +140,13 @@ def _place_level(
     stays = np.append(np.isin(np.arange(n), fixed), False)[parts]
     placed = _Placed(np.append(of_part, np.nan)[parts], np.append(scores, 0.0)[parts], runs, stays)
     return LevelMoves(depth, move), placed
+
+
+def _least_scores(waves: PartWaves, settings: LayerTimeSettings) -> Float64Array:
+    """Return the correlations that tell: of a waveform that is cut short a higher one comes about by chance."""
+    middle, half = waves.counts.shape[2] // 2, settings.parts.window
+    known = waves.counts[:, :, middle - half : middle + half + 1].max(axis=0).mean(axis=1)
+    return np.asarray(settings.sure / np.maximum(known / np.maximum(waves.size, 1), 1e-6) ** 0.25)
 
 
 def _begin(
