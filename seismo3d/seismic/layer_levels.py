@@ -6,6 +6,7 @@ another the parts that faults bound are compared as a whole, over long windows, 
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,11 +18,13 @@ from seismo3d.seismic.layer_graph import LayerTimeSettings
 from seismo3d.seismic.layer_parts import CROSSINGS, PartWaves, find_shapes, label_parts, place_once, read_parts
 from seismo3d.seismic.layer_pieces import LayerVolumes, find_levels, layer_pieces
 
+# what layer time spans at most, over the samples of a trace
+_MOST_SPAN = 4
 # share of the traces whose first or last sample lies beyond the first or last level
 _BEYOND = 0.02
 # traces that a part must have for layer time to be mended by it
 _LEAST_TRACES = 16
-# share of a part's crossings that must go on from parts placed before for it to be trusted at first
+# share of a part's crossings that must go on from parts placed before for it to begin where they are
 _GOES_ON = 0.3
 # rounds at the first level, where nothing is placed yet
 _FIRST_ROUNDS = 2
@@ -60,7 +63,7 @@ class _Placed:
     stays: BoolArray
 
 
-def _list_levels(layers: LayerVolumes, settings: LayerTimeSettings) -> Float64Array:
+def _list_levels(layers: LayerVolumes, settings: LayerTimeSettings) -> list[float]:
     """Return the layer times, evenly apart, of the levels that are looked at."""
     first, last = [], []
     for at, (times,) in layer_pieces(layers, "times"):
@@ -69,11 +72,11 @@ def _list_levels(layers: LayerVolumes, settings: LayerTimeSettings) -> Float64Ar
         last.append(times[..., -1][live])
     low = float(np.quantile(np.concatenate(first), _BEYOND))
     high = float(np.quantile(np.concatenate(last), 1.0 - _BEYOND))
-    n = max(1, round((high - low) / settings.apart))
-    return low + (np.arange(n) + 0.5) * (high - low) / n
+    n = int(np.clip(round((high - low) / settings.apart), 1, most_levels(layers.times.shape[2], settings)))
+    return [float(level) for level in low + (np.arange(n) + 0.5) * (high - low) / n]
 
 
-def find_level_moves(layers: LayerVolumes, settings: LayerTimeSettings) -> LevelMoves:
+def find_level_moves(layers: LayerVolumes, settings: LayerTimeSettings) -> Iterator[tuple[int, LevelMoves]]:
     """Place the parts of level after level, from the middle down, then from the middle up.
 
     A part begins where those that it goes on from, of the level before, were moved to, and as trusted as they are. One
@@ -85,22 +88,32 @@ def find_level_moves(layers: LayerVolumes, settings: LayerTimeSettings) -> Level
         Of a cube with faults.
     settings : LayerTimeSettings
 
-    Returns
-    -------
-    LevelMoves
-        Of all levels, from above.
+    Yields
+    ------
+    number : int
+        Of the level, from above.
+    found : LevelMoves
+        Of this level alone.
     """
     levels = _list_levels(layers, settings)
     middle = len(levels) // 2
-    first, placed = _place_level(layers, float(levels[middle]), None, settings)
-    found = [first]
-    for rest in (levels[middle + 1 :], levels[:middle][::-1]):
-        before = placed
-        for level in rest:
-            one, before = _place_level(layers, float(level), before, settings)
-            found.append(one)
-    in_order = found[: len(levels) - middle - 1 : -1] + found[: len(levels) - middle]
-    return LevelMoves(*(np.concatenate([getattr(f, name) for f in in_order], axis=2) for name in ("depth", "move")))
+    found, first = _place_level(layers, levels[middle], None, settings)
+    yield middle, found
+    for rest in (range(middle + 1, len(levels)), range(middle - 1, -1, -1)):
+        before = first
+        for number in rest:
+            found, before = _place_level(layers, levels[number], before, settings)
+            yield number, found
+
+
+def most_levels(n_samples: int, settings: LayerTimeSettings) -> int:
+    """Return how many levels there are at most in a cube of so many samples."""
+    return max(1, round(_MOST_SPAN * n_samples / settings.apart))
+
+
+def join_levels(found: Sequence[LevelMoves]) -> LevelMoves:
+    """Put levels together, from above."""
+    return LevelMoves(*(np.concatenate([getattr(f, name) for f in found], axis=2) for name in ("depth", "move")))
 
 
 def mend_times(times: Float32Array, cuts: IntArray, found: LevelMoves, least: float) -> None:
@@ -158,15 +171,14 @@ def _begin(
     if before is not None:
         sums = np.zeros((4, n))
         for one, other in np.ndindex(CROSSINGS, CROSSINGS):
-            goes_on = (parts[one] >= 0) & (runs[one] == before.runs[other]) & np.isfinite(before.moves[other])
-            at = parts[one][goes_on]
+            same = (parts[one] >= 0) & (runs[one] == before.runs[other]) & np.isfinite(before.moves[other])
+            at = parts[one][same]
             for place, values in enumerate((before.moves[other], before.scores[other], before.stays[other])):
-                sums[place] += np.bincount(at, values[goes_on], n)
+                sums[place] += np.bincount(at, values[same], n)
             sums[3] += np.bincount(at, minlength=n)
         n_before = np.maximum(sums[3], 1.0)
-        moves = sums[0] / n_before
-        size = np.bincount(parts[parts >= 0], minlength=n)
-        scores = np.where(sums[3] > _GOES_ON * size, sums[1] / n_before, 0.0)
+        goes_on = sums[3] > _GOES_ON * np.bincount(parts[parts >= 0], minlength=n)
+        moves, scores = (np.where(goes_on, total / n_before, 0.0) for total in sums[:2])
         trust = np.where(scores >= settings.parts.trusted, 1.0, _POOR)
         known = np.minimum(sums[3], inner) * trust * (1.0 + _SAME * sums[2] / n_before)
         worth = known if known.any() else worth

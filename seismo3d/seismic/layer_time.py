@@ -14,7 +14,7 @@ from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_inc
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_links import SurfaceGrid, cut_grid, grid_surface, match_grid
 from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, solve_graph
-from seismo3d.seismic.layer_levels import find_level_moves, mend_times
+from seismo3d.seismic.layer_levels import find_level_moves, join_levels, mend_times
 from seismo3d.seismic.loop_closure import LoopClosure, close_fields
 from seismo3d.seismic.preparing import as_volume, clean_volume
 from seismo3d.seismic.shifts import measure_shifts
@@ -157,7 +157,8 @@ def model_layers(
     layers = LayerModel(times, cuts, volume, valid, live, unit, rejected, closure)
     if grids:
         report("levels", 0.0)
-        mend_times(times, cuts, find_level_moves(layers, settings), settings.least)
+        found = dict(find_level_moves(layers, settings))
+        mend_times(times, cuts, join_levels([found[n] for n in range(len(found))]), settings.least)
         times += _datum(times, live)
     return layers
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from seismo3d.seismic.layer_graph import LayerTimeSettings
-from seismo3d.seismic.layer_levels import LevelMoves, find_level_moves, mend_times
+from seismo3d.seismic.layer_levels import LevelMoves, find_level_moves, join_levels, mend_times
 from seismo3d.seismic.layer_time import LayerModel
 
 SHAPE, WALL, THROW = (40, 48, 128), 24, 8.0
@@ -32,13 +32,18 @@ def lay_out(rng: np.random.Generator, wrong: float, noise: float) -> LayerModel:
     )  # fmt: skip
 
 
+def find_all(layers: LayerModel, settings: LayerTimeSettings) -> LevelMoves:
+    found = dict(find_level_moves(layers, settings))
+    return join_levels([found[n] for n in range(len(found))])
+
+
 @pytest.mark.parametrize("noise", [0.05, 1.0])
 @pytest.mark.parametrize("wrong", [-7.0, 0.0, 4.0])
 def test_layer_time_beyond_a_fault_is_put_right(rng: np.random.Generator, wrong: float, noise: float) -> None:
     settings = LayerTimeSettings()
     layers = lay_out(rng, wrong, noise)
     times = layers.times.copy()
-    mend_times(times, layers.cuts, find_level_moves(layers, settings), settings.least)
+    mend_times(times, layers.cuts, find_all(layers, settings), settings.least)
     truth = lay_out(rng, 0.0, 0.0).times
     apart = (times - truth)[:, :, 16:-16]
     # as a whole it may be moved: layer time has no zero of its own
@@ -66,8 +71,7 @@ def test_a_cube_that_leaves_nothing_to_be_compared_stays(rng: np.random.Generato
     settings = LayerTimeSettings()
     layers = lay_out(rng, 0.0, 0.0)
     layers.volume[...] = rng.normal(size=SHAPE)
-    found = find_level_moves(layers, settings)
     times = layers.times.copy()
-    mend_times(times, layers.cuts, found, settings.least)
+    mend_times(times, layers.cuts, find_all(layers, settings), settings.least)
     moved = np.abs(times - layers.times)
     assert (moved > 0.5).mean() < 0.05

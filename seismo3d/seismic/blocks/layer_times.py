@@ -12,10 +12,12 @@ from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.results import write_result
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.stored_volume import StoredVolumes
-from seismo3d.seismic.layer_levels import LevelMoves, find_level_moves, mend_times
+from seismo3d.seismic.layer_levels import LevelMoves, find_level_moves, join_levels, mend_times, most_levels
 
-LEVELS = ("level_depth", "level_move")
-"""Arrays that keep where the layers of all levels pass, and how far they are off there."""
+
+def level_name(number: int) -> str:
+    """Return the array that keeps where a level's layer passes, and how far it is off there."""
+    return f"level_{number}"
 
 
 def datum_facts(run: BlockRun) -> None:
@@ -25,17 +27,23 @@ def datum_facts(run: BlockRun) -> None:
 
 def levels_facts(run: BlockRun) -> None:
     """Place the parts of every level that faults bound, and find the datum once more."""
-    run.store.remove(*LEVELS)
     n_levels = 0
     if run.fact("faults")["n_surfaces"]:
-        found = find_level_moves(StoredVolumes.of(run, lambda box: _first_times(run, box)), run.settings)
-        n_levels = found.depth.shape[2]
-        for name, values in zip(LEVELS, (found.depth, found.move), strict=True):
-            run.store.make(name, values.shape, np.float32)
+        layers = StoredVolumes.of(run, lambda box: _first_times(run, box))
+        for number, found in find_level_moves(layers, run.settings):
+            both = np.concatenate([found.depth, found.move], axis=2)
+            name, n_levels = level_name(number), n_levels + 1
+            run.store.remove(name)
+            run.store.make(name, both.shape, np.float32)
             for box in run.plan.tiling("fill"):
-                run.store.write(name, box, values[box.i0 : box.i1, box.j0 : box.j1])
-    shift = _datum(run, _mended_times(run, _middle(run))) if n_levels else 0.0
+                run.store.write(name, box, both[box.i0 : box.i1, box.j0 : box.j1])
+    shift = _datum(run, _mended_times(run, _middle(run), n_levels)) if n_levels else 0.0
     run.write_fact("levels", n_levels=n_levels, shift=shift)
+
+
+def level_names(run: BlockRun) -> tuple[str, ...]:
+    """Return the arrays of all levels that there may be."""
+    return tuple(level_name(n) for n in range(most_levels(run.plan.shape[2], run.settings)))
 
 
 def forget_levels(run: BlockRun) -> None:
@@ -58,15 +66,16 @@ def read_times(run: BlockRun, box: Box) -> Float32Array:
     found = run.fact("levels")
     if not found["n_levels"]:
         return _first_times(run, box)
-    times = _mended_times(run, box)
+    times = _mended_times(run, box, found["n_levels"])
     times += np.float32(found["shift"])
     return times
 
 
-def _mended_times(run: BlockRun, box: Box) -> Float32Array:
+def _mended_times(run: BlockRun, box: Box, n_levels: int) -> Float32Array:
     times = _first_times(run, box)
-    depth, move = (run.store.read(name, box) for name in LEVELS)
-    mend_times(times, run.store.read("cuts", box), LevelMoves(depth, move), run.settings.least)
+    both = [np.split(run.store.read(level_name(n), box), 2, axis=2) for n in range(n_levels)]
+    found = join_levels([LevelMoves(depth, move) for depth, move in both])
+    mend_times(times, run.store.read("cuts", box), found, run.settings.least)
     return times
 
 

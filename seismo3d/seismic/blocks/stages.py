@@ -169,7 +169,8 @@ def _fault_stages(settings: FaultSettings) -> dict[str, Stage]:
     }  # fmt: skip
 
 
-def _layer_stages(settings: LayerTimeSettings) -> dict[str, Stage]:
+def _layer_stages(run: BlockRun) -> dict[str, Stage]:
+    settings: LayerTimeSettings = run.settings
     fields = layers.field_names(settings)
     before, solving = "", {}
     for stride in settings.strides:
@@ -198,7 +199,7 @@ def _layer_stages(settings: LayerTimeSettings) -> dict[str, Stage]:
         **solving,
         "datum": Stage("layers", "", _no_block, find=layer_times.datum_facts, leaves=fields),
         "levels": Stage(
-            "levels", "", _no_block, find=layer_times.levels_facts, writes=layer_times.LEVELS,
+            "levels", "", _no_block, find=layer_times.levels_facts, writes=layer_times.level_names(run),
             forget=layer_times.forget_levels,
         ),
         "fill": Stage("layers", "fill", layer_times.fill),
@@ -207,7 +208,7 @@ def _layer_stages(settings: LayerTimeSettings) -> dict[str, Stage]:
 
 def stages_of(run: BlockRun) -> dict[str, Stage]:
     """Return the stages of a run, by name, in their order."""
-    return _layer_stages(run.settings) if run.kind == "layers" else _fault_stages(run.settings)
+    return _layer_stages(run) if run.kind == "layers" else _fault_stages(run.settings)
 
 
 def count_blocks(run: BlockRun, stage: str) -> int:
