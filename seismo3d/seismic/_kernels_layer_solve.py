@@ -21,14 +21,15 @@ NORMAL, GRADIENT, DIAGONAL = 0, 1, 2
 @njit(cache=True, nogil=True, inline="always")
 def find_head(shift, gaps, k, step, m):  # type: ignore[no-untyped-def]
     """Return where a link from vertex k ends on its trace: a vertex, -1 beyond the ends, and the share of the next."""
-    ahead = k * step + shift
-    if ahead < 0.0 or ahead > (m - 1) * step:
+    size = np.float32(step)
+    ahead = np.float32(k) + shift / size
+    if ahead < np.float32(0.0) or ahead > np.float32(m - 1):
         return -1, np.float32(0.0)
-    low = min(int(ahead / step), m - 2)
-    part = np.float32(ahead / step - low)
+    low = min(np.int32(ahead), np.int32(m - 2))
+    part = ahead - np.float32(low)
     gap = gaps[low]
     if gap > 0:
-        part = np.float32(0.0) if ahead < low * step + gap - 0.5 else np.float32(1.0)
+        part = np.float32(0.0) if part * size < np.float32(gap) - np.float32(0.5) else np.float32(1.0)
     return low, part
 
 

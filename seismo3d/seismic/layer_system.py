@@ -29,7 +29,7 @@ _TOLERANCE = 1e-3
 # bytes of a vertex in the arrays of the solution: five vectors, and room for the pages of their neighbours
 _VECTOR_BYTES = 40
 # vertices below which a thread more costs more time than it saves
-_LEAST_SHARE = 1 << 18
+_LEAST_SHARE = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, eq=False)
