@@ -15,8 +15,8 @@ from seismo3d._typing import BoolArray, Float32Array, Float64Array, Int64Array, 
 from seismo3d.seismic._kernels_layer_levels import mend_runs, number_runs
 from seismo3d.seismic._kernels_layers import make_runs_increasing
 from seismo3d.seismic.layer_graph import LayerTimeSettings
-from seismo3d.seismic.layer_parts import CROSSINGS, PartWaves, find_shapes, label_parts, place_once, read_parts
-from seismo3d.seismic.layer_pieces import LayerVolumes, find_levels, layer_pieces
+from seismo3d.seismic.layer_parts import PartWaves, find_shapes, label_parts, place_once, read_parts
+from seismo3d.seismic.layer_pieces import CROSSINGS, LayerVolumes, find_levels, layer_pieces
 
 # what layer time spans at most, over the samples of a trace
 _MOST_SPAN = 4
@@ -129,11 +129,9 @@ def mend_times(times: Float32Array, cuts: IntArray, found: LevelMoves, least: fl
 def _place_level(
     layers: LayerVolumes, level: float, before: _Placed | None, settings: LayerTimeSettings
 ) -> tuple[LevelMoves, _Placed]:
-    n0, n1 = layers.live.shape
     last = layers.times.shape[2] - 1
-    crossings, runs = np.empty((CROSSINGS, n0, n1)), np.empty((CROSSINGS, n0, n1), np.int64)
-    find_levels(layers, np.full((n0, n1), level), settings.parts.farthest, crossings)
-    crossings[:, ~layers.live] = np.nan
+    crossings = find_levels(layers, np.full(layers.live.shape, level), settings.parts.farthest)
+    runs = np.empty(crossings.shape, np.int64)
     for at, (cuts,) in layer_pieces(layers, "cuts"):
         number_runs(cuts, crossings[(slice(None), *at)], runs[(slice(None), *at)])
     parts = label_parts(crossings, layers.cuts, find_shapes(layers, crossings))
@@ -145,13 +143,10 @@ def _place_level(
     for _ in range(_FIRST_ROUNDS if before is None else 1):
         moves, scores = place_once(waves, moves, scores, fixed, settings.parts)
     is_sure = (scores >= _least_scores(waves, settings)) & (waves.size >= _LEAST_TRACES)
-    of_part = np.where(is_sure, moves, np.nan)
-    depth, move = (
-        np.ascontiguousarray(np.moveaxis(a, 0, -1), dtype=np.float32)
-        for a in (crossings, np.append(of_part, np.nan)[parts])
-    )
+    moved = np.append(np.where(is_sure, moves, np.nan), np.nan)[parts]
+    depth, move = (np.ascontiguousarray(np.moveaxis(a, 0, -1), dtype=np.float32) for a in (crossings, moved))
     stays = np.append(np.isin(np.arange(n), fixed), False)[parts]
-    placed = _Placed(np.append(of_part, np.nan)[parts], np.append(scores, 0.0)[parts], runs, stays)
+    placed = _Placed(moved, np.append(scores, 0.0)[parts], runs, stays)
     return LevelMoves(depth, move), placed
 
 

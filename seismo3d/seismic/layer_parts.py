@@ -14,9 +14,6 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, In
 from seismo3d.seismic._kernels_tracks import match_waveforms, sum_parts
 from seismo3d.seismic.layer_pieces import LayerVolumes, Waves, read_along, read_around
 
-CROSSINGS = 3
-"""How often a trace may cross one layer."""
-
 # thicknesses that are tried to either side of the usual one
 _STRETCHES = 10
 # a step between traces, in samples, that is none of one part

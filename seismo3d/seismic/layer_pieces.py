@@ -10,6 +10,9 @@ import numpy as np
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
 from seismo3d.seismic._kernels_tracks import cross_levels, read_layers, read_runs
 
+CROSSINGS = 3
+"""How often a trace may cross one layer."""
+
 Place = tuple[slice, slice]
 """Inlines and crosslines of a piece."""
 Waves = tuple[Float32Array, Float32Array]
@@ -55,13 +58,16 @@ def places(layers: LayerVolumes) -> list[Place]:
     return getattr(layers.times, "places", [(slice(None), slice(None))])
 
 
-def find_levels(layers: LayerVolumes, target: Float64Array, beyond: float, crossings: Float64Array) -> None:
-    """Write the fractional samples, from above, at which every trace reaches its target; NaN for those it lacks.
+def find_levels(layers: LayerVolumes, target: Float64Array, beyond: float) -> Float64Array:
+    """Return the fractional samples, from above, at which every live trace reaches its target; NaN for those it lacks.
 
-    They may lie up to `beyond` samples off the cube.
+    The first axis holds the `CROSSINGS` of a trace. They may lie up to `beyond` samples off the cube.
     """
+    crossings = np.empty((CROSSINGS, *target.shape))
     for at, (times, cuts) in layer_pieces(layers, "times", "cuts"):
         cross_levels(times, cuts, target[at], np.float32(beyond), crossings[(slice(None), *at)])
+    crossings[:, ~layers.live] = np.nan
+    return crossings
 
 
 def read_around(layers: LayerVolumes, depth: Float64Array, half: int) -> Waves:

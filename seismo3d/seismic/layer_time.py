@@ -180,10 +180,15 @@ def _unheard(stage: str, share: float) -> None:
 
 def _datum(times: Float32Array, live: BoolArray) -> np.float32:
     """Return what makes the layer time of the middle sample of the live trace nearest to the middle its own index."""
-    places = np.argwhere(live)
-    middle = places[np.abs(places - (np.array(live.shape) - 1) / 2).sum(axis=1).argmin()]
     k = times.shape[2] // 2
-    return np.float32(k - times[middle[0], middle[1], k])
+    return np.float32(k - times[(*middle_trace(live), k)])
+
+
+def middle_trace(live: BoolArray) -> tuple[int, int]:
+    """Return the live trace nearest to the middle."""
+    places = np.argwhere(live)
+    i, j = places[np.abs(places - (np.array(live.shape) - 1) / 2).sum(axis=1).argmin()]
+    return int(i), int(j)
 
 
 def _solve_times(

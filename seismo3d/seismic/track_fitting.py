@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray
-from seismo3d.seismic.layer_parts import CROSSINGS, find_shapes, label_parts, place_once, read_parts
+from seismo3d.seismic.layer_parts import find_shapes, label_parts, place_once, read_parts
 from seismo3d.seismic.layer_pieces import find_levels
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.track_growing import grow_parts, keep_sides
@@ -59,10 +59,7 @@ def find_crossings(layers: LayerModel, index: Float64Array, *, beyond: float = 0
         times.append(_time_at(row, cut, float(at[2])))
         weights.append(1.0 / ((i - at[0]) ** 2 + (j - at[1]) ** 2 + 0.25))
     target = np.tensordot(times, weights, axes=1) / np.sum(weights, axis=0)
-    crossings = np.empty((CROSSINGS, n0, n1))
-    find_levels(layers, target, beyond, crossings)
-    crossings[:, ~layers.live] = np.nan
-    return crossings
+    return find_levels(layers, target, beyond)
 
 
 def _time_at(row: AnyArray, cut: AnyArray, z: float) -> float:

@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter1d
+from laid_out_layers import SHAPE, THROW, WALL, lay_out
 
 from seismo3d.seismic.layer_graph import LayerTimeSettings
 from seismo3d.seismic.layer_levels import LevelMoves, find_level_moves, join_levels, mend_times
 from seismo3d.seismic.layer_time import LayerModel
 
-SHAPE, WALL, THROW = (40, 48, 128), 24, 8.0
 
-
-def lay_out(rng: np.random.Generator, wrong: float, noise: float) -> LayerModel:
+def throw_layers(rng: np.random.Generator, wrong: float, noise: float) -> LayerModel:
     """Return layers that a vertical fault throws, with layer time off by so much beyond it."""
-    shift = np.where(np.arange(SHAPE[1]) < WALL, 0.0, THROW)
-    reflectivity = gaussian_filter1d(rng.normal(size=SHAPE[2] + 80), 1.5)
-    samples = np.arange(SHAPE[2])
-    lines = np.stack([np.interp(samples - s + 40.0, np.arange(len(reflectivity)), reflectivity) for s in shift])
-    volume = np.broadcast_to(lines / lines.std(), SHAPE) + noise * rng.normal(size=SHAPE)
-    cuts = np.zeros(SHAPE, np.uint8)
-    cuts[:, WALL - 1] = 2
-    times = samples - shift[:, None] + np.where(shift > 0.0, wrong, 0.0)[:, None]
-    closure: Any = None
-    return LayerModel(
-        np.broadcast_to(times, SHAPE).astype(np.float32), cuts, volume.astype(np.float32), np.ones(SHAPE, bool),
-        np.ones(SHAPE[:2], bool), "samples", 0.0, closure,
-    )  # fmt: skip
+    beyond = np.arange(SHAPE[1]) >= WALL
+    times = np.arange(SHAPE[2]) + np.where(beyond, wrong - THROW, 0.0)[:, None]
+    return lay_out(rng, np.where(beyond, THROW, 0.0), times, cut=True, noise=noise)
 
 
 def find_all(layers: LayerModel, settings: LayerTimeSettings) -> LevelMoves:
@@ -41,10 +27,10 @@ def find_all(layers: LayerModel, settings: LayerTimeSettings) -> LevelMoves:
 @pytest.mark.parametrize("wrong", [-7.0, 0.0, 4.0])
 def test_layer_time_beyond_a_fault_is_put_right(rng: np.random.Generator, wrong: float, noise: float) -> None:
     settings = LayerTimeSettings()
-    layers = lay_out(rng, wrong, noise)
+    layers = throw_layers(rng, wrong, noise)
     times = layers.times.copy()
     mend_times(times, layers.cuts, find_all(layers, settings), settings.least)
-    truth = lay_out(rng, 0.0, 0.0).times
+    truth = throw_layers(rng, 0.0, 0.0).times
     apart = (times - truth)[:, :, 16:-16]
     # as a whole it may be moved: layer time has no zero of its own
     np.testing.assert_allclose(apart[:, WALL:].mean(), apart[:, :WALL].mean(), atol=0.3)
@@ -69,7 +55,7 @@ def test_a_run_goes_by_its_own_levels() -> None:
 def test_a_cube_that_leaves_nothing_to_be_compared_stays(rng: np.random.Generator) -> None:
     """Noise on both sides: nothing fits, and hardly anything is moved."""
     settings = LayerTimeSettings()
-    layers = lay_out(rng, 0.0, 0.0)
+    layers = throw_layers(rng, 0.0, 0.0)
     layers.volume[...] = rng.normal(size=SHAPE)
     times = layers.times.copy()
     mend_times(times, layers.cuts, find_all(layers, settings), settings.least)

@@ -13,6 +13,7 @@ from seismo3d.seismic.blocks.results import write_result
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.stored_volume import StoredVolumes
 from seismo3d.seismic.layer_levels import LevelMoves, find_level_moves, join_levels, mend_times, most_levels
+from seismo3d.seismic.layer_time import middle_trace
 
 
 def level_name(number: int) -> str:
@@ -98,10 +99,8 @@ def _solved_times(run: BlockRun, box: Box) -> Float32Array:
 
 def _middle(run: BlockRun) -> Box:
     """Return the live trace nearest to the middle."""
-    live = live_traces(run)
-    places = np.argwhere(live)
-    i, j = places[np.abs(places - (np.array(live.shape) - 1) / 2).sum(axis=1).argmin()]
-    return Box(int(i), int(i) + 1, int(j), int(j) + 1)
+    i, j = middle_trace(live_traces(run))
+    return Box(i, i + 1, j, j + 1)
 
 
 def _datum(run: BlockRun, times: Float32Array) -> float:
