@@ -255,6 +255,21 @@ def weigh_links(values, shift, variance, breaks, axis, hop, step, cutoff, start,
 
 
 @njit(cache=True, nogil=True, parallel=True)
+def find_heads(shift, weight, breaks, axis, hop, step, heads):  # type: ignore[no-untyped-def]
+    """Write the vertex nearest to where each link ends; -1 where a link has no weight."""
+    n0, n1, m = heads.shape
+    di, dj = (hop, 0) if axis == 0 else (0, hop)
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1):
+            for k in range(m):
+                heads[i, j, k] = -1
+                if weight[i, j, k] > 0.0:
+                    low, part = find_head(shift[i, j, k], breaks[i + di, j + dj], k, step, m)
+                    heads[i, j, k] = ((i + di) * n1 + j + dj) * m + low + (part > np.float32(0.5))
+
+
+@njit(cache=True, nogil=True, parallel=True)
 def weigh_samples(values, thickness, breaks, variance, cutoff, start, stop, weight, counts):  # type: ignore[no-untyped-def]
     """Write the robust weights of links down the traces of rows from start to stop: 0 across a fault."""
     _, n1, m = values.shape

@@ -50,6 +50,10 @@ class LayerTimeSettings:
         The same on each finer graph.
     iterations : int
         Most steps a round on the finest graph; a graph of every n-th trace has n squared times as many.
+    grouped : int
+        Vertices up to which the coarsest graph is solved by groups of vertices as well.
+    grouped_iterations : int
+        Most steps a round there.
     apart : float
         Units of layer time between the levels at which parts that faults bound are placed by their waveforms.
     sure : float
@@ -68,6 +72,8 @@ class LayerTimeSettings:
     first_cutoffs: tuple[float, ...] = (np.inf, 30.0, 15.0, 8.0, 5.0, 3.0, 3.0, 3.0)
     cutoffs: tuple[float, ...] = (30.0, 3.0)
     iterations: int = 50
+    grouped: int = 1 << 20
+    grouped_iterations: int = 60
     apart: float = 16.0
     sure: float = 0.6
     dip: DipSettings = field(default_factory=DipSettings)
@@ -148,8 +154,18 @@ def _round(
     system.thickness[...] = smooth_thickness(values, system.breaks, settings, stride)
     spread = thickness_variance([f.usual for f in graph.fields], settings)
     system.weigh(found, cutoff, spread)
-    system.improve(found, settings.iterations * stride**2)
+    improve_values(system, found, stride, settings)
     return found, system.weigh(found, cutoff, spread)
+
+
+def improve_values(system: LayerSystem, values: Float32Array, stride: int, settings: LayerTimeSettings) -> None:
+    """Take values, in place, nearer to the least squares of the weighted links.
+
+    On the coarsest graph, by groups of vertices too: what whole compartments are off by is told there.
+    """
+    grouped = stride == settings.strides[0] and values.size <= settings.grouped
+    steps = settings.grouped_iterations if grouped else settings.iterations * stride**2
+    system.improve(values, steps, grouped=grouped)
 
 
 def thickness_variance(usual: list[float], settings: LayerTimeSettings) -> float:

@@ -10,6 +10,7 @@ import numba
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int64Array
+from seismo3d.graph.groups import GroupCorrection
 from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_layer_solve import (
     DIAGONAL,
@@ -17,6 +18,7 @@ from seismo3d.seismic._kernels_layer_solve import (
     NORMAL,
     advance,
     begin_rows,
+    find_heads,
     pull_rows,
     turn,
     weigh_links,
@@ -169,13 +171,30 @@ class LayerSystem:
         with _fitting_threads(values.size):
             return self._weigh(values, cutoff, variance)
 
-    def improve(self, values: Float32Array, iterations: int) -> None:
+    def improve(self, values: Float32Array, iterations: int, *, grouped: bool = False) -> None:
         """Take values, in place, to the least squares of the weighted links.
 
-        By conjugate gradients, in each step of which every trace's own equations are solved.
+        By conjugate gradients, in each step of which every trace's own equations are solved, and, if asked for, those
+        of groups of vertices.
         """
         with _fitting_threads(values.size):
-            self._improve(values, iterations)
+            self._improve(values, iterations, self._group() if grouped else None)
+
+    def _group(self) -> GroupCorrection:
+        """Group the vertices that links hold together; links are taken to end at the nearest vertex."""
+        number = np.arange(self.breaks.size, dtype=np.int32).reshape(self.shape)
+        fields, found = self.fields, []
+        for f, (axis, hop) in enumerate(zip(fields.axes, fields.hops, strict=True)):
+            heads = np.empty(self.shape, np.int32)
+            find_heads(fields.shift[f], fields.weight[f], self.breaks, axis, hop, self.step, heads)
+            held = heads >= 0
+            found.append((number[held], heads[held], fields.weight[f][held]))
+        tied = self.down[:, :, :-1] > 0
+        found.append((number[:, :, :-1][tied], number[:, :, 1:][tied], self.down[:, :, :-1][tied]))
+        ends = self.faults.vertices + (self.faults.shares > 0.5)
+        found.append((*ends, self.faults.weight))
+        first, second, weight = (np.concatenate([part[n] for part in found]) for n in range(3))
+        return GroupCorrection.of(first, second, weight.astype(np.float64), self.breaks.size)
 
     def _weigh(self, values: Float32Array, cutoff: float, variance: float) -> float:
         limit = np.float32(cutoff)
@@ -210,14 +229,18 @@ class LayerSystem:
             self.room.rest()
         return n_beyond
 
-    def _improve(self, values: Float32Array, iterations: int) -> None:
+    def _improve(self, values: Float32Array, iterations: int, groups: GroupCorrection | None) -> None:
         gradient, pivots, step, direction, product = (self.room.array(self.shape, np.float32) for _ in range(5))
         sums: Float64Array = np.zeros(self.shape[0])
         for start, stop in self.slabs():
             self.pull(DIAGONAL, values, start, stop, pivots, values, sums)
             self.pull(GRADIENT, values, start, stop, gradient, values, sums)
             begin_rows(pivots, self.down, gradient, start, stop, step, direction, sums)
-        energy = first = float(sums.sum())
+        moves, energy = groups.solve(gradient) if groups else (None, 0.0)
+        energy += float(sums.sum())
+        first = energy
+        if groups and moves is not None:
+            groups.add(moves, direction)
         for _ in range(iterations):
             if energy <= _TOLERANCE**2 * first or energy <= 0.0:
                 break
@@ -226,10 +249,14 @@ class LayerSystem:
             length = np.float32(energy / max(float(sums.sum()), 1e-30))
             for start, stop in self.slabs():
                 advance(length, direction, product, pivots, self.down, start, stop, step, gradient, sums)
-            last, energy = energy, float(sums.sum())
+            last = energy
+            moves, energy = groups.solve(gradient) if groups else (None, 0.0)
+            energy += float(sums.sum())
             factor = np.float32(energy / last)
             for start, stop in self.slabs():
                 turn(factor, gradient, pivots, self.down, start, stop, direction)
+            if groups and moves is not None:
+                groups.add(moves, direction)
         for start, stop in self.slabs():
             values[start:stop] += step[start:stop]
 

@@ -24,15 +24,16 @@ def build(rng: np.random.Generator, shift: np.ndarray, variance: np.ndarray, bre
     return system
 
 
+@pytest.mark.parametrize("grouped", [False, True])
 @pytest.mark.parametrize("stiff", [1e-3, 1.0, 1e4])
-def test_the_solution_is_that_of_a_direct_solver(rng: np.random.Generator, stiff: float) -> None:
+def test_the_solution_is_that_of_a_direct_solver(rng: np.random.Generator, stiff: float, grouped: bool) -> None:
     """Ties down the traces from far weaker than the links between them to far stiffer."""
     breaks = np.where(rng.random(SHAPE) < 0.1, 2, 0).astype(np.uint8)
     shift = rng.normal(0.0, 0.3, (2, *SHAPE)).astype(np.float32)
     system = build(rng, shift, np.ones((2, *SHAPE), np.float32), breaks)
     found = np.zeros(SHAPE, np.float32)
     system.weigh(found, np.inf, 1.0 / stiff)
-    system.improve(found, 2000)
+    system.improve(found, 2000, grouped=grouped)
     rows, columns, entries, right = [], [], [], []
 
     def add(ends: list[tuple[int, float]], measured: float, weight: float) -> None:
@@ -64,6 +65,26 @@ def test_the_solution_is_that_of_a_direct_solver(rng: np.random.Generator, stiff
     residual = matrix @ found.ravel().astype(np.float64) - right
     assert np.linalg.norm(matrix.T @ residual) < 2e-3 * np.linalg.norm(matrix.T @ np.array(right))
     np.testing.assert_allclose(matrix @ found.ravel(), matrix @ best, atol=0.02 * max(1.0, np.sqrt(stiff)))
+
+
+def test_groups_tell_what_lies_beyond_a_fault_in_few_steps() -> None:
+    """Some links across it, each a millionth as sure as those along layers, and among many traces."""
+    shape, throw = (40, 40, 8), 9.0
+    links = LinkFields.empty([(0, 1), (1, 1)], shape, InMemory())
+    links.shift[...], links.variance[...] = 0.0, 1e-3
+    links.variance[0, -1], links.variance[1, :, -1], links.variance[1, :, 19] = np.inf, np.inf, np.inf
+    number = np.arange(np.prod(shape)).reshape(shape)
+    across = ScalarEdges.from_arrays(number[::8, 19, 3], number[::8, 20, 3], measured=throw, variance=1e3)
+    system = LayerSystem.of(links, np.zeros(shape, np.uint8), across, InMemory(), step=STEP)
+    system.thickness[...] = 0.0
+    found = {}
+    for grouped in (False, True):
+        values = np.zeros(shape, np.float32)
+        system.weigh(values, np.inf, 1.0)
+        system.improve(values, 30, grouped=grouped)
+        found[grouped] = values[:, 20:].mean() - values[:, :20].mean()
+    assert found[True] == pytest.approx(throw, abs=0.05)
+    assert found[False] < 0.7 * throw
 
 
 def test_new_traces_start_on_their_own_side_of_a_fault(rng: np.random.Generator) -> None:

@@ -19,6 +19,7 @@ from seismo3d.seismic.fault_links import doubt_matches, link_grid
 from seismo3d.seismic.layer_graph import (
     DOUBT,
     LayerTimeSettings,
+    improve_values,
     is_doubtful,
     near_faults,
     nearest_misfit,
@@ -91,7 +92,7 @@ def solve(run: BlockRun, stride: int) -> None:
                 system.lead(values)
         _expect(run, system, values, stride)
         system.weigh(values, cutoff, spread)
-        system.improve(values, settings.iterations * stride**2)
+        improve_values(system, values, stride, settings)
         if number == len(rounds) - 1:
             rejected = system.weigh(values, cutoff, spread)
         _keep(run, stride, number, values, room)
