@@ -54,7 +54,7 @@ def make_open3d(camera: Camera, settings: MapperSettings, shape: tuple[int, int]
         o3d: Any = import_module("open3d")
     except ImportError as error:
         raise MissingDependencyError(
-            "open3d is not installed; it is what mapping is compared with. Install it."
+            f"open3d, with which mapping is compared, cannot be loaded: {error}. Install it and what it needs."
         ) from error
     lens, slam = camera.lens, o3d.t.pipelines.slam
     device = o3d.core.Device("CPU:0")
