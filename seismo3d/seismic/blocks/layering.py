@@ -22,7 +22,7 @@ from seismo3d.seismic.layer_graph import LayerTimeSettings
 
 def whole_layers_bytes(shape: tuple[int, ...]) -> int:
     """Return the memory that a cube of this shape takes when its layer time is found in one piece."""
-    return 100 * int(np.prod(shape, dtype=np.int64)) + BASE_BYTES
+    return 80 * int(np.prod(shape, dtype=np.int64)) + BASE_BYTES
 
 
 def layer_larger(
