@@ -59,7 +59,7 @@ class LayerTimeSettings:
     sure : float
         Correlation that a part must have for layer time to be mended by it.
     dip, shifts, links, parts
-        Settings of the stages.
+        Settings of the stages. Throws may be wrong by a cycle and a half: parts of levels are looked for as far off.
     """
 
     lengths: tuple[int, ...] = (1, 2, 4)
@@ -79,7 +79,7 @@ class LayerTimeSettings:
     dip: DipSettings = field(default_factory=DipSettings)
     shifts: ShiftSettings = field(default_factory=ShiftSettings)
     links: LinkSettings = field(default_factory=LinkSettings)
-    parts: PartSettings = field(default_factory=PartSettings)
+    parts: PartSettings = field(default_factory=lambda: PartSettings(farthest=18))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -53,7 +53,7 @@ class PartSettings:
     """
 
     window: int = 32
-    farthest: int = 18
+    farthest: int = 12
     stretch: float = 0.2
     price: float = 0.1
     gain: float = 0.15

@@ -34,7 +34,7 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
         Fractional sample; NaN where the horizon was not traced.
     confidence : ndarray of the same shape, float32
     """
-    first = find_crossings(layers, index, beyond=settings.layers.parts.farthest)
+    first = find_crossings(layers, index, beyond=settings.parts.farthest)
     parts = label_parts(first, layers.cuts, find_shapes(layers, first))
     seeded = np.unique([_nearest_part(first, parts, at) for at in index])
     seeded = seeded[seeded >= 0]
@@ -97,11 +97,11 @@ def _place_parts(
 
     NaN where it fits nowhere.
     """
-    waves = read_parts(layers, crossings, parts, settings.layers.parts)
+    waves = read_parts(layers, crossings, parts, settings.parts)
     moves = np.zeros(len(waves.size))
     scores = np.isin(np.arange(len(moves)), seeded).astype(np.float32)
     for _ in range(settings.rounds):
-        moves, scores = place_once(waves, moves, scores, seeded, settings.layers.parts)
+        moves, scores = place_once(waves, moves, scores, seeded, settings.parts)
     return moves, scores
 
 

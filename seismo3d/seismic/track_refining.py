@@ -10,7 +10,7 @@ from scipy import ndimage
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_tracks import match_waveforms
 from seismo3d.seismic.layer_graph import LayerTimeSettings
-from seismo3d.seismic.layer_parts import stretched
+from seismo3d.seismic.layer_parts import PartSettings, stretched
 from seismo3d.seismic.layer_pieces import read_around
 from seismo3d.seismic.layer_time import LayerModel
 
@@ -52,7 +52,9 @@ class TrackSettings:
     least_trace : float
         Correlation below which a trace is left out.
     layers : LayerTimeSettings
-        Settings of the layer time, and of how parts are placed.
+        Settings of the layer time.
+    parts : PartSettings
+        How the parts of a track are placed. Layer time was mended where faults were wrong by more.
     """
 
     near: int = 16
@@ -63,6 +65,7 @@ class TrackSettings:
     rounds: int = 2
     least_trace: float = 0.3
     layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
+    parts: PartSettings = field(default_factory=PartSettings)
 
 
 def refine_depth(
@@ -118,7 +121,7 @@ def refine_depth(
     depth = np.where(trusted, depth + common + np.clip(move - common, -settings.most, settings.most), np.nan)
     depth = _straighten_rims(layers, depth, np.where(trusted, parts, -1), settings)
     # a seed whose own waveform is unlike the others' cannot tell where it lies on them
-    miss = _miss(own, of_seeds & trusted & (here >= settings.layers.parts.trusted), index)
+    miss = _miss(own, of_seeds & trusted & (here >= settings.parts.trusted), index)
     depth = depth - (common if miss is None else miss)
     return _bend_to_seeds(depth, parts, of_seeds & trusted, index), confidence
 
@@ -177,7 +180,7 @@ def _score_stretched(
     The waveform is the chosen traces' mean, as thick as fits best around each trace: without that a trace with thicker
     layers goes where those above or below fit, whichever side is seen farther.
     """
-    stretch = settings.layers.parts.stretch
+    stretch = settings.parts.stretch
     shares = np.linspace(-stretch, stretch, 2 * _STRETCHES + 1)
     long = _mean_waveform(layers, depth, chosen, int(np.ceil(settings.near * (1.0 + 2.0 * stretch))) + 1)
     waves, known = _read_smoothly(layers, depth, parts, settings.near + reach)
@@ -188,7 +191,7 @@ def _score_stretched(
     fits = np.moveaxis(scores.max(axis=3), 0, -1)
     gain = np.where(whole, fits - fits[..., _STRETCHES, None], np.float32(0.0))
     both = _smooth_parts(np.concatenate([gain, whole], axis=2).astype(np.float32), parts, settings.even)
-    best = (both[..., :-1] / (both[..., -1:] + _DOUBT) - settings.layers.parts.price * np.abs(shares)).argmax(axis=2)
+    best = (both[..., :-1] / (both[..., -1:] + _DOUBT) - settings.parts.price * np.abs(shares)).argmax(axis=2)
     return np.asarray(np.take_along_axis(scores, best[None, :, :, None], axis=0)[0], np.float32)
 
 

@@ -200,15 +200,15 @@ def test_a_finished_run_is_not_done_again_and_what_changed_is_noticed(cube, faul
 def test_memory_decides_and_a_folder_is_needed(cube, faults, wanted, tmp_path, monkeypatch):
     assert isinstance(layer_time(cube, faults=faults, memory="4GB", folder=tmp_path / "none"), np.ndarray)
     assert not (tmp_path / "none").exists()
+    monkeypatch.setattr("seismo3d.seismic.blocks.layering.whole_layers_bytes", lambda _: 2 * 10**9)
     with pytest.raises(ParameterError, match="folder is not given"):
-        layer_time(cube, memory="460MB")
+        layer_time(cube, memory="1GB")
     with pytest.raises(ParameterError, match="folder is given without memory"):
         layer_time(cube, folder=tmp_path / "none")
     with pytest.raises(ShapeError, match="traced in"):
-        layer_time(cube[:40], faults=faults, memory="460MB", folder=tmp_path / "none")
+        layer_time(cube[:40], faults=faults, memory="1GB", folder=tmp_path / "none")
     with pytest.raises(ShapeError, match="no live trace"):
-        layer_time(np.zeros((40, 40, 64), np.float32), memory="460MB", folder=tmp_path / "none")
-    monkeypatch.setattr("seismo3d.seismic.blocks.layering.whole_layers_bytes", lambda _: 2 * 10**9)
+        layer_time(np.zeros((40, 40, 64), np.float32), memory="1GB", folder=tmp_path / "none")
     found = layer_time(cube, faults=faults, memory="1GB", folder=tmp_path / "run")
     np.testing.assert_array_equal(np.asarray(found), wanted)
 
