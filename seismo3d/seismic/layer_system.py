@@ -32,6 +32,7 @@ _TOLERANCE = 1e-3
 _VECTOR_BYTES = 40
 # vertices below which a thread more costs more time than it saves
 _LEAST_SHARE = 1 << 14
+_NO_MOVES: Float64Array = np.zeros(0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,10 +237,9 @@ class LayerSystem:
             self.pull(DIAGONAL, values, start, stop, pivots, values, sums)
             self.pull(GRADIENT, values, start, stop, gradient, values, sums)
             begin_rows(pivots, self.down, gradient, start, stop, step, direction, sums)
-        moves, energy = groups.solve(gradient) if groups else (None, 0.0)
-        energy += float(sums.sum())
-        first = energy
-        if groups and moves is not None:
+        moves, pulled = groups.solve(gradient) if groups else (_NO_MOVES, 0.0)
+        energy = first = float(sums.sum()) + pulled
+        if groups:
             groups.add(moves, direction)
         for _ in range(iterations):
             if energy <= _TOLERANCE**2 * first or energy <= 0.0:
@@ -249,13 +249,12 @@ class LayerSystem:
             length = np.float32(energy / max(float(sums.sum()), 1e-30))
             for start, stop in self.slabs():
                 advance(length, direction, product, pivots, self.down, start, stop, step, gradient, sums)
-            last = energy
-            moves, energy = groups.solve(gradient) if groups else (None, 0.0)
-            energy += float(sums.sum())
+            moves, pulled = groups.solve(gradient) if groups else (_NO_MOVES, 0.0)
+            last, energy = energy, float(sums.sum()) + pulled
             factor = np.float32(energy / last)
             for start, stop in self.slabs():
                 turn(factor, gradient, pivots, self.down, start, stop, direction)
-            if groups and moves is not None:
+            if groups:
                 groups.add(moves, direction)
         for start, stop in self.slabs():
             values[start:stop] += step[start:stop]
