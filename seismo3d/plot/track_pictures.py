@@ -8,13 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._typing import AnyArray
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import new_axes
 from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes, take_picture
 from seismo3d.plot.sections import section
+from seismo3d.seismic.track_pieces import are_joined
 
-_COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8")
+_COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8", "#4db6ac", "#f06292", "#fff9c4")
+# samples from a trace to the next from which on a line is broken
+_JUMP = 4.0
 
 
 def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis_r", ax: Any = None) -> Any:
@@ -134,12 +138,21 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
         _check(track, cube)
     ax = section(cube, ax=ax, **where)
     picture = take_picture(cube, inline=where.get("inline"), crossline=where.get("crossline"))
+    samples = axis_coordinates(cube, -1)
+    step = _JUMP * float(np.median(np.abs(np.diff(samples)))) if len(samples) > 1 else np.inf
     for number, track in enumerate(tracks):
         depth = np.asarray(track.depth)
         line = depth if picture.axis < 0 else np.take(depth, int(picture.index), axis=picture.axis)
-        ax.plot(picture.columns, line, color="black", linewidth=3.0)
-        ax.plot(picture.columns, line, color=_COLOURS[number % len(_COLOURS)], linewidth=1.6)
+        columns, line = _broken(np.asarray(picture.columns), line, step)
+        ax.plot(columns, line, color="black", linewidth=3.0)
+        ax.plot(columns, line, color=_COLOURS[number % len(_COLOURS)], linewidth=1.6)
     return ax
+
+
+def _broken(columns: AnyArray, line: AnyArray, step: float) -> tuple[AnyArray, AnyArray]:
+    """Return a line with a gap where it jumps, as at a fault."""
+    at = np.flatnonzero(~are_joined(line, step)) + 1
+    return np.insert(columns.astype(np.float64), at, np.nan), np.insert(line.astype(np.float64), at, np.nan)
 
 
 def save_track_pictures(

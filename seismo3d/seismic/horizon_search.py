@@ -17,7 +17,11 @@ from seismo3d.seismic.tracks import Track, TrackSettings, axes_of, axis_points, 
 
 # so many candidates are traced for each horizon that is asked for
 _CANDIDATES = 3
-_LEAST_GAP = 0.5
+# gaps between horizons, in parts of what they have if they are spread evenly: between those chosen first, between
+# any, and between candidates
+_WIDE_GAP, _LEAST_GAP, _SEED_GAP = 0.5, 0.2, 0.2
+# samples from the ends of a cube where no horizon is looked for; of a thin one, its thickness divided by the other
+_MARGIN, _PARTS = 8, 8
 
 
 def find_horizons(
@@ -26,9 +30,10 @@ def find_horizons(
 ) -> list[Track]:  # fmt: skip
     """Find the best horizons of a cube or section without seeds.
 
-    Strong continuous events all over the cube are traced, three for each horizon asked for. Those count most that were
-    followed over the largest share of the traces with the highest correlation; one that runs along a better one is left
-    out.
+    Strong continuous events all over the cube are traced, three for each horizon asked for. Those count most that are
+    strong and were followed over a large share of the traces with a high correlation. They are spread over the cube:
+    first those are taken that keep half the distance that all would have if they were spread evenly, then others that
+    do not run along one taken.
 
     Parameters
     ----------
@@ -50,7 +55,7 @@ def find_horizons(
     Returns
     -------
     list of Track
-        Best first.
+        Best first, each chosen among those far enough from the ones before.
 
     Raises
     ------
@@ -66,10 +71,11 @@ def find_horizons(
         raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")
     thick, surfaces = thicken(cube, faults) if is_section else (cube, faults)
     layers = layers or model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
-    points = axis_points(axes_of(thick), find_seeds(layers, count=_CANDIDATES * wanted))
+    seeds, strengths = _rank_seeds(layers, _CANDIDATES * wanted, gap=_SEED_GAP * np.shape(thick)[2] / wanted)
     more: dict[str, Any] = {"event": event, "layers": layers, "settings": settings, "progress": progress}
-    tracks = trace_tracks(thick, list(points), faults=surfaces, **more)
-    best = _choose(tracks, wanted, gap=_gap(thick, len(points)))
+    tracks = trace_tracks(thick, list(axis_points(axes_of(thick), seeds)), faults=surfaces, **more)
+    axis = axes_of(thick)[2]
+    best = _choose(tracks, strengths, wanted, spread=abs(axis.step) * axis.n / wanted)
     if not is_section:
         return best
     return [cut_middle(track) for track in best]
@@ -90,6 +96,14 @@ def find_seeds(layers: LayerModel, *, count: int = 5) -> Float64Array:
     ndarray of shape (m, 3), float64
         At most `count` points, from the shallowest horizon to the deepest.
     """
+    return _rank_seeds(layers, count, gap=_WIDE_GAP * layers.times.shape[2] / count)[0]
+
+
+def _rank_seeds(layers: LayerModel, count: int, *, gap: float) -> tuple[Float64Array, Float64Array]:
+    """Return at most `count` seeds, no less than a gap apart, from above, and the strength of each one's event.
+
+    The strength is the mean amplitude all over its layer, without the sign.
+    """
     live = np.argwhere(layers.live)
     middle = live[np.abs(live - live.mean(axis=0)).sum(axis=1).argmin()]
     row = layers.times[tuple(middle)]
@@ -105,30 +119,33 @@ def find_seeds(layers: LayerModel, *, count: int = 5) -> Float64Array:
         n_traces += depth.size
     strength = np.abs(total) / n_traces
     chosen: list[int] = []
-    peaks = [k for k in range(2, n - 2) if strength[k] >= strength[k - 1] and strength[k] > strength[k + 1]]
+    margin = max(2, min(_MARGIN, n // _PARTS))
+    inner = range(margin, n - margin)
+    peaks = [k for k in inner if strength[k] >= strength[k - 1] and strength[k] > strength[k + 1]]
     for k in sorted(peaks, key=lambda k: -strength[k]):
-        if len(chosen) < count and all(abs(k - other) >= n / (3 * count) for other in chosen):
+        if len(chosen) < count and all(abs(k - other) >= gap for other in chosen):
             chosen.append(k)
-    return np.array([[*middle, k] for k in sorted(chosen)], dtype=np.float64).reshape(-1, 3)
+    chosen.sort()
+    return np.array([[*middle, k] for k in chosen], dtype=np.float64).reshape(-1, 3), strength[chosen]
 
 
-def _gap(cube: Any, n_candidates: int) -> float:
-    """Vertical distance within which two tracks are one: half of what candidates would have if spread evenly."""
-    axis = axes_of(cube)[2]
-    return _LEAST_GAP * abs(axis.step) * axis.n / max(3 * n_candidates, 1)
-
-
-def _worth(track: Track) -> float:
-    known = np.isfinite(track.depth)
-    return float(np.sum(track.confidence[known])) / track.depth.size if known.any() else 0.0
-
-
-def _choose(tracks: list[Track], count: int, *, gap: float) -> list[Track]:
+def _choose(tracks: list[Track], strengths: Float64Array, count: int, *, spread: float) -> list[Track]:
+    """Return the best tracks that keep apart; `spread` is their distance if they are spread evenly."""
+    worth = np.array([strength * _followed(track) for track, strength in zip(tracks, strengths, strict=True)])
+    order = [tracks[n] for n in np.argsort(-worth, kind="stable") if worth[n] > 0]
     chosen: list[Track] = []
-    for track in sorted(tracks, key=_worth, reverse=True):
-        if len(chosen) < count and _worth(track) > 0 and all(_apart(track, other) > gap for other in chosen):
-            chosen.append(track)
+    for gap in (_WIDE_GAP, _LEAST_GAP):
+        for track in order:
+            taken = any(track is other for other in chosen)
+            if len(chosen) < count and not taken and all(_apart(track, other) > gap * spread for other in chosen):
+                chosen.append(track)
     return chosen
+
+
+def _followed(track: Track) -> float:
+    """Share of the traces that a horizon was followed over, each as sure as it is."""
+    known = np.isfinite(track.depth)
+    return float(np.sum(track.confidence[known])) / track.depth.size
 
 
 def _apart(one: Track, other: Track) -> float:

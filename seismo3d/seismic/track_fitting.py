@@ -9,6 +9,7 @@ from seismo3d.seismic.layer_parts import find_shapes, label_parts, place_once, r
 from seismo3d.seismic.layer_pieces import find_levels
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.track_growing import grow_parts, keep_sides
+from seismo3d.seismic.track_pieces import keep_pieces
 from seismo3d.seismic.track_refining import TrackSettings, refine_depth
 
 # traces of a part that is but a scrap, and how far from a seed on one a part is looked for
@@ -42,7 +43,9 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
     crossings = np.where(parts >= 0, first + np.append(moves, np.nan)[parts], np.nan)
     keep_sides(layers, first, crossings)
     depth, parts = grow_parts(layers, *_uppermost(crossings, parts, seeded))
-    return refine_depth(layers, depth, parts, index, seeded, scores, settings)
+    depth, confidence = refine_depth(layers, depth, parts, index, seeded, scores, settings)
+    kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
+    return np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
 
 
 def find_crossings(layers: LayerModel, index: Float64Array, *, beyond: float = 0.0) -> Float64Array:

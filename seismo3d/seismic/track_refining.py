@@ -51,6 +51,10 @@ class TrackSettings:
         How often parts are compared: first with those of the seeds, then also with those that fit them.
     least_trace : float
         Correlation below which a trace is left out.
+    step : float
+        Traces side by side whose depths differ by more are not of one piece, unless those beside them differ alike.
+    least_piece : int
+        Traces of a piece below which it is left out, unless it holds a seed.
     layers : LayerTimeSettings
         Settings of the layer time.
     parts : PartSettings
@@ -64,6 +68,8 @@ class TrackSettings:
     even: float = 4.0
     rounds: int = 2
     least_trace: float = 0.3
+    step: float = 4.0
+    least_piece: int = 40
     layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
     parts: PartSettings = field(default_factory=PartSettings)
 

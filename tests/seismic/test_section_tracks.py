@@ -74,8 +74,6 @@ def test_best_horizons_are_found_apart_and_right() -> None:
     cube = make_cube(recipe_of("folded", shape=(24, 24, 80), **PLAIN), seed=2008)
     found = find_horizons(cube.seismic, 3)
     assert 1 <= len(found) <= 3
-    worth = [float(np.nansum(track.confidence)) for track in found]
-    assert worth == sorted(worth, reverse=True)
     for n, track in enumerate(found):
         known = np.isfinite(track.depth)
         assert known.mean() > 0.6

@@ -1,0 +1,57 @@
+"""Which horizons are chosen: strong, followed far, and spread over the cube."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seismo3d.seismic.horizon_search import _choose, _rank_seeds, find_seeds
+from seismo3d.seismic.layer_time import LayerModel
+from seismo3d.seismic.loop_closure import LoopClosure
+from seismo3d.seismic.tracks import Track
+
+SHAPE = (16, 20, 96)
+
+
+def track(depth: float, *, share: float = 1.0, confidence: float = 1.0) -> Track:
+    depths = np.full((10, 10), depth, np.float32)
+    depths[: round(10 * (1.0 - share))] = np.nan
+    return Track(depths, np.where(np.isfinite(depths), np.float32(confidence), np.float32(np.nan)), np.zeros((1, 3)))
+
+
+def layered(amplitudes: dict[int, float]) -> LayerModel:
+    """Level layers that are numbered by their samples, with events of one sample."""
+    times = np.broadcast_to(np.arange(SHAPE[2], dtype=np.float32), SHAPE).copy()
+    volume = np.zeros(SHAPE, np.float32)
+    for sample, amplitude in amplitudes.items():
+        volume[..., sample] = amplitude
+    whole = np.ones(SHAPE, bool)
+    closure = LoopClosure(0.0, 0.0, 0, 1, np.zeros(SHAPE[:2], np.float32))
+    return LayerModel(times, np.zeros(SHAPE, np.uint8), volume, whole, whole[..., 0], "samples", 0.0, closure)
+
+
+def test_strength_share_and_confidence_count_together() -> None:
+    tracks = [track(10.0), track(40.0, share=0.5), track(70.0, confidence=0.4), track(90.0)]
+    chosen = _choose(tracks, np.array([1.0, 3.0, 3.0, 0.2]), 4, spread=25.0)
+    assert [float(np.nanmedian(one.depth)) for one in chosen] == [40.0, 70.0, 10.0, 90.0]
+
+
+def test_horizons_spread_first_and_fill_up_then() -> None:
+    tracks = [track(depth) for depth in (10.0, 16.0, 18.0, 60.0)]
+    strengths = np.array([5.0, 4.0, 3.0, 1.0])
+    # 60 before 16, which is nearer to 10 than half of the even distance; 18 runs along 16
+    depths = [float(one.depth[0, 0]) for one in _choose(tracks, strengths, 4, spread=24.0)]
+    assert depths == [10.0, 60.0, 16.0]
+    assert _choose([], np.zeros(0), 3, spread=24.0) == []
+
+
+def test_a_horizon_that_was_followed_nowhere_is_not_chosen() -> None:
+    assert _choose([track(10.0, share=0.0)], np.array([5.0]), 1, spread=10.0) == []
+
+
+def test_seeds_are_the_strongest_events_off_the_ends_whatever_their_sign() -> None:
+    layers = layered({3: 9.0, 20: -4.0, 23: 3.5, 50: 2.0, 70: 1.0, 93: 9.0})
+    seeds, strengths = _rank_seeds(layers, 3, gap=5.0)
+    assert seeds[:, 2].tolist() == [20.0, 50.0, 70.0]
+    assert strengths == pytest.approx([4.0, 2.0, 1.0])
+    assert find_seeds(layers, count=2)[:, 2].tolist() == [20.0, 50.0]
