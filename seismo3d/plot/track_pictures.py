@@ -14,11 +14,9 @@ from seismo3d.plot.drawing import new_axes
 from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes, take_picture
 from seismo3d.plot.sections import section
-from seismo3d.seismic.track_pieces import are_joined
+from seismo3d.seismic.track_pieces import LARGEST_STEP, are_joined
 
 _COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8", "#4db6ac", "#f06292", "#fff9c4")
-# samples from a trace to the next from which on a line is broken
-_JUMP = 4.0
 
 
 def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis_r", ax: Any = None) -> Any:
@@ -139,7 +137,7 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
     ax = section(cube, ax=ax, **where)
     picture = take_picture(cube, inline=where.get("inline"), crossline=where.get("crossline"))
     samples = axis_coordinates(cube, -1)
-    step = _JUMP * float(np.median(np.abs(np.diff(samples)))) if len(samples) > 1 else np.inf
+    step = LARGEST_STEP * float(np.median(np.abs(np.diff(samples)))) if len(samples) > 1 else np.inf
     for number, track in enumerate(tracks):
         depth = np.asarray(track.depth)
         line = depth if picture.axis < 0 else np.take(depth, int(picture.index), axis=picture.axis)

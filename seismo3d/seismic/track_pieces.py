@@ -8,6 +8,9 @@ from scipy.sparse.csgraph import connected_components
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array
 
+LARGEST_STEP = 4.0
+"""Samples from a trace to the next beyond which a track jumps, unless it goes on alike."""
+
 
 def are_joined(depth: AnyArray, step: float, axis: int = -1) -> BoolArray:
     """Tell where a track goes on from a trace to the next along an axis.

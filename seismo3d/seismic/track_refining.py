@@ -13,6 +13,7 @@ from seismo3d.seismic.layer_graph import LayerTimeSettings
 from seismo3d.seismic.layer_parts import PartSettings, stretched
 from seismo3d.seismic.layer_pieces import read_around
 from seismo3d.seismic.layer_time import LayerModel
+from seismo3d.seismic.track_pieces import LARGEST_STEP
 
 # lags beyond the farthest move at which a waveform is compared
 _SPARE = 2
@@ -68,7 +69,7 @@ class TrackSettings:
     even: float = 4.0
     rounds: int = 2
     least_trace: float = 0.3
-    step: float = 4.0
+    step: float = LARGEST_STEP
     least_piece: int = 40
     layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
     parts: PartSettings = field(default_factory=PartSettings)

@@ -13,6 +13,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d.geometry.triangles import cut_mesh
 from seismo3d.seismic.faultset import FaultSurface
+from seismo3d.seismic.track_pieces import LARGEST_STEP, are_joined
 from seismo3d.viewer.colours import Scale, vertex_values
 from seismo3d.viewer.interpretation import Fault, Horizon
 from seismo3d.viewer.slices import Slice
@@ -138,7 +139,7 @@ def segments_path(segments: Float64Array) -> str:
 
 
 def horizon_path(horizon: Horizon, sample_axis: Any, axis: int, index: int) -> str:
-    """SVG path of a horizon on a vertical panel; empty on a horizontal one.
+    """SVG path of a horizon on a vertical panel, broken where it jumps; empty on a horizontal one.
 
     Parameters
     ----------
@@ -153,12 +154,11 @@ def horizon_path(horizon: Horizon, sample_axis: Any, axis: int, index: int) -> s
         return ""
     line = horizon.track.depth[index] if axis == 0 else horizon.track.depth[:, index]
     samples = np.asarray(sample_axis.index(line.astype(np.float64)))
-    words, broken = [], True
-    for column, row in enumerate(samples):
-        if np.isfinite(row):
-            words.append(f"{'M' if broken else 'L'}{column + 0.5:.1f} {row + 0.5:.2f}")
-        broken = not np.isfinite(row)
-    return "".join(words)
+    goes_on = np.insert(are_joined(samples, LARGEST_STEP), 0, False)
+    return "".join(
+        f"{'L' if goes_on[column] else 'M'}{column + 0.5:.1f} {samples[column] + 0.5:.2f}"
+        for column in np.flatnonzero(np.isfinite(samples))
+    )
 
 
 def nearest_fault(cuts: Sequence[Cut], point: Float64Array, *, scale: Float64Array, within: float) -> int | None:

@@ -94,6 +94,14 @@ def test_horizons_break_where_they_are_not_known():
     assert horizon_path(horizon, axis, 2, 0) == ""
 
 
+def test_a_horizon_is_not_drawn_across_a_fault() -> None:
+    depth = np.full((2, 5), 10.0, np.float32)
+    depth[:, 3:] = 24.0
+    horizon = Horizon(1, Track(depth, np.ones_like(depth), np.zeros((1, 3))))
+    path = horizon_path(horizon, Axis(0.0, 1.0, 40), 0, 1)
+    assert path == "M0.5 10.50L1.5 10.50L2.5 10.50M3.5 24.50L4.5 24.50"
+
+
 def test_the_nearest_fault_is_hit_within_reach(faults):
     cuts = [cut_fault(Fault(n, s), 2, 25) for n, s in enumerate(faults.surfaces, start=1)]
     scale = np.array([10.0, 10.0])
