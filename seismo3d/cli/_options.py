@@ -32,6 +32,9 @@ Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the results
 Overwrite: TypeAlias = Annotated[
     bool, typer.Option("--overwrite", help="Replace the results of an earlier run in the folder.")
 ]
+Columns: TypeAlias = Annotated[
+    str | None, typer.Option(help="Which columns of an XYZ file are x, y and z, such as 1,2,5.")
+]
 
 _READING: dict[str, Any] = {
     "inline_byte": InlineByte,
@@ -70,3 +73,15 @@ def reads_cube(command: Callable[..., None]) -> Callable[..., None]:
     run.__annotations__ = {p.name: p.annotation for p in (*own, *options)}
     run.__doc__, run.__module__, run.__name__ = command.__doc__, command.__module__, command.__name__
     return run
+
+
+def as_columns(text: str | None) -> tuple[int, ...] | None:
+    """Return the columns that an option names; None where it is not given."""
+    from seismo3d.errors import ParameterError
+
+    if text is None:
+        return None
+    try:
+        return tuple(int(word) for word in text.split(","))
+    except ValueError as error:
+        raise ParameterError(f"--columns is {text!r}; expected three whole numbers, such as 1,2,5.") from error

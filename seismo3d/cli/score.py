@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import Json, Overwrite
+from seismo3d.cli._options import Columns, Json, Overwrite, as_columns
 
 EXAMPLES = (
     "seismo3d score f3-faults sticks.txt",
@@ -27,7 +27,7 @@ def run(
         help="Distance that counts as agreement: traces and samples (sticks) [default: 3], "
         "or ms, m or samples (horizons) [default: 4]",
     ),
-    columns: str | None = typer.Option(None, help="Which columns of an XYZ file are x, y and z, such as 1,2,5."),
+    columns: Columns = None,
     out: Path | None = typer.Option(None, "--out", "-o", help="Folder to make for the results. [default: DIR/score]"),
     json: Json = False,
     overwrite: Overwrite = False,
@@ -52,22 +52,13 @@ def run(
         if is_faults:
             scores = _score_faults(folder, picks, aside, 3.0 if tolerance is None else tolerance)
         else:
-            chosen = None if columns is None else _as_columns(columns)
+            chosen = as_columns(columns)
             scores = _score_tracks(folder, picks, aside, 4.0 if tolerance is None else tolerance, chosen)
         write_record(aside / "score.json", {"scores": scores})
         asked = {"picks": picks, "tolerance": tolerance, "columns": columns}
         source = folder / ("faultset.npz" if is_faults else "tracks.csv")
         write_record(aside / RECORD, describe_run(source, options=asked))
     _say(final, scores, as_json=json)
-
-
-def _as_columns(text: str) -> tuple[int, ...]:
-    from seismo3d.errors import ParameterError
-
-    try:
-        return tuple(int(word) for word in text.split(","))
-    except ValueError as error:
-        raise ParameterError(f"--columns is {text!r}; expected three whole numbers, such as 1,2,5.") from error
 
 
 def _score_faults(folder: Path, picks: list[Path], aside: Path, tolerance: float) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import Cube, Json, Overwrite, Reading, reads_cube
+from seismo3d.cli._options import Columns, Cube, Json, Overwrite, Reading, as_columns, reads_cube
 
 EXAMPLES = (
     "seismo3d tracks f3.sgy -o f3-tracks --seed 420,880,812",
@@ -32,6 +32,7 @@ def run(
         help="File of a picked horizon (XYZ, IRAP classic, Charisma): points spread over it are the seeds of one "
         "track; several times for several.",
     ),
+    columns: Columns = None,
     faults: Path | None = typer.Option(None, help="Folder of a faults run of this cube. [default: no faults]"),
     event: str | None = typer.Option(None, help="peak, trough or zero. [default: the seed's own phase]"),
     count: int = typer.Option(5, min=1, help="Number of horizons to find where no seed is given."),
@@ -58,6 +59,7 @@ def run(
     from seismo3d._stages import StageClock, say_timings
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, kept_aside, print_json, write_record
     from seismo3d.cli.app import shown_progress
+    from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
     from seismo3d.io.horizons import read_horizon
@@ -67,11 +69,14 @@ def run(
     from seismo3d.seismic.horizon_search import find_horizons
     from seismo3d.seismic.loop_closure import tabulate_loops
     from seismo3d.seismic.picks import horizon_seeds
+    from seismo3d.seismic.track_events import check_event
     from seismo3d.seismic.track_exports import tabulate_tracks, write_tracks
-    from seismo3d.seismic.tracks import trace_tracks
+    from seismo3d.seismic.tracks import index_seeds, trace_tracks
 
     points: list[Any] = [_as_seed(text) for text in seed]
-    picked = [read_horizon(file) for file in horizon]
+    if columns is not None and not horizon:
+        raise ParameterError("--columns is given without --horizon; it says what its file holds. Leave it out.")
+    picked = [read_horizon(file, columns=as_columns(columns)) for file in horizon]
     check_run_folder(out, inputs=[cube, *horizon, *([faults] if faults else [])], overwrite=overwrite)
     is_bounded = memory is not None or scheduler is not None
     opened = open_cube(cube, **reading, lazy=True if is_bounded else None)
@@ -80,6 +85,9 @@ def run(
         opened = opened.load()
     _check_seeds(points, picked, opened)
     points += [horizon_seeds(entry, opened) for entry in picked]
+    check_event(event)
+    if opened.ndim == 3:
+        index_seeds(opened, points)
     known = None if faults is None else FaultSet.load(faults)
     folder = kept_aside(out) if in_blocks else written_aside(out, folder=True)
     with folder as aside, shown_progress() as show:
@@ -97,7 +105,15 @@ def run(
         write_tracks(tracks, opened, directory=aside)
         clock("pictures", 0.0)
         pictures = save_track_pictures(aside, opened, tracks, faults=known, closure=closure)
-        asked = {**reading, "seed": seed, "horizon": horizon, "faults": faults, "event": event, "count": count}
+        asked = {
+            **reading,
+            "seed": seed,
+            "horizon": horizon,
+            "columns": columns,
+            "faults": faults,
+            "event": event,
+            "count": count,
+        }
         asked |= {"memory": memory, "scheduler": scheduler}
         timings = clock.stop()
         record = {**describe_run(cube, options=asked), "loops": tabulate_loops(closure), "timings_s": timings}

@@ -20,6 +20,8 @@ from seismo3d.io._files import written_aside
 from seismo3d.io._pick_lines import numbers_of, read_lines, refuse_line, rows_of
 
 _UNKNOWN = 9999900.0
+_NULLS = (_UNKNOWN, -999.25, -9999.0, -99999.0)
+"""Values that stand for none: in IRAP, and what other programs write."""
 _END_OF_PART = 999.0
 """An IRAP classic file of points ends its parts by a line of three of these."""
 _CHARISMA = re.compile(r"^INLINE\s*:\s*(\S+)\s+(?:XLINE|CROSSLINE|TRACE)\s*:\s*(\S+)\s+(.*)$", re.IGNORECASE)
@@ -67,7 +69,7 @@ def read_horizon(path: str | Path, *, columns: Sequence[int] | None = None) -> H
     """Read a horizon: XYZ, IRAP classic points or grid, or Charisma, told by its lines.
 
     Lines that are blank or begin with ``#`` or ``!`` are passed over. Points without a value are left out: 9999900 in
-    IRAP, 1e30 in OpendTect.
+    IRAP, 1e30 in OpendTect, and -999.25, -9999, -99999 and NaN, which other programs write.
 
     Parameters
     ----------
@@ -101,7 +103,7 @@ def read_horizon(path: str | Path, *, columns: Sequence[int] | None = None) -> H
         table, form = _read_columns(path, lines, columns), "XYZ"
     if columns is not None and form != "XYZ":
         raise ParameterError(f"columns is given, but {path} is in {form} form, which tells them. Leave it out.")
-    known = (np.abs(table[:, 2]) < 1e29) & (table[:, 2] != _UNKNOWN)
+    known = (np.abs(table[:, 2]) < 1e29) & ~np.isin(table[:, 2], _NULLS)
     if not known.any():
         raise FormatError(f"{path} holds no point with a value. Check the export.")
     table = table[known]
@@ -126,10 +128,16 @@ def _read_columns(path: str | Path, lines: list[tuple[int, str]], columns: Seque
     if columns is not None and max(columns) > n:
         refuse_line(path, *lines[0], f"at least {max(columns)} numbers")
     chosen = [0, 1, 2] if columns is None else [column - 1 for column in columns]
+    lines = [(number, line) for number, line in lines if not _lacks_value(line, chosen[2])]
     rows = [values for _, values in rows_of(path, lines, max(n, 3), f"{max(n, 3)} finite numbers")]
-    table = np.array(rows, dtype=np.float64)[:, chosen]
+    table = np.array(rows, dtype=np.float64).reshape(-1, max(n, 3))[:, chosen]
     table = table[(table != _END_OF_PART).any(axis=1)]
     return np.column_stack([table, np.full((len(table), 2), np.nan)])
+
+
+def _lacks_value(line: str, column: int) -> bool:
+    words = line.replace(",", " ").split()
+    return len(words) > column and words[column].lower() == "nan"
 
 
 def _read_irap_grid(path: str | Path, lines: list[tuple[int, str]]) -> Float64Array:

@@ -10,7 +10,8 @@ from seismo3d.errors import GeometryError, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.plot.drawing import draw_amplitudes, draw_faults, new_axes
 from seismo3d.plot.pictures import Picture, axis_coordinates, axis_label, live_traces, name_axes, take_picture
-from seismo3d.plot.traces_of_faults import check_colour, check_faults, cut_faults, display_throw, value_colours
+from seismo3d.plot.traces_of_faults import check_colour, cut_faults, display_throw, value_colours
+from seismo3d.seismic.cube_checks import check_faults_of
 
 
 def time_slice(
@@ -55,7 +56,7 @@ def time_slice(
         If the cube is a section, or the faults are of another cube.
     """
     check_colour(colour)
-    check_faults(faults, cube)
+    check_faults_of(cube, faults)
     if len(name_axes(cube)) == 2:
         raise ShapeError(f"cube has shape {np.shape(cube)}: a section has no time slice. Use plot.section.")
     where = {"time": time, "depth": depth, "sample": sample, "inline": inline, "crossline": crossline}
@@ -98,7 +99,7 @@ def throw_map(faults: Any, cube: Any, *, ax: Any = None) -> Any:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import Normalize
 
-    check_faults(faults, cube)
+    check_faults_of(cube, faults)
     if len(name_axes(cube)) == 2:
         raise ShapeError(f"cube has shape {np.shape(cube)}: a section has no map. Use plot.section.")
     picture = _blank_picture(cube)

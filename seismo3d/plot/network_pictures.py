@@ -12,7 +12,8 @@ from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import new_axes
 from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes
-from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, check_faults
+from seismo3d.plot.traces_of_faults import SURFACE_COLOURS
+from seismo3d.seismic.cube_checks import check_faults_of
 
 _LINES: dict[str, Any] = {"cross": "-", "abut": "--", "corner": ":"}
 
@@ -239,6 +240,6 @@ def _frame(ax: Any, cube: Any) -> None:
 
 
 def _check(faults: Any, cube: Any) -> None:
-    check_faults(faults, cube)
+    check_faults_of(cube, faults)
     if np.ndim(cube) != 3:
         raise ShapeError(f"cube has shape {np.shape(cube)}: a section has no fracture network. Give a cube.")

@@ -12,7 +12,8 @@ from seismo3d.io._files import written_aside
 from seismo3d.plot.picture_set import PictureFile, save_pictures
 from seismo3d.plot.pictures import name_axes
 from seismo3d.plot.report_facts import key_numbers, survey_facts, table_cell, table_columns
-from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, check_faults
+from seismo3d.plot.traces_of_faults import SURFACE_COLOURS
+from seismo3d.seismic.cube_checks import check_faults_of
 from seismo3d.seismic.fault_table import tabulate_faults
 
 _MOST_ROWS = 300
@@ -58,7 +59,7 @@ def write_report(
     FileAccessError
         If the folder cannot be written to.
     """
-    check_faults(faults, cube)
+    check_faults_of(cube, faults)
     if pictures is None:
         import tempfile
 

@@ -15,7 +15,8 @@ from seismo3d.plot.pictures import axis_coordinates, find_index, live_on_slice
 from seismo3d.plot.rendering import has_screen, windowless
 from seismo3d.plot.scene_frame import SceneFrame, far_slices, slice_points
 from seismo3d.plot.scene_view import add_axes, aim_camera
-from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, check_colour, check_faults, display_throw, value_colours
+from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, check_colour, display_throw, value_colours
+from seismo3d.seismic.cube_checks import check_faults_of
 
 _TRACK_COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8")
 
@@ -79,7 +80,7 @@ def cube(
     import pyvista as pv
 
     check_colour(colour)
-    check_faults(faults, cube)
+    check_faults_of(cube, faults)
     frame = SceneFrame.from_cube(cube, height=height)
     walls = choose_slices(cube, inline=inline, crossline=crossline, sample=sample)
     maps = [_index_map(track, cube) for track in tracks or ()]

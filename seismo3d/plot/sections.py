@@ -9,7 +9,8 @@ import numpy as np
 from seismo3d._typing import Float64Array
 from seismo3d.plot.drawing import draw_amplitudes, draw_faults, new_axes
 from seismo3d.plot.pictures import Picture, axis_coordinates, live_traces, name_axes, take_picture
-from seismo3d.plot.traces_of_faults import check_colour, check_faults, cut_faults
+from seismo3d.plot.traces_of_faults import check_colour, cut_faults
+from seismo3d.seismic.cube_checks import check_faults_of
 
 
 def section(
@@ -67,7 +68,7 @@ def section(
         where = {"inline": inline, "crossline": crossline, "time": time, "depth": depth, "sample": sample}
         return time_slice(cube, faults=faults, colour=colour, cmap=cmap, clip=clip, ax=ax, **where)
     check_colour(colour)
-    check_faults(faults, cube)
+    check_faults_of(cube, faults)
     picture = take_picture(cube, inline=inline, crossline=crossline)
     ax = _axes_for(picture) if ax is None else ax
     draw_amplitudes(ax, picture, cmap=cmap, clip=clip)
@@ -108,7 +109,7 @@ def likelihood(
     matplotlib Axes
         The axes. Likelihood is transparent at 0.
     """
-    check_faults(faults, cube)
+    check_faults_of(cube, faults)
     where = {"inline": inline, "crossline": crossline, "time": time, "depth": depth, "sample": sample}
     picture = take_picture(cube, **where)
     same_coordinates = cube.copy(data=faults.likelihood) if hasattr(cube, "dims") else faults.likelihood

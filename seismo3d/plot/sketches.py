@@ -11,7 +11,8 @@ from seismo3d.geometry.triangles import merge_vertices
 from seismo3d.plot.drawing import amplitude_limit
 from seismo3d.plot.scene_frame import SceneFrame, slice_points
 from seismo3d.plot.scenes import choose_slices, fault_values, join_surfaces, read_slice
-from seismo3d.plot.traces_of_faults import check_faults, value_colours
+from seismo3d.plot.traces_of_faults import value_colours
+from seismo3d.seismic.cube_checks import check_faults_of
 
 _MOST_TRIANGLES = 40_000
 _MOST_CELLS = 90  # a side of a slice: matplotlib draws each cell as a polygon
@@ -39,7 +40,7 @@ def sketch_scene(cube: Any, *, faults: Any, height: float = 0.6) -> Any:
     """
     from matplotlib.figure import Figure
 
-    check_faults(faults, cube)
+    check_faults_of(cube, faults)
     frame = SceneFrame.from_cube(cube, height=height)
     figure = Figure(figsize=(11, 7.5), layout="constrained")
     ax: Any = figure.add_subplot(projection="3d")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array, IntArray
-from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.errors import ParameterError
 from seismo3d.geometry.triangles import cut_mesh
 from seismo3d.plot.pictures import Picture
 
@@ -61,15 +61,6 @@ def check_colour(colour: str) -> None:
     """Refuse a colouring that there is not."""
     if colour not in ("surface", "throw", "likelihood"):
         raise ParameterError(f"colour is {colour!r}; expected 'surface', 'throw' or 'likelihood'.")
-
-
-def check_faults(faults: Any, cube: Any) -> None:
-    """Refuse faults of another cube."""
-    if faults is not None and np.shape(faults.labels) != np.shape(cube):
-        raise ShapeError(
-            f"faults are of a cube of shape {np.shape(faults.labels)}; cube has shape {np.shape(cube)}. "
-            "Give the cube that they were traced in."
-        )
 
 
 def display_throw(surface: Any) -> tuple[AnyArray, str]:

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.io.fault_sticks import write_charisma_sticks, write_opendtect_sticks
 from seismo3d.io.gocad import write_gocad
 from seismo3d.io.surface_mesh import SurfaceMesh
 from seismo3d.io.tables import write_csv
 from seismo3d.io.vtk_surfaces import write_vtp
+from seismo3d.seismic.cube_checks import check_faults_of
 from seismo3d.seismic.fault_table import measure_slip, tabulate_faults
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.sticks import cut_sticks
@@ -54,11 +54,7 @@ def write_faults(faults: FaultSet, cube: Any, *, directory: str | Path) -> list[
     FileAccessError
         If the folder cannot be written to.
     """
-    if np.shape(faults.labels) != np.shape(cube):
-        raise ShapeError(
-            f"faults are of a cube of shape {np.shape(faults.labels)}; cube has shape {np.shape(cube)}. "
-            "Give the cube that they were traced in."
-        )
+    check_faults_of(cube, faults)
     directory = Path(directory)
     meshes = mesh_faults(faults, cube)
     unit, place = _describe(cube)

@@ -103,20 +103,20 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
     steps = frame.carry(np.diff(voxels, axis=0))
     cost = float(costs[tuple(best)])
     direct = float(np.linalg.norm(frame.carry((voxels[-1] - voxels[0])[None])))
-    on = (labels[at] > 0) | (np.asarray(faults.likelihood)[at] > 0)
     return FlowPath(
         voxels=freeze(voxels),
         points=freeze(geometry.index_to_map(voxels.astype(np.float64))),
         resistance=cost,
         length=float(np.linalg.norm(steps, axis=1).sum()),
-        share_on_faults=float(on.mean()),
+        share_on_faults=float((labels[at] > 0).mean()),
         surfaces=_in_order(labels[at]),
         straight=direct / cost,
     )
 
 
 def _resistance(likelihood: AnyArray, labels: AnyArray, contrast: float) -> Float32Array:
-    conducting = np.maximum(np.nan_to_num(likelihood), np.where(labels > 0, 0.5, 0.0))
+    # ridges of the likelihood that are no fault conduct as rock does
+    conducting = np.where(labels > 0, np.maximum(np.nan_to_num(likelihood), 0.5), 0.0)
     return (1.0 / (1.0 + (contrast - 1.0) * np.clip(conducting, 0.0, 1.0))).astype(np.float32)
 
 
@@ -124,10 +124,10 @@ def _as_voxels(entry: Any, name: str, geometry: SurveyGeometry, shape: tuple[int
     """Voxels of a point or a horizon."""
     values = np.asarray(entry, dtype=np.float64)
     if values.shape == (3,):
-        index = np.rint(geometry.lines_to_index(values[None])).astype(np.int64)
-        if (index < 0).any() or (index >= shape).any():
+        at = np.rint(geometry.lines_to_index(values[None]))
+        if not ((at >= 0) & (at < shape)).all():
             raise ParameterError(f"{name} {tuple(values)} lies outside the cube. Give its coordinates.")
-        return index
+        return at.astype(np.int64)
     if values.shape != tuple(shape[:2]):
         raise ShapeError(
             f"{name} has shape {values.shape}; expected a point (inline, crossline, time or depth) or a horizon of "

@@ -13,6 +13,7 @@ from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
 from seismo3d.seismic.layer_pieces import layer_pieces
 from seismo3d.seismic.layer_time import LayerModel, model_layers
 from seismo3d.seismic.section_tracks import cut_middle, thicken
+from seismo3d.seismic.track_events import check_event, seed_events
 from seismo3d.seismic.tracks import Track, TrackSettings, axes_of, axis_points, trace_tracks
 
 # so many candidates are traced for each horizon that is asked for
@@ -44,7 +45,7 @@ def find_horizons(
     faults : FaultSet, optional
         Faults of this cube.
     event : {"peak", "trough", "zero"}, optional
-        Put each horizon on the nearest such event.
+        Find horizons on such events only, as :func:`trace_tracks` follows them.
     layers : LayerModel, optional
         Of this cube and these faults, from :func:`model_layers`, to save its computation.
     settings : TrackSettings, optional
@@ -71,7 +72,13 @@ def find_horizons(
         raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")
     thick, surfaces = thicken(cube, faults) if is_section else (cube, faults)
     layers = layers or model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
-    seeds, strengths = _rank_seeds(layers, _CANDIDATES * wanted, gap=_SEED_GAP * np.shape(thick)[2] / wanted)
+    check_event(event)
+    gap = _SEED_GAP * np.shape(thick)[2] / wanted
+    seeds, strengths = _rank_seeds(layers, _CANDIDATES * wanted, gap=gap, event=event)
+    if event is not None and len(seeds):
+        # the layer of a strong event may lack it on the seed's own trace
+        on_event = np.isfinite(seed_events(thick, layers, seeds, event)[0][:, 2])
+        seeds, strengths = seeds[on_event], strengths[on_event]
     more: dict[str, Any] = {"event": event, "layers": layers, "settings": settings, "progress": progress}
     tracks = trace_tracks(thick, list(axis_points(axes_of(thick), seeds)), faults=surfaces, **more)
     axis = axes_of(thick)[2]
@@ -99,10 +106,13 @@ def find_seeds(layers: LayerModel, *, count: int = 5) -> Float64Array:
     return _rank_seeds(layers, count, gap=_WIDE_GAP * layers.times.shape[2] / count)[0]
 
 
-def _rank_seeds(layers: LayerModel, count: int, *, gap: float) -> tuple[Float64Array, Float64Array]:
+def _rank_seeds(
+    layers: LayerModel, count: int, *, gap: float, event: str | None = None
+) -> tuple[Float64Array, Float64Array]:
     """Return at most `count` seeds, no less than a gap apart, from above, and the strength of each one's event.
 
-    The strength is the mean amplitude all over its layer, without the sign.
+    The strength is the mean amplitude all over its layer: without the sign if any event will do, of zero crossings its
+    slope.
     """
     live = np.argwhere(layers.live)
     middle = live[np.abs(live - live.mean(axis=0)).sum(axis=1).argmin()]
@@ -117,11 +127,12 @@ def _rank_seeds(layers: LayerModel, count: int, *, gap: float) -> tuple[Float64A
             read_waveforms(volume, valid, depth, 0, waves)
             total[k] += float(waves.sum(dtype=np.float64))
         n_traces += depth.size
-    strength = np.abs(total) / n_traces
+    mean = total / n_traces
+    strength = {"peak": mean, "trough": -mean, "zero": np.abs(np.gradient(mean))}.get(event or "", np.abs(mean))
     chosen: list[int] = []
     margin = max(2, min(_MARGIN, n // _PARTS))
     inner = range(margin, n - margin)
-    peaks = [k for k in inner if strength[k] >= strength[k - 1] and strength[k] > strength[k + 1]]
+    peaks = [k for k in inner if strength[k] > 0 and strength[k] >= strength[k - 1] and strength[k] > strength[k + 1]]
     for k in sorted(peaks, key=lambda k: -strength[k]):
         if len(chosen) < count and all(abs(k - other) >= gap for other in chosen):
             chosen.append(k)

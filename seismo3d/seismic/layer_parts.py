@@ -28,6 +28,8 @@ _BOTH_SIDES = 0.5
 _NEARBY = 3
 # traces that a part must have
 _LEAST_TRACES = 4
+# share of its largest amplitude below which a wavelet's spectrum is no more restored
+_FAINT = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +75,14 @@ class PartWaves:
         Amplitudes of all traces of a part added up, and how many are known; the middle sample is at the layer.
     size : ndarray of shape (part,), int
         Crossings of each part.
+    spectrum : ndarray of shape (n,), float64, or None
+        As in :func:`stretched`.
     """
 
     sums: Float64Array
     counts: Float64Array
     size: IntArray
+    spectrum: Float64Array | None = None
 
 
 def find_shapes(layers: LayerVolumes, crossings: Float64Array) -> Float32Array:
@@ -163,7 +168,7 @@ def read_parts(layers: LayerVolumes, crossings: Float64Array, parts: IntArray, s
         for number, read in enumerate(readings):
             waves, known = (a.reshape(part.size, -1) for a in read(layers, depth, reach))
             sum_parts(waves, known, order, begin, labels, sums[number], counts[number])
-    return PartWaves(sums, counts, np.bincount(parts[parts >= 0], minlength=n))
+    return PartWaves(sums, counts, np.bincount(parts[parts >= 0], minlength=n), layers.spectrum)
 
 
 def _match_parts(waves: PartWaves, moves: Float64Array, scores: Float32Array, settings: PartSettings) -> Float32Array:
@@ -172,15 +177,16 @@ def _match_parts(waves: PartWaves, moves: Float64Array, scores: Float32Array, se
     Each part goes by the reading that fits better; -1 where too little is known.
     """
     along, deep = (
-        _match_reading(sums, counts, moves, scores, settings)
+        _match_reading(sums, counts, moves, scores, waves.spectrum, settings)
         for sums, counts in zip(waves.sums, waves.counts, strict=True)
     )
     return np.where((deep.max(axis=1) > along.max(axis=1))[:, None], deep, along)
 
 
 def _match_reading(
-    sums: Float64Array, counts: Float64Array, moves: Float64Array, scores: Float32Array, settings: PartSettings
-) -> Float32Array:
+    sums: Float64Array, counts: Float64Array, moves: Float64Array, scores: Float32Array,
+    spectrum: Float64Array | None, settings: PartSettings,
+) -> Float32Array:  # fmt: skip
     means = sums / np.maximum(counts, 1e-6)
     inner = slice(settings.farthest, sums.shape[1] - settings.farthest)
     if moves.any():
@@ -195,17 +201,18 @@ def _match_reading(
     total = (trust * counts).sum(axis=0)
     reference = ((trust * counts * means).sum(axis=0) / np.maximum(total, 1e-6)).astype(np.float32)
     in_reference = (total / max(float(total.max(initial=0.0)), 1e-6)).astype(np.float32)
-    return _match_stretched(means.astype(np.float32), share, reference, in_reference, settings)
+    return _match_stretched(means.astype(np.float32), share, reference, in_reference, spectrum, settings)
 
 
 def _match_stretched(
-    means: Float32Array, share: Float32Array, reference: Float32Array, known: Float32Array, settings: PartSettings
-) -> Float32Array:
+    means: Float32Array, share: Float32Array, reference: Float32Array, known: Float32Array,
+    spectrum: Float64Array | None, settings: PartSettings,
+) -> Float32Array:  # fmt: skip
     """Correlation of every part's mean waveform with a reference, as thick as fits best, at every lag."""
     far, half = settings.farthest, settings.window
     taper = np.hanning(2 * half + 3)[1:-1].astype(np.float32)
     shares = np.linspace(-settings.stretch, settings.stretch, 2 * _STRETCHES + 1)
-    waves, seen = stretched(reference, half, shares), np.clip(stretched(known, half, shares), 0.0, 1.0)
+    waves, seen = stretched(reference, half, shares, spectrum), np.clip(stretched(known, half, shares), 0.0, 1.0)
     scores = np.empty((len(shares), len(means), 2 * far + 1), np.float32)
     for wave, part, found in zip(waves, seen, scores, strict=True):
         match_waveforms(means, share, wave, part, taper, np.float32(_LEAST_KNOWN), found)
@@ -216,11 +223,42 @@ def _match_stretched(
     return scores[best, np.arange(len(means))]
 
 
-def stretched(waveform: Float32Array, half: int, shares: Float64Array) -> Float32Array:
-    """Return the middle of a waveform, thicker by shares: of shape (share, 2 half + 1)."""
+def stretched(
+    waveform: Float32Array, half: int, shares: Float64Array, spectrum: Float64Array | None = None
+) -> Float32Array:
+    r"""Return the middle of a waveform where layers are thicker by shares.
+
+    Thicker layers are seen through the same wavelet: stretched with them by :math:`1 + s`, its amplitude spectrum
+    :math:`A(f)` has become :math:`A_s(f) = A((1 + s) f)`, and is made :math:`A` again by
+    :math:`A A_s / (A_s^2 + \epsilon^2 \max A^2)`. Without that thin layers, whose reflections the wavelet mixes, are
+    matched up to a sample off.
+
+    Parameters
+    ----------
+    waveform : ndarray of shape (m,), float32
+        Its middle sample is where the stretch is centred.
+    half : int
+        Half-length of what is returned.
+    shares : ndarray of shape (k,), float64
+    spectrum : ndarray of shape (n,), float64, optional
+        :math:`A` at frequencies evenly spread from 0 to half a cycle a sample. By default there is no wavelet.
+
+    Returns
+    -------
+    ndarray of shape (k, 2 half + 1), float32
+    """
     middle = len(waveform) // 2
-    at = middle + np.arange(-half, half + 1) / (1.0 + shares[:, None])
-    return np.asarray(ndimage.map_coordinates(waveform.astype(np.float64), at[None], order=3), np.float32)
+    beyond = half if spectrum is None else max(half, int(np.ceil(middle * (1.0 + shares.max()))))
+    at = middle + np.arange(-beyond, beyond + 1) / (1.0 + shares[:, None])
+    found = ndimage.map_coordinates(waveform.astype(np.float64), at[None], order=3)
+    if spectrum is not None:
+        n = 2 * found.shape[1]
+        frequency, known = np.arange(n // 2 + 1) / n, np.linspace(0.0, 0.5, len(spectrum))
+        usual = np.interp(frequency, known, spectrum)
+        now = np.interp(frequency * (1.0 + shares[:, None]), known, spectrum, right=0.0)
+        response = usual * now / np.maximum(now**2 + (_FAINT * usual.max()) ** 2, 1e-30)
+        found = np.fft.irfft(np.fft.rfft(found, n) * response, n)[:, beyond - half : beyond + half + 1]
+    return np.asarray(found, np.float32)
 
 
 def place_once(

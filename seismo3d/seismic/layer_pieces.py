@@ -42,6 +42,10 @@ class LayerVolumes(Protocol):
     def live(self) -> BoolArray:
         """Traces with data."""
 
+    @property
+    def spectrum(self) -> Float64Array | None:
+        """Amplitude spectrum of the wavelet."""
+
 
 def layer_pieces(layers: LayerVolumes, *names: str) -> Iterator[tuple[Place, list[AnyArray]]]:
     """Give the pieces of a layer model: where each lies, and what it has of the named volumes.

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, BoolArray, Float32Array, Progress
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
 from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_increasing, make_runs_increasing
+from seismo3d.seismic.cube_checks import check_faults_of, check_order
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_links import SurfaceGrid, cut_grid, grid_surface, match_grid
 from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, solve_graph
@@ -41,6 +42,9 @@ class LayerModel:
         Share of all measurements that the solution rejects.
     closure : LoopClosure
         How well the shifts agree with each other round closed loops.
+    spectrum : ndarray of shape (n,), float64, or None
+        Amplitude spectrum of the wavelet, at frequencies evenly spread from 0 to half a cycle a sample; None where it
+        is not known.
     """
 
     times: Float32Array
@@ -51,6 +55,7 @@ class LayerModel:
     sample_unit: str
     rejected: float
     closure: LoopClosure
+    spectrum: Float64Array | None = None
 
     def increasing(self, settings: LayerTimeSettings | None = None) -> Float32Array:
         """Return the nearest layer time that grows down every trace across faults too."""
@@ -144,7 +149,7 @@ def model_layers(
     report = progress or _unheard
     check_layers_of(cube, faults)
     amplitudes, _, (_, unit) = as_volume(cube)
-    volume, valid = clean_volume(amplitudes, carried=True)
+    volume, valid, spectrum = clean_volume(amplitudes, carried=True)
     cuts = np.zeros(volume.shape, np.uint8)
     grids = [grid_surface(s, beyond=settings.links.beyond) for s in (faults.surfaces if faults is not None else ())]
     for grid in grids:
@@ -154,7 +159,7 @@ def model_layers(
     if not live.any():
         raise ShapeError("cube has no live trace. Give a cube with data.")
     times += _datum(times, live)
-    layers = LayerModel(times, cuts, volume, valid, live, unit, rejected, closure)
+    layers = LayerModel(times, cuts, volume, valid, live, unit, rejected, closure, spectrum)
     if grids:
         report("levels", 0.0)
         found = dict(find_level_moves(layers, settings))
@@ -165,13 +170,10 @@ def model_layers(
 
 def check_layers_of(cube: Any, faults: Any) -> None:
     """Refuse what is no cube, and faults of another one."""
+    check_order(cube)
     if np.ndim(cube) != 3:
         raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Give a cube.")
-    if faults is not None and np.shape(faults.labels) != np.shape(cube):
-        raise ShapeError(
-            f"faults are of a cube of shape {np.shape(faults.labels)}; cube has shape {np.shape(cube)}. "
-            "Give the cube that they were traced in."
-        )
+    check_faults_of(cube, faults)
 
 
 def _unheard(stage: str, share: float) -> None:

@@ -11,6 +11,7 @@ from seismo3d._typing import AnyArray, Float32Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_closure import close_loops
+from seismo3d.seismic.cube_checks import check_faults_of
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_links import cut_grid, grid_surface
 from seismo3d.seismic.layer_graph import LayerTimeSettings
@@ -75,12 +76,8 @@ def loop_closure(
     settings = settings or LayerTimeSettings()
     if np.ndim(cube) != 3:
         raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Give a cube.")
-    if faults is not None and np.shape(faults.labels) != np.shape(cube):
-        raise ShapeError(
-            f"faults are of a cube of shape {np.shape(faults.labels)}; cube has shape {np.shape(cube)}. "
-            "Give the cube that they were traced in."
-        )
-    volume, valid = clean_volume(as_volume(cube)[0], carried=True)
+    check_faults_of(cube, faults)
+    volume, valid, _ = clean_volume(as_volume(cube)[0], carried=True)
     cuts = np.zeros(volume.shape, np.uint8)
     for surface in faults.surfaces if faults is not None else ():
         cut_grid(grid_surface(surface, beyond=settings.links.beyond), cuts)

@@ -21,6 +21,8 @@ from seismo3d.seismic.picks import place_horizon, place_stick
 
 # more than half of a picked fault, or of a traced one, decides
 _HALF = 0.5
+# line numbers, or indices, that differ by no more are of one trace
+_ONE_TRACE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +204,7 @@ def score_horizon(
         The cube that both are of: then traces are compared. By default line numbers where both files have them, else
         x and y to within `apart`.
     apart : float
-        Largest distance in x and y (or of line numbers) at which two points are of one trace, without a cube.
+        Largest distance in x and y at which two points are of one trace.
 
     Returns
     -------
@@ -220,8 +222,8 @@ def score_horizon(
     limit, reach = as_number(tolerance, "tolerance", low=0.0), as_number(apart, "apart", low=0.0)
     best: tuple[float, HorizonScore] | None = None
     for track in tracks:
-        here, there = _flat(picks, track, cube)
-        distance, near = cKDTree(there).query(here, distance_upper_bound=(0.5 if cube is not None else reach) + 1e-9)
+        here, there, farthest = _flat(picks, track, cube, reach)
+        distance, near = cKDTree(there).query(here, distance_upper_bound=farthest + 1e-9)
         common: BoolArray = np.asarray(np.isfinite(distance))
         if not common.any():
             continue
@@ -243,13 +245,15 @@ def score_horizon(
     return best[1]
 
 
-def _flat(picks: HorizonPoints, track: HorizonPoints, cube: Any) -> tuple[Float64Array, Float64Array]:
-    """Places of both on one plane: indices, line numbers, or x and y."""
+def _flat(
+    picks: HorizonPoints, track: HorizonPoints, cube: Any, apart: float
+) -> tuple[Float64Array, Float64Array, float]:
+    """Places of both on one plane, and how far the same place may lie apart: indices, line numbers, or x and y."""
     if cube is not None:
-        return np.rint(place_horizon(picks, cube)[:, :2]), np.rint(place_horizon(track, cube)[:, :2])
+        return np.rint(place_horizon(picks, cube)[:, :2]), np.rint(place_horizon(track, cube)[:, :2]), _ONE_TRACE
     if np.isfinite(picks.lines).all() and np.isfinite(track.lines).all():
-        return picks.lines, track.lines
-    return picks.points[:, :2], track.points[:, :2]
+        return picks.lines, track.lines, _ONE_TRACE
+    return picks.points[:, :2], track.points[:, :2], apart
 
 
 def _inside(points: Float64Array, shape: Any) -> BoolArray:

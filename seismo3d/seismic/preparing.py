@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import BoolArray, Float32Array
+from seismo3d._typing import BoolArray, Float32Array, Float64Array
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic._kernels_valid import mark_valid, same_as_next
+from seismo3d.seismic.cube_checks import check_order
 from seismo3d.seismic.whitening import whiten
 
 # samples of one value, and traces of the same values, from which on they are no data
@@ -50,6 +51,7 @@ def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[flo
 
 def describe_volume(cube: Any) -> tuple[float, str]:
     """Refuse what cannot hold a fault, without reading a sample; return the sample interval and its unit."""
+    check_order(cube)
     if cube.dtype.kind not in "fiu":
         raise ShapeError(f"cube has elements of type {cube.dtype}; expected real numbers. Convert it first.")
     if cube.ndim not in (2, 3):
@@ -64,7 +66,9 @@ def describe_volume(cube: Any) -> tuple[float, str]:
     return 1.0, "samples"
 
 
-def clean_volume(amplitudes: Float32Array, *, carried: bool = False) -> tuple[Float32Array, BoolArray]:
+def clean_volume(
+    amplitudes: Float32Array, *, carried: bool = False
+) -> tuple[Float32Array, BoolArray, Float64Array | None]:
     """Mark where there are data, put zero elsewhere, clip spikes, and whiten.
 
     Parameters
@@ -80,12 +84,15 @@ def clean_volume(amplitudes: Float32Array, *, carried: bool = False) -> tuple[Fl
         Whitened amplitudes of a root-mean-square of about 1; zero where there are no data.
     valid : ndarray of the same shape, bool
         Where there are: NaN, constant runs and repeated traces are none.
+    spectrum : ndarray of shape (n,), float64, or None
+        As in :class:`~seismo3d.seismic.whitening.Whitening`.
     """
     valid = find_valid(amplitudes)
     step = sampling_step(amplitudes.size)
     sample = np.abs(amplitudes.ravel()[::step][valid.ravel()[::step]])
     scale_amplitudes(amplitudes, find_strength(sample))
-    return whiten(amplitudes, valid, carried=carried), valid
+    white, whitening = whiten(amplitudes, valid, carried=carried)
+    return white, valid, whitening.spectrum
 
 
 def find_valid(amplitudes: Float32Array) -> BoolArray:

@@ -13,6 +13,8 @@ from seismo3d._validate import freeze
 from seismo3d.errors import GeometryError, ShapeError
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
+from seismo3d.seismic.cube_checks import check_order, differing_axis
+from seismo3d.seismic.preparing import find_strength, scale_amplitudes
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +142,8 @@ def _unheard(stage: str, share: float) -> None:
 
 
 def _check(base: Any, monitor: Any) -> None:
+    check_order(base, "base")
+    check_order(monitor, "monitor")
     if np.ndim(base) != 3 or np.shape(base) != np.shape(monitor):
         raise ShapeError(
             f"base has shape {np.shape(base)} and monitor {np.shape(monitor)}; expected two cubes of one shape. Cut or "
@@ -147,21 +151,21 @@ def _check(base: Any, monitor: Any) -> None:
         )
     if min(np.shape(base)) < 8:
         raise ShapeError(f"base has shape {np.shape(base)}; expected at least 8 traces each way and 8 samples.")
-    if hasattr(base, "dims") and hasattr(monitor, "dims"):
-        for name in base.dims:
-            if name in base.coords and not (name in monitor.coords and np.allclose(base[name], monitor[name])):
-                raise GeometryError(
-                    f"base and monitor differ in their {name} coordinates; expected the same lines and samples. Cut or "
-                    "interpolate the monitor onto the base's."
-                )
+    axis = differing_axis(base, monitor)
+    if axis is not None:
+        raise GeometryError(
+            f"base and monitor differ in their {axis} coordinates; expected the same lines and samples. Cut or "
+            "interpolate the monitor onto the base's."
+        )
 
 
 def _prepare(cube: Any) -> tuple[Float32Array, BoolArray]:
-    """Amplitudes of unit strength with 0 where there are none, and where there are some."""
+    """Amplitudes of unit strength with 0 where there are none and spikes clipped, and where there are some."""
     values = np.asarray(getattr(cube, "values", cube), dtype=np.float32)
     known = np.isfinite(values)
     known &= (np.where(known, values, 0.0) != 0.0).any(axis=2, keepdims=True)
     values = np.where(known, values, np.float32(0.0))
+    scale_amplitudes(values, find_strength(np.abs(values[known])))
     strength = float(np.sqrt(np.mean(np.square(values[known], dtype=np.float64)))) if known.any() else 1.0
     return values / np.float32(strength or 1.0), known
 

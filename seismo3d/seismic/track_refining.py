@@ -18,7 +18,7 @@ from seismo3d.seismic.track_pieces import LARGEST_STEP
 # lags beyond the farthest move at which a waveform is compared
 _SPARE = 2
 # thicknesses that are tried to either side of that at the seeds
-_STRETCHES = 5
+_STRETCHES = 8
 # share of a waveform from which on it tells them
 _WHOLE = 0.9
 # share of the traces around that must be such for them to count as much as their price
@@ -48,6 +48,10 @@ class TrackSettings:
         Width, in traces, of the window over which they are led on.
     even : float
         Width, in traces, over which it is found how much thicker or thinner layers are than at the seeds.
+    stretch : float
+        Largest share by which they may be.
+    price : float
+        Correlation that it must be worth.
     rounds : int
         How often parts are compared: first with those of the seeds, then also with those that fit them.
     least_trace : float
@@ -67,12 +71,14 @@ class TrackSettings:
     rim: int = 4
     bend: float = 4.0
     even: float = 4.0
+    stretch: float = 0.3
+    price: float = 0.02
     rounds: int = 2
     least_trace: float = 0.3
     step: float = LARGEST_STEP
     least_piece: int = 40
     layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
-    parts: PartSettings = field(default_factory=PartSettings)
+    parts: PartSettings = field(default_factory=lambda: PartSettings(trusted=0.85))
 
 
 def refine_depth(
@@ -187,18 +193,19 @@ def _score_stretched(
     The waveform is the chosen traces' mean, as thick as fits best around each trace: without that a trace with thicker
     layers goes where those above or below fit, whichever side is seen farther.
     """
-    stretch = settings.parts.stretch
+    stretch = settings.stretch
     shares = np.linspace(-stretch, stretch, 2 * _STRETCHES + 1)
     long = _mean_waveform(layers, depth, chosen, int(np.ceil(settings.near * (1.0 + 2.0 * stretch))) + 1)
+    references = stretched(long, settings.near, shares, layers.spectrum)
     waves, known = _read_smoothly(layers, depth, parts, settings.near + reach)
-    lags = [_match_traces(waves, known, wave, reach, 0.5) for wave in stretched(long, settings.near, shares)]
+    lags = [_match_traces(waves, known, wave, reach, 0.5) for wave in references]
     scores = np.stack(lags).reshape(len(shares), *depth.shape, -1)
     # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
     whole = read_around(layers, depth, settings.near)[1].mean(axis=2)[..., None] > _WHOLE
     fits = np.moveaxis(scores.max(axis=3), 0, -1)
     gain = np.where(whole, fits - fits[..., _STRETCHES, None], np.float32(0.0))
     both = _smooth_parts(np.concatenate([gain, whole], axis=2).astype(np.float32), parts, settings.even)
-    best = (both[..., :-1] / (both[..., -1:] + _DOUBT) - settings.parts.price * np.abs(shares)).argmax(axis=2)
+    best = (both[..., :-1] / (both[..., -1:] + _DOUBT) - settings.price * np.abs(shares)).argmax(axis=2)
     return np.asarray(np.take_along_axis(scores, best[None, :, :, None], axis=0)[0], np.float32)
 
 

@@ -9,18 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float32Array, Float64Array, Progress
+from seismo3d._typing import Float32Array, Float64Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.axis import Axis
-from seismo3d.seismic._kernels_tracks import read_waveforms
-from seismo3d.seismic.layer_pieces import layer_pieces
+from seismo3d.seismic.cube_checks import check_order
 from seismo3d.seismic.layer_time import LayerModel, model_layers
+from seismo3d.seismic.track_events import check_event, seed_events, snap_to_events
 from seismo3d.seismic.track_fitting import fit_track
 from seismo3d.seismic.track_refining import TrackSettings
-
-EVENTS = ("peak", "trough", "zero")
-_SNAP_REACH = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +81,9 @@ def trace_tracks(
     faults : FaultSet, optional
         Faults of this cube.
     event : {"peak", "trough", "zero"}, optional
-        Put each track on the nearest such event. By default the seed's own phase is kept.
+        Put each track on such an event: the seeds are moved to the nearest one, and every trace to the one next to
+        where the track runs; zero crossings all rise, or all fall. Traces without one are left out. By default the
+        seed's own phase is kept.
     count : int
         Number of horizons to find where no seeds are given.
     layers : LayerModel, optional
@@ -107,17 +106,20 @@ def trace_tracks(
     ShapeError
         If the cube has neither two nor three axes, or a seed not as many numbers.
     ParameterError
-        If a seed lies outside the cube or on a trace without data, `event` is not known, `layers` is given for a
-        section or beside what it takes the place of, or work in blocks is refused as by :func:`layer_time`.
+        If a seed lies outside the cube, on a trace without data or far from any `event`, `event` is not known, seeds
+        of one track contradict each other, `layers` is given for a section or beside what it takes the place of, or
+        work in blocks is refused as by :func:`layer_time`.
     """
     settings = settings or TrackSettings()
+    check_event(event)
+    is_volume = np.ndim(cube) == 3
+    groups = index_seeds(cube, seeds) if is_volume and seeds is not None else []
     is_bounded = memory is not None or folder is not None or scheduler is not None
-    if is_bounded and np.ndim(cube) == 3:
+    if is_bounded and is_volume:
         if layers is not None:
             raise ParameterError("layers is given with memory, folder or scheduler; it takes their place. Give either.")
         from seismo3d.seismic.blocks.stored_layers import layers_within
 
-        _check_event(event)
         report = progress or _unheard
         layers = layers_within(
             cube, faults, memory=memory, folder=folder, scheduler=scheduler, settings=settings.layers, progress=report
@@ -138,19 +140,21 @@ def trace_tracks(
             thick, thicken_seeds(seeds), faults=surfaces, event=event, settings=settings, progress=progress
         )
         return [cut_middle(track) for track in found]
-    _check_event(event)
     layers = layers or model_layers(cube, faults=faults, settings=settings.layers, progress=progress)
     axes = axes_of(cube)
-    groups = [_as_seeds(entry, n) for n, entry in enumerate(seeds)]
+    for number, (group, index) in enumerate(groups):
+        _check_live(index, group, layers, number)
     tracks = []
-    for number, group in enumerate(groups):
+    for number, (group, index) in enumerate(groups):
         if progress is not None:
             progress("tracks", number / len(groups))
-        index = np.stack([axis.index(group[:, k]) for k, axis in enumerate(axes)], axis=1)
-        _check_seeds(index, group, layers, number)
+        slope = 0.0
+        if event is not None:
+            index, slope = _on_events(cube, layers, index, group, event, number)
         depth, confidence = fit_track(layers, index, settings)
         if event is not None:
-            depth = _snap(_read_amplitudes(cube, layers, depth), depth, event)
+            depth = snap_to_events(cube, layers, depth, event, slope)
+            confidence = np.where(np.isfinite(depth), confidence, np.float32(np.nan))
         depth = axes[2].coordinate(depth).astype(np.float32)
         tracks.append(Track(freeze(depth), freeze(confidence), freeze(group), layers.sample_unit))
     return tracks
@@ -158,13 +162,6 @@ def trace_tracks(
 
 def _unheard(stage: str, share: float) -> None:
     """Take reports of progress where nobody asked for them."""
-
-
-def _check_event(event: str | None) -> None:
-    if event is not None and event not in EVENTS:
-        raise ParameterError(
-            f"event is {event!r}; expected one of {', '.join(EVENTS)}, or None for the seed's own phase."
-        )
 
 
 def axes_of(cube: Any) -> tuple[Axis, Axis, Axis]:
@@ -184,49 +181,76 @@ def axis_points(axes: tuple[Axis, Axis, Axis], points: Float64Array) -> Float64A
 
 
 def _as_seeds(entry: Any, number: int) -> Float64Array:
-    points = np.atleast_2d(np.asarray(entry, dtype=np.float64))
+    try:
+        points = np.atleast_2d(np.asarray(entry, dtype=np.float64))
+    except (TypeError, ValueError):
+        points = np.empty(0)
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
         raise ShapeError(
-            f"seeds[{number}] has shape {np.shape(entry)}; expected a point (inline, crossline, time or depth), "
-            "or a list of such points, of finite numbers."
+            f"seeds[{number}] is {entry!r}; expected a point (inline, crossline, time or depth), or a list of such "
+            "points, of finite numbers."
         )
     return points
 
 
-def _check_seeds(index: Float64Array, group: Float64Array, layers: LayerModel, number: int) -> None:
-    limit = np.array(layers.times.shape) - 1
+def index_seeds(cube: Any, seeds: Sequence[Any]) -> list[tuple[Float64Array, Float64Array]]:
+    """Return the seeds of each track, in a cube's coordinates and as fractional indices, both of shape (n, 3).
+
+    Raises
+    ------
+    ShapeError
+        If a seed is no point of three numbers.
+    ParameterError
+        If a seed lies outside the cube, or two of one track on one trace.
+    """
+    check_order(cube)
+    axes = axes_of(cube)
+    groups = []
+    for number, entry in enumerate(seeds):
+        group = _as_seeds(entry, number)
+        index = np.stack([axis.index(group[:, k]) for k, axis in enumerate(axes)], axis=1)
+        outside = ((index < -1e-6) | (index > np.array(np.shape(cube)) - 1 + 1e-6)).any(axis=1)
+        if outside.any():
+            raise ParameterError(
+                f"seeds[{number}] {_named(group[outside.argmax()])} lies outside the cube. Give its coordinates."
+            )
+        _check_together(group, index, number)
+        groups.append((group, index))
+    return groups
+
+
+def _check_together(group: Float64Array, index: Float64Array, number: int) -> None:
+    """Refuse seeds of one track that lie on one trace, apart."""
+    order = np.lexsort((index[:, 2], *np.rint(index[:, :2]).T))
+    step = np.diff(index[order], axis=0)
+    same = (np.rint(index[order[1:], :2]) == np.rint(index[order[:-1], :2])).all(axis=1)
+    if (same & (step[:, 2] > 1.0)).any():
+        at = int((same & (step[:, 2] > 1.0)).argmax())
+        raise ParameterError(
+            f"seeds[{number}] has {_named(group[order[at]])} and {_named(group[order[at + 1]])} on one trace; "
+            "a track passes a trace once. Give one of them."
+        )
+
+
+def _check_live(index: Float64Array, group: Float64Array, layers: LayerModel, number: int) -> None:
     for at, point in zip(index, group, strict=True):
-        if (at < -1e-6).any() or (at > limit + 1e-6).any():
-            raise ParameterError(f"seeds[{number}] {tuple(point)} lies outside the cube. Give its coordinates.")
         if not layers.live[tuple(np.rint(at[:2]).astype(int))]:
-            raise ParameterError(f"seeds[{number}] {tuple(point)} lies on a trace without data. Choose another trace.")
+            raise ParameterError(f"seeds[{number}] {_named(point)} lies on a trace without data. Choose another trace.")
 
 
-def _read_amplitudes(cube: Any, layers: LayerModel, depth: Float64Array) -> Float32Array:
-    """Return the cube's own amplitudes about every depth."""
-    values = cube.data if hasattr(cube, "dims") else cube if hasattr(cube, "dtype") else np.asarray(cube)
-    waves = np.empty((*depth.shape, 2 * _SNAP_REACH + 3), np.float32)
-    for at, (valid,) in layer_pieces(layers, "valid"):
-        volume = np.asarray(values[at], dtype=np.float32)
-        read_waveforms(volume, valid, depth[at], _SNAP_REACH + 1, waves[at])
-    return waves
+def _on_events(
+    cube: Any, layers: LayerModel, index: Float64Array, group: Float64Array, event: str, number: int
+) -> tuple[Float64Array, float]:
+    """Return seeds moved onto events, and the slope of zero crossings; refuse seeds that have none near."""
+    moved, slope = seed_events(cube, layers, index, event)
+    lost = np.isnan(moved[:, 2])
+    if lost.any():
+        what = "zero crossing" if event == "zero" else event
+        raise ParameterError(
+            f"seeds[{number}] {_named(group[lost.argmax()])} has no {what} near it. Move it, or leave event out."
+        )
+    return moved, slope
 
 
-def _snap(waves: Float32Array, depth: Float64Array, event: str) -> Float64Array:
-    """Move every trace to its nearest event of a kind, at sub-sample precision; traces without one stay."""
-    reach = _SNAP_REACH
-    left, here, right = waves[..., :-2], waves[..., 1:-1], waves[..., 2:]
-    lag = np.arange(-reach, reach + 1, dtype=np.float64)
-    place: AnyArray
-    if event == "zero":
-        found = (here * right <= 0) & (here != right)
-        place = lag + here / np.where(found, here - right, 1.0)
-    else:
-        sign = 1.0 if event == "peak" else -1.0
-        found = (sign * here >= sign * left) & (sign * here > sign * right)
-        bend = left - 2.0 * here + right
-        place = lag + np.where(found, 0.5 * (left - right) / np.where(found, bend, 1.0), 0.0)
-    distance = np.where(found, np.abs(place), np.inf)
-    best = distance.argmin(axis=2)[..., None]
-    move = np.take_along_axis(place, best, axis=2)[..., 0]
-    return depth + np.where(np.isfinite(np.take_along_axis(distance, best, axis=2)[..., 0]), move, 0.0)
+def _named(point: Float64Array) -> str:
+    return "(" + ", ".join(f"{value:g}" for value in point) + ")"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,8 @@ from seismo3d.seismic._kernels_filters import filter_carried, filter_samples
 
 _MOST_TRACES = 4096
 _MOST_PIECES = 128
+# share of the samples that a trace of the cube usually holds from which on it is complete, and of a piece of one
+_COMPLETE = 0.9
 _FLOOR = 0.01
 _HALF_LENGTH = 16
 # cycles a sample between which the filter tapers off: beyond, samples cannot be interpolated
@@ -29,13 +32,17 @@ class Whitening(NamedTuple):
     beyond : ndarray of shape (half, n), float32, or None
         Row t tells the sample t + 1 beyond an end from the last n samples, the end first. None: the cube's end samples
         are repeated.
+    spectrum : ndarray of shape (n,), float64, or None
+        Mean amplitude spectrum of the filtered traces, at frequencies evenly spread from 0 to half a cycle a sample:
+        that of the wavelet that is left. None where there are no traces to tell it.
     """
 
     taps: Float32Array
     beyond: Float32Array | None = None
+    spectrum: Float64Array | None = None
 
 
-def whiten(volume: Float32Array, valid: BoolArray, *, carried: bool = False) -> Float32Array:
+def whiten(volume: Float32Array, valid: BoolArray, *, carried: bool = False) -> tuple[Float32Array, Whitening]:
     r"""Flatten the amplitude spectrum along the traces where neighbouring traces agree.
 
     One zero-phase filter serves the whole cube: :math:`W(f) = \gamma(f) / (A(f) + 0.01 \max A)`, with :math:`A` the
@@ -58,12 +65,15 @@ def whiten(volume: Float32Array, valid: BoolArray, *, carried: bool = False) -> 
 
     Returns
     -------
-    ndarray of the same shape, float32
+    white : ndarray of the same shape, float32
         Filtered amplitudes, scaled to a root-mean-square of about 1 and clipped at 8; zero where not valid.
+    whitening : Whitening
+        The filter.
     """
-    out = filter_valid(volume, valid, design_whitening(volume, valid, carried=carried))
+    whitening = design_whitening(volume, valid, carried=carried)
+    out = filter_valid(volume, valid, whitening)
     scale_to_unit(out, find_rms(trace_powers(out), int(valid.sum())))
-    return out
+    return out, whitening
 
 
 def filter_valid(volume: Float32Array, valid: BoolArray, whitening: Whitening) -> Float32Array:
@@ -98,14 +108,19 @@ def design_whitening(volume: Float32Array, valid: BoolArray, *, carried: bool = 
     """Return the filter of a cube."""
     if volume.shape[1] < 2:
         volume, valid = volume.transpose(1, 0, 2), valid.transpose(1, 0, 2)
-    i, j = choose_pairs(is_complete(valid)).T
+    i, j = choose_pairs(find_complete(valid.sum(axis=2))).T
     first, second = volume[i, j].astype(np.float64), volume[i, j + 1].astype(np.float64)
-    return whitening_of(first, second, volume.shape[2], carried=carried)
+    return whitening_of(first, second, valid[i, j] & valid[i, j + 1], carried=carried)
 
 
-def is_complete(valid: BoolArray) -> BoolArray:
-    """Tell which traces are complete, but for a tenth."""
-    return np.asarray(valid.mean(axis=2) > 0.9)
+def find_complete(n_valid: IntArray) -> BoolArray:
+    """Tell which traces hold data as far as most do, from how many samples each holds.
+
+    A mute above, or padding below, takes the same of all.
+    """
+    live = n_valid > 0
+    usual = float(np.median(n_valid[live])) if live.any() else 0.0
+    return np.asarray(live & (n_valid > _COMPLETE * usual))
 
 
 def choose_pairs(complete: BoolArray) -> IntArray:
@@ -114,20 +129,29 @@ def choose_pairs(complete: BoolArray) -> IntArray:
     return pairs[:: max(1, len(pairs) // _MOST_TRACES)]
 
 
-def whitening_of(first: Float64Array, second: Float64Array, n_samples: int, *, carried: bool) -> Whitening:
-    """Return the filter from pairs of neighbouring traces, one a row."""
-    half = min(_HALF_LENGTH, max(1, n_samples // 4))
-    return Whitening(_design_taps(first, second, half), _design_prediction(first, half) if carried else None)
+def whitening_of(first: Float64Array, second: Float64Array, known: BoolArray, *, carried: bool) -> Whitening:
+    """Return the filter from pairs of neighbouring traces, one a row, and where both hold data."""
+    half = min(_HALF_LENGTH, max(1, first.shape[1] // 4))
+    beyond = _design_prediction(first, known, half) if carried else None
+    identity = np.zeros(2 * half + 1, np.float32)
+    identity[half] = 1.0
+    if len(first) == 0:
+        return Whitening(identity, beyond)
+    n_fft = 4 * (2 * half + 1)
+    power, cross = _pair_spectra(first, second, known, n_fft)
+    if not power.max() > 0.0:
+        return Whitening(identity, beyond)
+    taps = _design_taps(_smooth_spectrum(power), _smooth_spectrum(cross), half)
+    return Whitening(taps, beyond, np.sqrt(power) * np.abs(np.fft.rfft(taps, n_fft)))
 
 
-def _design_prediction(traces: Float64Array, half: int) -> Float32Array:
+def _design_prediction(traces: Float64Array, known: BoolArray, half: int) -> Float32Array:
     """Return the weights that tell samples beyond an end from twice as many before it, by least squares over traces."""
     n, length = 2 * half, 3 * half
     products = np.zeros((length, length))
     if len(traces):
-        starts = np.unique(np.linspace(0, traces.shape[1] - length, _MOST_PIECES).astype(int))
-        for start in starts:
-            piece = traces[:, start : start + length]
+        starts = np.unique(np.rint(np.linspace(0, traces.shape[1] - length, _MOST_PIECES)))
+        for (piece,) in _whole_pieces((traces,), known, starts, length):
             products += piece.T @ piece
     # an upper end is a lower one upside down
     products += products[::-1, ::-1].copy()
@@ -138,21 +162,11 @@ def _design_prediction(traces: Float64Array, half: int) -> Float32Array:
     return np.linalg.solve(inside, products[n - 1 :: -1, n:]).T.astype(np.float32)
 
 
-def _design_taps(first: Float64Array, second: Float64Array, half: int) -> Float32Array:
-    """Return the filter's weights, an odd number of them, symmetric."""
-    identity = np.zeros(2 * half + 1, np.float32)
-    identity[half] = 1.0
-    if len(first) == 0:
-        return identity
-    n_fft = 4 * (2 * half + 1)
-    spectra = [_short_spectra(traces, n_fft) for traces in (first, second)]
-    power = 0.5 * sum((np.abs(s) ** 2).mean(axis=0) for s in spectra)
-    cross = (spectra[0] * spectra[1].conj()).real.mean(axis=0)
-    if not power.max() > 0.0:
-        return identity
-    smooth_power, smooth_cross = _smooth_spectrum(power), _smooth_spectrum(cross)
-    amplitude = np.sqrt(smooth_power)
-    coherence = np.clip(smooth_cross / np.maximum(smooth_power, 1e-6 * smooth_power.max()), 0.0, 1.0)
+def _design_taps(power: Float64Array, cross: Float64Array, half: int) -> Float32Array:
+    """Return the filter's weights, an odd number of them, symmetric, from smooth power and cross-spectra."""
+    n_fft = 2 * (len(power) - 1)
+    amplitude = np.sqrt(power)
+    coherence = np.clip(cross / np.maximum(power, 1e-6 * power.max()), 0.0, 1.0)
     frequency = np.arange(len(power)) / n_fft
     low, high = _BAND
     band = 0.5 + 0.5 * np.cos(np.pi * np.clip((frequency - low) / (high - low), 0.0, 1.0))
@@ -161,18 +175,40 @@ def _design_taps(first: Float64Array, second: Float64Array, half: int) -> Float3
     centre = n_fft // 2
     window = np.hanning(2 * half + 3)[1:-1]
     taps = impulse[centre - half : centre + half + 1] * window
-    peak = np.abs(np.fft.rfft(taps, n_fft)).max()
-    return (taps / peak).astype(np.float32) if peak > 0.0 else identity
+    # what the middle has is at least 1, as the response is not zero
+    return (taps / np.abs(np.fft.rfft(taps, n_fft)).max()).astype(np.float32)
 
 
-def _short_spectra(traces: Float64Array, n_fft: int) -> np.ndarray:
-    """Return spectra of tapered pieces of n_fft samples, spread evenly over the traces; of short traces whole."""
-    length = min(traces.shape[1], n_fft)
-    taper = np.hanning(length + 2)[1:-1]
-    n_pieces = 1 if length < n_fft else int(np.ceil(2 * (traces.shape[1] - length) / length)) + 1
-    starts = np.rint(np.linspace(0, traces.shape[1] - length, n_pieces)).astype(int)
-    pieces = np.concatenate([traces[:, start : start + length] for start in starts])
-    return np.fft.rfft(pieces * taper, n_fft, axis=1)
+def _pair_spectra(
+    first: Float64Array, second: Float64Array, known: BoolArray, n_fft: int
+) -> tuple[Float64Array, Float64Array]:
+    """Return the mean power and the mean cross-spectrum of pairs of traces, from tapered pieces of n_fft samples.
+
+    They are shorter where no trace holds data over so many.
+    """
+    n_samples = first.shape[1]
+    power, cross, count = np.zeros(n_fft // 2 + 1), np.zeros(n_fft // 2 + 1), 0
+    for length in sorted({min(n, n_samples) for n in (n_fft, n_fft // 2, n_fft // 4)}, reverse=True):
+        n_starts = int(np.ceil(2 * (n_samples - length) / length)) + 1
+        taper = np.hanning(length + 2)[1:-1]
+        for pair in _whole_pieces((first, second), known, np.linspace(0, n_samples - length, n_starts), length):
+            one, other = (np.fft.rfft(piece * taper, n_fft, axis=1) for piece in pair)
+            power += 0.5 * (np.abs(one) ** 2 + np.abs(other) ** 2).sum(axis=0)
+            cross += (one * other.conj()).real.sum(axis=0)
+            count += len(one)
+        if count:
+            break
+    return power / max(count, 1), cross / max(count, 1)
+
+
+def _whole_pieces(
+    traces: tuple[Float64Array, ...], known: BoolArray, starts: Float64Array, length: int
+) -> Iterator[list[Float64Array]]:
+    """Give pieces of traces, those that begin at one start together: of all but those that hold too little data."""
+    for start in np.rint(starts).astype(int):
+        kept = known[:, start : start + length].mean(axis=1) > _COMPLETE
+        if kept.any():
+            yield [values[kept, start : start + length] for values in traces]
 
 
 def _smooth_spectrum(values: Float64Array) -> Float64Array:

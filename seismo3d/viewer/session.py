@@ -14,7 +14,7 @@ from seismo3d._typing import Float64Array, Progress
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes
-from seismo3d.plot.traces_of_faults import check_faults
+from seismo3d.seismic.cube_checks import check_faults_of
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.tracks import Track
 from seismo3d.viewer.colours import ATTRIBUTES, Scale, make_scale
@@ -115,7 +115,7 @@ class Session:
         folder: str | Path | None = None,
     ) -> None:
         self.reader = SliceReader(cube)
-        check_faults(faults, cube)
+        check_faults_of(cube, faults)
         for track in tracks:
             _check_track(track, self.reader.shape)
         self.cube = cube

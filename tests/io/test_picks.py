@@ -135,6 +135,8 @@ def test_horizons_come_back(tmp_path: Path, write, turn_deg: float) -> None:  # 
 def test_xyz_dialects(tmp_path: Path) -> None:
     found = read_horizon(text(tmp_path, "# x y z\n1.5, 2.5, 800\n3,4,1e30\n5,6,810\n"))
     assert found.points.tolist() == [[1.5, 2.5, 800.0], [5.0, 6.0, 810.0]]
+    nulls = "1 2 NaN\n1.5 2.5 800\n3 4 -999.25\n3 4 -9999\n3 4 -99999\n3 4 9999900\n5 6 810\n"
+    assert read_horizon(text(tmp_path, nulls)).points[:, 2].tolist() == [800, 810]
     irap = read_horizon(text(tmp_path, "1 2 800\n3 4 805\n999.0 999.0 999.0\n5 6 810\n999.0 999.0 999.0\n"))
     assert irap.points.tolist() == [[1, 2, 800], [3, 4, 805], [5, 6, 810]]
     wide = text(tmp_path, "10 20 100 200 800\n11 21 110 210 801\n")

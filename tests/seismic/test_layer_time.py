@@ -134,6 +134,28 @@ def test_a_thicker_waveform() -> None:
     np.testing.assert_allclose(thick, np.exp(-0.5 * (t / 5.0) ** 2), atol=1e-3)
 
 
+def test_thicker_layers_are_seen_through_the_same_wavelet(rng: np.random.Generator) -> None:
+    places, strengths = rng.uniform(-60.0, 60.0, 60), rng.normal(size=60)
+    x = np.arange(-44, 45)[:, None]
+
+    def ricker(t: np.ndarray) -> np.ndarray:
+        u = (np.pi * t / 14.0) ** 2
+        return (1.0 - 2.0 * u) * np.exp(-u)
+
+    def seen(share: float) -> np.ndarray:
+        return (strengths * ricker(x - (1.0 + share) * places)).sum(axis=1).astype(np.float32)
+
+    spectrum = np.abs(np.fft.rfft(ricker(np.arange(-128, 128))))
+    shares = np.array([-0.25, -0.1, 0.0, 0.1, 0.25])
+    for share, found, without in zip(
+        shares, stretched(seen(0.0), 16, shares, spectrum), stretched(seen(0.0), 16, shares), strict=True
+    ):
+        truth = seen(share)[28:61]
+        alike, alike_without = (float(np.corrcoef(truth, wave)[0, 1]) for wave in (found, without))
+        assert alike > 0.97
+        assert alike > alike_without or share == 0.0
+
+
 @pytest.mark.parametrize(("event", "sign"), [("peak", 1.0), ("trough", -1.0)])
 def test_tracks_snap_to_events(folded: SyntheticCube, folded_layers: LayerModel, event: str, sign: float) -> None:
     i, j = (24, 24) if folded.live[24, 24] else (24, 25)
@@ -250,7 +272,7 @@ def wedge_cube() -> tuple[np.ndarray, np.ndarray]:
     shape = (8, 160, 96)
     times = np.arange(96) / (1.0 + 0.5 * np.arange(160)[:, None] / 160)
     signal = np.interp(times, np.arange(300), layers / layers.std())
-    return np.sign(signal + 0.3 * rng.standard_normal(shape)).astype(np.float32), np.broadcast_to(times, shape)
+    return np.sign(signal + 0.8 * rng.standard_normal(shape)).astype(np.float32), np.broadcast_to(times, shape)
 
 
 @pytest.mark.parametrize(("noisy", "low", "high"), [(16.0, 0.0, 1.0), (0.0, 4.0, 40.0)])

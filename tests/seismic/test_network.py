@@ -199,7 +199,8 @@ def test_path_runs_along_the_sheet_and_around_its_hole() -> None:
 
 
 def test_path_in_plain_rock_is_straight() -> None:
-    faults = replace(sheet_faults(), labels=np.zeros((20, 24, 30), np.int32), likelihood=np.zeros((20, 24, 30)))
+    # the ridge is no fault, and conducts nothing
+    faults = replace(sheet_faults(), labels=np.zeros((20, 24, 30), np.int32))
     path = flow_path(faults, (3, 4, 5), (3, 4, 25))
     assert path.length == pytest.approx(20.0)
     assert path.straight == pytest.approx(1.0)

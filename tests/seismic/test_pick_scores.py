@@ -129,3 +129,15 @@ def test_horizon_on_the_traces_of_a_cube_and_as_seeds() -> None:
     assert len(everywhere) == 30 * 40 - 4
     with pytest.raises(GeometryError, match="no point of top"):
         grid_horizon(replace(picks, points=picks.points + np.array([0, 0, 1e5])), cube)
+
+
+def test_line_numbers_side_by_side_are_two_traces() -> None:
+    lines = np.argwhere(np.ones((10, 10))).astype(float)
+    even, odd = lines[:, 1] % 2 == 0, lines[:, 1] % 2 == 1
+    track, picks = (
+        HorizonPoints(name, flat(800.0).points[chosen], lines[chosen]) for name, chosen in (("a", even), ("top", odd))
+    )
+    with pytest.raises(GeometryError, match="no pick of top"):
+        score_horizon([track], picks, tolerance=4.0)
+    every = replace(flat(800.0), lines=lines)
+    assert score_horizon([track], every, tolerance=4.0).missed == pytest.approx(0.5)

@@ -76,7 +76,7 @@ def test_stick_ends_where_the_fault_does() -> None:
 def test_refusals(faulted: SyntheticCube) -> None:
     cube: Any = faulted.seismic
     nodes = picked(faulted, 20)
-    with pytest.raises(ShapeError, match="expected a cube"):
+    with pytest.raises(ShapeError, match="Give a cube"):
         follow_stick(cube[0], nodes)
     with pytest.raises(GeometryError, match="does not run downwards"):
         follow_stick(cube, nodes[::-1])

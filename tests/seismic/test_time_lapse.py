@@ -159,3 +159,21 @@ def test_refusals(folded: SyntheticCube) -> None:
         align_cubes(base, moved)
     with pytest.raises(GeometryError, match="no live trace in common"):
         align_cubes(base, base * 0.0)
+
+
+def test_a_spike_does_not_count(folded: SyntheticCube) -> None:
+    base = np.array(folded.seismic)
+    monitor = warp(base, [0.0, 0.0, 1.0])
+    monitor[5, 5, 5] = 1e9
+    found = align_cubes(base, monitor)
+    assert np.abs(found.shift - 1.0)[INNER].mean() < 0.1
+    assert found.aligned[5, 5, 5] != 0.0
+
+
+def test_cubes_of_other_lines_or_axes_are_refused(folded: SyntheticCube) -> None:
+    cube = folded.to_dataarray()
+    beside = cube.assign_coords(inline=cube["inline"] + 1_000_000)
+    with pytest.raises(GeometryError, match="differ in their inline coordinates"):
+        align_cubes(beside, beside.assign_coords(inline=beside["inline"] + 1))
+    with pytest.raises(ShapeError, match=r"monitor\.transpose\('inline', 'crossline', 'time'\)"):
+        align_cubes(cube, cube.transpose("crossline", "inline", "time"))

@@ -3,7 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seismo3d.seismic.whitening import design_whitening, filter_valid, whiten
+from seismo3d.seismic.whitening import design_whitening, filter_valid
+from seismo3d.seismic.whitening import whiten as whiten_cube
+
+
+def whiten(volume, valid, **settings):
+    return whiten_cube(volume, valid, **settings)[0]
 
 
 def ricker(period):
@@ -137,3 +142,26 @@ def test_section_of_either_orientation(rng):
     white = whiten(section, everywhere(section))
     turned = whiten(np.ascontiguousarray(section.transpose(1, 0, 2)), everywhere(section).transpose(1, 0, 2))
     np.testing.assert_allclose(turned.transpose(1, 0, 2), white, atol=1e-5)
+
+
+def test_the_spectrum_that_is_left_is_that_of_the_filtered_traces(rng):
+    volume = layered(rng, shape=(20, 20, 400))
+    white, whitening = whiten_cube(volume, everywhere(volume))
+    taper = np.hanning(132)
+    pieces = [white[..., a : a + 132] * taper for a in range(0, 268, 20)]
+    measured = np.sqrt(np.mean([np.abs(np.fft.rfft(p, axis=2)) ** 2 for p in pieces], axis=(0, 1, 2)))
+    assert whitening.spectrum.shape == measured.shape
+    assert np.corrcoef(whitening.spectrum, measured)[0, 1] > 0.9
+
+
+@pytest.mark.parametrize("muted", [slice(0, 30), slice(70, 90), slice(150, 160)])
+def test_a_mute_leaves_the_filter_as_it_is(rng, muted):
+    volume = layered(rng, noise=0.05)
+    valid = everywhere(volume)
+    taps = design_whitening(volume, valid).taps
+    valid[..., muted] = False
+    volume[..., muted] = 0.0
+    found = design_whitening(volume, valid).taps
+    assert np.abs(found - taps).max() < 0.25 * np.abs(taps).max()
+    assert np.abs(found).argmax() == len(taps) // 2
+    assert np.count_nonzero(np.abs(found) > 0.02 * found.max()) > 5  # no identity

@@ -14,8 +14,8 @@ from seismo3d.seismic.whitening import (
     Whitening,
     choose_pairs,
     filter_valid,
+    find_complete,
     find_rms,
-    is_complete,
     scale_to_unit,
     trace_powers,
     whitening_of,
@@ -28,7 +28,7 @@ def raw_box(run: BlockRun, number: int) -> Box:
 
 
 def survey(run: BlockRun, number: int, piece: Any) -> None:
-    """Look at a block's amplitudes and at which of its traces are complete."""
+    """Look at a block's amplitudes and at how much of its traces there is."""
     box, _, inner = _boxes(run, number)
     amplitudes = _read(piece)
     valid = find_valid(amplitudes)[inner]
@@ -39,19 +39,16 @@ def survey(run: BlockRun, number: int, piece: Any) -> None:
     for line, i in enumerate(range(box.i0, box.i1)):
         chosen = slice(-((i * n1 + box.j0) * n2) % step, None, step)
         looked_at.append(amplitudes[line].ravel()[chosen][valid[line].ravel()[chosen]])
-    run.write_part(
-        "survey", number,
-        {"sample": np.concatenate(looked_at), "complete": is_complete(valid), "count": valid.sum(axis=2)},
-    )  # fmt: skip
+    run.write_part("survey", number, {"sample": np.concatenate(looked_at), "count": valid.sum(axis=2)})
 
 
 def survey_facts(run: BlockRun) -> None:
     """Find the cube's strength, and the traces that its wavelet is read from."""
     blocks = range(len(run.plan.tiling("raw")))
     sample = np.concatenate([run.read_part("survey", number)[0]["sample"] for number in blocks])
-    complete = run.gather("survey", "complete", "raw")
-    n_valid = int(run.gather("survey", "count", "raw").sum())
-    run.write_fact("survey", strength=find_strength(sample), pairs=choose_pairs(complete), n_valid=n_valid)
+    n_valid = run.gather("survey", "count", "raw")
+    pairs = choose_pairs(find_complete(n_valid))
+    run.write_fact("survey", strength=find_strength(sample), pairs=pairs, n_valid=int(n_valid.sum()))
 
 
 def pairs(run: BlockRun, number: int, piece: Any) -> None:
@@ -63,23 +60,26 @@ def pairs(run: BlockRun, number: int, piece: Any) -> None:
     found: dict[str, AnyArray] = {
         "first": np.empty((0, n2), np.float32),
         "second": np.empty((0, n2), np.float32),
+        "known": np.empty((0, n2), bool),
         "mine": mine,
     }
     if len(mine):
-        amplitudes, _ = _scaled(run, piece)
+        amplitudes, valid = _scaled(run, piece)
         rows, columns = i[mine] - wide.i0, j[mine] - wide.j0
         found |= {"first": amplitudes[rows, columns], "second": amplitudes[rows, columns + 1]}
+        found["known"] = valid[rows, columns] & valid[rows, columns + 1]
     run.write_part("pairs", number, found)
 
 
 def pairs_facts(run: BlockRun) -> None:
     """Design the whitening filter."""
     n_pairs, n2 = len(run.fact("survey")["pairs"]), run.plan.shape[2]
-    first, second = np.empty((n_pairs, n2)), np.empty((n_pairs, n2))
+    first, second, known = np.empty((n_pairs, n2)), np.empty((n_pairs, n2)), np.empty((n_pairs, n2), bool)
     for number in range(len(run.plan.tiling("raw"))):
         part, _ = run.read_part("pairs", number)
-        first[part["mine"]], second[part["mine"]] = part["first"], part["second"]
-    whitening = whitening_of(first, second, n2, carried=run.kind == "layers")
+        for name, rows in (("first", first), ("second", second), ("known", known)):
+            rows[part["mine"]] = part[name]
+    whitening = whitening_of(first, second, known, carried=run.kind == "layers")
     run.write_fact("pairs", **{name: found for name, found in whitening._asdict().items() if found is not None})
 
 

@@ -46,7 +46,8 @@ def open_layers(run: BlockRun, cube: Any) -> LayerModel:
     stored = StoredVolumes.of(run, lambda box: read_times(run, box))
     _, unit = describe_volume(cube)
     rejected = run.fact(f"solve_{last_stride(run.settings)}")["rejected"]
-    volumes: dict[str, Any] = {name: getattr(stored, name) for name in ("times", "cuts", "volume", "valid", "live")}
+    names = ("times", "cuts", "volume", "valid", "live", "spectrum")
+    volumes: dict[str, Any] = {name: getattr(stored, name) for name in names}
     return LayerModel(**volumes, sample_unit=unit, rejected=rejected, closure=_closure(run))
 
 

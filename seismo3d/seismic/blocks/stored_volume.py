@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, BoolArray
+from seismo3d._typing import AnyArray, BoolArray, Float64Array
 from seismo3d.seismic.blocks.cleaning import read_clean
 from seismo3d.seismic.blocks.layers import by_box, live_traces
 from seismo3d.seismic.blocks.plan import Box
@@ -57,13 +57,14 @@ class StoredVolume:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredVolumes:
-    """What a layer model has of volumes, on disk, and its live traces."""
+    """What a layer model has of volumes, on disk, its live traces and the spectrum of its wavelet."""
 
     times: StoredVolume
     cuts: StoredVolume
     volume: StoredVolume
     valid: StoredVolume
     live: BoolArray
+    spectrum: Float64Array | None
 
     @classmethod
     def of(cls, run: BlockRun, read_times: Callable[[Box], AnyArray]) -> StoredVolumes:
@@ -74,4 +75,5 @@ class StoredVolumes:
             StoredVolume(run, lambda box: read_clean(run, box)[0]),
             StoredVolume(run, lambda box: run.store.read("valid", box)),
             live_traces(run),
+            run.fact("pairs").get("spectrum"),
         )

@@ -1,0 +1,101 @@
+"""Tracks put on peaks, troughs or zero crossings of the cube's own amplitudes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from seismo3d._typing import AnyArray, Float32Array, Float64Array
+from seismo3d.errors import ParameterError
+from seismo3d.seismic._kernels_tracks import read_waveforms
+from seismo3d.seismic.layer_pieces import LayerVolumes, layer_pieces
+
+EVENTS = ("peak", "trough", "zero")
+# samples within which an event is looked for: of where a track runs, and of its seeds
+_REACH, _SEED_REACH = 4, 16
+
+
+def check_event(event: str | None) -> None:
+    """Refuse an event that is not known."""
+    if event is not None and event not in EVENTS:
+        raise ParameterError(
+            f"event is {event!r}; expected one of {', '.join(EVENTS)}, or None for the seed's own phase."
+        )
+
+
+def seed_events(cube: Any, layers: LayerVolumes, index: Float64Array, event: str) -> tuple[Float64Array, float]:
+    """Find the events nearest to seeds.
+
+    Parameters
+    ----------
+    cube : DataArray or array_like
+        Whose amplitudes tell the events.
+    layers : LayerVolumes
+        Of this cube: they tell where it holds data.
+    index : ndarray of shape (n, 3), float64
+        Seeds, as fractional indices.
+    event : str
+        One of ``EVENTS``.
+
+    Returns
+    -------
+    index : ndarray of shape (n, 3), float64
+        On the events; NaN where a seed has none near it.
+    slope : float
+        Sign of the slope of the zero crossing next to the first seed, on which all lie; 0 for other events.
+    """
+    traces = np.rint(index[:, :2]).astype(int)
+    values = _values_of(cube)
+    volume = np.stack([np.asarray(values[i, j], dtype=np.float32) for i, j in traces])[None]
+    valid = np.stack([np.asarray(layers.valid[int(i), int(j)]) for i, j in traces])[None]
+    waves = np.empty((1, len(index), 2 * _SEED_REACH + 3), np.float32)
+    read_waveforms(volume, valid, index[None, :, 2], _SEED_REACH + 1, waves)
+    moves, slopes = _nearest(waves[0], event, 0.0)
+    known = slopes[np.isfinite(moves)]
+    slope = float(known[0]) if len(known) else 0.0
+    if event == "zero":
+        moves, _ = _nearest(waves[0], event, slope)
+    moved = index.copy()
+    moved[:, 2] += moves
+    return moved, slope
+
+
+def snap_to_events(cube: Any, layers: LayerVolumes, depth: Float64Array, event: str, slope: float) -> Float64Array:
+    """Move every trace of a track to its nearest event, at sub-sample precision; NaN where there is none near.
+
+    Parameters are those of :func:`seed_events`, the track's fractional samples of shape (inline, crossline), and the
+    slope that zero crossings have.
+    """
+    values = _values_of(cube)
+    waves = np.empty((*depth.shape, 2 * _REACH + 3), np.float32)
+    for at, (valid,) in layer_pieces(layers, "valid"):
+        read_waveforms(np.asarray(values[at], dtype=np.float32), valid, depth[at], _REACH + 1, waves[at])
+    return depth + _nearest(waves, event, slope)[0]
+
+
+def _values_of(cube: Any) -> Any:
+    return cube.data if hasattr(cube, "dims") else cube if hasattr(cube, "dtype") else np.asarray(cube)
+
+
+def _nearest(waves: Float32Array, event: str, slope: float) -> tuple[Float64Array, Float32Array]:
+    """Distance of the event nearest to the middle of every waveform, NaN without one; of crossings the slope's sign.
+
+    Only crossings of a slope of the same sign count where one is given.
+    """
+    left, here, right = waves[..., :-2], waves[..., 1:-1], waves[..., 2:]
+    reach = (here.shape[-1] - 1) // 2
+    lag = np.arange(-reach, reach + 1, dtype=np.float64)
+    rise: AnyArray = np.sign(right - here)
+    if event == "zero":
+        found = (here * right <= 0) & (rise != 0) & (rise * slope >= 0)
+        place = lag + here / np.where(found, here - right, 1.0)
+    else:
+        sign = 1.0 if event == "peak" else -1.0
+        found = (sign * here > 0) & (sign * here >= sign * left) & (sign * here > sign * right)
+        bend = left - 2.0 * here + right
+        place = lag + np.where(found, 0.5 * (left - right) / np.where(found, bend, 1.0), 0.0)
+    distance = np.where(found, np.abs(place), np.inf)
+    best = distance.argmin(axis=-1)[..., None]
+    move, least, sloped = (np.take_along_axis(a, best, axis=-1)[..., 0] for a in (place, distance, rise))
+    return np.where(np.isfinite(least), move, np.nan), sloped * np.float32(event == "zero")

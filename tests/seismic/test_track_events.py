@@ -1,0 +1,104 @@
+"""Tracks on peaks, troughs and zero crossings of a cube whose layers lie one above the other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import seismo3d as s3
+from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.seismic.layer_time import LayerModel
+from seismo3d.seismic.loop_closure import LoopClosure
+from seismo3d.seismic.track_events import _nearest
+
+PERIOD, SHAPE = 16.0, (12, 14, 96)
+PEAK, TROUGH, RISE, FALL = 32.0, 40.0, 28.0, 36.0
+
+
+def wave(samples: np.ndarray) -> np.ndarray:
+    return np.cos(2.0 * np.pi * samples / PERIOD) * np.exp(-(((samples - 48.0) / 40.0) ** 2))
+
+
+@pytest.fixture(scope="module")
+def level() -> tuple[np.ndarray, LayerModel]:
+    """Layers that dip by a tenth of a sample from crossline to crossline."""
+    deeper = 0.1 * np.arange(SHAPE[1])[:, None]
+    rows = wave(np.arange(SHAPE[2]) - deeper).astype(np.float32)
+    volume = np.broadcast_to(rows, SHAPE).copy()
+    times = np.broadcast_to((np.arange(SHAPE[2]) - deeper).astype(np.float32), SHAPE).copy()
+    whole, cuts, closure = (
+        np.ones(SHAPE, bool),
+        np.zeros(SHAPE, np.uint8),
+        LoopClosure(0.0, 0.0, 0, 1, np.zeros((12, 14))),
+    )
+    model = LayerModel(times, cuts, volume, whole, whole[..., 0], "samples", 0.0, closure)
+    return volume, model
+
+
+@pytest.mark.parametrize(("seed", "event", "found"), [
+    (30.0, "peak", PEAK), (37.0, "peak", PEAK), (41.5, "trough", TROUGH), (33.0, "trough", TROUGH),
+    (30.0, "zero", RISE), (34.5, "zero", FALL), (37.5, "zero", FALL),
+])  # fmt: skip
+def test_all_of_a_track_is_on_the_event_next_to_its_seed(
+    level: tuple[np.ndarray, LayerModel], seed: float, event: str, found: float
+) -> None:
+    volume, layers = level
+    (track,) = s3.trace_tracks(volume, [(5, 0, seed)], event=event, layers=layers)
+    known = np.isfinite(track.depth)
+    assert known.mean() > 0.95
+    expected = np.broadcast_to(found + 0.1 * np.arange(SHAPE[1]), SHAPE[:2])
+    np.testing.assert_allclose(track.depth[known], expected[known], atol=0.35)
+
+
+def test_traces_without_the_event_are_left_out(level: tuple[np.ndarray, LayerModel]) -> None:
+    volume, layers = level
+    silent = volume.copy()
+    silent[8:, :, 26:44] = -0.5  # no peak there
+    (track,) = s3.trace_tracks(silent, [(3, 3, 32.3)], event="peak", layers=layers)
+    assert np.isnan(track.depth[8:]).all()
+    assert np.isnan(track.confidence[8:]).all()
+    assert np.isfinite(track.depth[:8]).all()
+
+
+def test_seeds_without_an_event_are_refused(level: tuple[np.ndarray, LayerModel]) -> None:
+    volume, layers = level
+    with pytest.raises(ParameterError, match=r"seeds\[0\] \(3, 3, 32\) has no peak near it"):
+        s3.trace_tracks(-np.abs(volume) - 1.0, [(3, 3, 32)], event="peak", layers=layers)
+
+
+@pytest.mark.parametrize(("event", "rest"), [("peak", 0.0), ("trough", 8.0), ("zero", 4.0)])
+def test_horizons_are_found_on_the_event(level: tuple[np.ndarray, LayerModel], event: str, rest: float) -> None:
+    volume, layers = level
+    tracks = s3.find_horizons(volume, 3, event=event, layers=layers)
+    assert len(tracks) == 3
+    for track in tracks:
+        off = (track.depth - 0.1 * np.arange(SHAPE[1]) - rest) % (PERIOD / 2.0 if event == "zero" else PERIOD)
+        off = np.minimum(off, (PERIOD / 2.0 if event == "zero" else PERIOD) - off)
+        assert np.nanmax(off) < 0.5
+
+
+def test_two_seeds_of_one_track_on_one_trace_are_refused(level: tuple[np.ndarray, LayerModel]) -> None:
+    volume, layers = level
+    with pytest.raises(ParameterError, match=r"seeds\[1\] has \(4, 4, 30\) and \(4, 4, 50\) on one trace"):
+        s3.trace_tracks(volume, [(4, 4, 30), [(2, 2, 31), (4, 4, 50), (4, 4, 30)]], layers=layers)
+    s3.trace_tracks(volume, [[(4, 4, 30), (4, 4, 30.5)]], layers=layers)
+
+
+def test_bad_seeds_are_refused_before_any_work() -> None:
+    cube = np.zeros((8, 8, 16), np.float32)  # layer time would refuse it
+    with pytest.raises(ParameterError, match="lies outside the cube"):
+        s3.trace_tracks(cube, [(1, 2, 3), (1, 2, 300)])
+    with pytest.raises(ShapeError, match=r"seeds\[0\] is 'a'"):
+        s3.trace_tracks(cube, ["a"])
+    with pytest.raises(ParameterError, match="event is 'max'"):
+        s3.trace_tracks(cube, [(1, 2, 3)], event="max")
+
+
+def test_the_nearest_event_of_a_waveform() -> None:
+    samples = np.arange(-9, 10, dtype=np.float64)
+    waves = np.stack([np.cos((samples - 1.25) / 3.0), np.sin((samples + 0.5) / 3.0), np.ones(19)]).astype(np.float32)
+    np.testing.assert_allclose(_nearest(waves, "peak", 0.0)[0], [1.25, 1.5 * np.pi - 0.5, np.nan], atol=0.05)
+    place, slope = _nearest(waves, "zero", 0.0)
+    np.testing.assert_allclose(place, [1.25 - 1.5 * np.pi, -0.5, np.nan], atol=0.05)
+    assert slope[:2].tolist() == [1.0, 1.0]
+    np.testing.assert_allclose(_nearest(waves, "zero", -1.0)[0][0], 1.25 + 1.5 * np.pi, atol=0.05)
