@@ -18,7 +18,7 @@ from seismo3d.seismic.track_pieces import LARGEST_STEP
 # lags beyond the farthest move at which a waveform is compared
 _SPARE = 2
 # thicknesses that are tried to either side of that at the seeds
-_STRETCHES = 8
+_STRETCHES = 6
 # share of a waveform from which on it tells them
 _WHOLE = 0.9
 # share of the traces around that must be such for them to count as much as their price
