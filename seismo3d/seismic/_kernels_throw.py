@@ -32,12 +32,12 @@ def _read(volume, valid, x, y, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, parallel=True)
 def read_sides(  # type: ignore[no-untyped-def]
-    volume, valid, p, q, w, origin, along, across, first_s, first_sample, near, far, clear, corner, sides, known
+    volume, valid, p, q, w, origin, along, across, first_s, first_sample, near, far, clear, corner, sides, known, tilts
 ):
     """Write both sides of a sheet, one value a sample: the mean of traces `near` to `far` off, along their dips.
 
     `w` holds the sheet's position at every (row, sample); sides[0] lies against `across`, sides[1] along it.
-    The volumes' first inline and crossline are the corner's.
+    The volumes' first inline and crossline are the corner's. `tilts` are the mean dips across that were followed.
     """
     n_rows, n_samples = w.shape
     n0, n1, n2 = volume.shape
@@ -48,11 +48,11 @@ def read_sides(  # type: ignore[no-untyped-def]
             for side in range(2):
                 sides[side, r, k] = 0.0
                 known[side, r, k] = 0.0
+                tilts[side, r, k] = 0.0
             if not np.isfinite(w[r, k]):
                 continue
             for side in range(2):
-                total = np.float32(0.0)
-                count = np.float32(0.0)
+                total, tilt, count = np.float32(0.0), np.float32(0.0), np.float32(0.0)
                 for distance in range(near, far + 1):
                     d = float(distance) if side == 1 else -float(distance)
                     x = origin[0] + s * along[0] + (w[r, k] + d) * across[0] - corner[0]
@@ -68,10 +68,12 @@ def read_sides(  # type: ignore[no-untyped-def]
                     slope = p[i, j, kk] * across[0] + q[i, j, kk] * across[1]
                     value, weight = _read(volume, valid, x, y, z + d * slope)
                     total += value
+                    tilt += weight * np.float32(slope)
                     count += weight
                 if count > 0:
                     sides[side, r, k] = total / count
                     known[side, r, k] = 1.0
+                    tilts[side, r, k] = tilt / count
 
 
 @njit(cache=True, nogil=True)

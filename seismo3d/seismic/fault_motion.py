@@ -69,6 +69,9 @@ class FaultMotion:
         1 where the hanging wall lies along the frame's `across`, else -1.
     share : float
         Slip along strike over throw.
+    decay : float
+        Share of the slip that is lost with the first trace off the surface, across the strike: it dies away to zero at
+        twice the inverse of that, as a parabola does.
     """
 
     frame: Frame
@@ -79,6 +82,7 @@ class FaultMotion:
     slopes: tuple[float, float]
     hanging_side: int
     share: float
+    decay: float = 0.0
 
     def height_at(self, s: Float64Array, samples: Float64Array) -> Float64Array:
         """Return w of the surface, straight on beyond the grid."""
@@ -117,7 +121,8 @@ class FaultMotion:
         s, samples, w = self.frame.lay(points)
         off = w - self.height_at(s, samples)
         rows, columns = s - self.first[0], samples - self.first[1]
-        throw = np.where(off * self.hanging_side > 0, read_between(self.throw, rows, columns), 0)
+        left = np.maximum(0.0, 1.0 - 0.5 * self.decay * np.abs(off)) ** 2
+        throw = np.where(off * self.hanging_side > 0, left * read_between(self.throw, rows, columns), 0)
         s0, samples0 = s - self.share * throw, samples - throw
         moved = self.frame.place(s0, samples0, self.height_at(s0, samples0) + off)
         return np.where((off * self.hanging_side > 0)[:, None], moved, points)

@@ -38,7 +38,7 @@ from seismo3d.seismic.section_scores import (
 )
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface
-from seismo3d.seismic.throw import SheetThrow, ThrowSettings, gather_sides, measure_throw, slopes_beside
+from seismo3d.seismic.throw import SheetSides, SheetThrow, ThrowSettings, gather_sides, measure_throw, slopes_beside
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,7 +293,7 @@ def find_candidates(
 def finish_throws(
     sheets: list[Sheet],
     today: list[SheetThrow],
-    read_sides: Callable[[int], tuple[Float32Array, Float32Array]],
+    read_sides: Callable[[int], SheetSides],
     settings: FaultSettings,
     *,
     is_section: bool,

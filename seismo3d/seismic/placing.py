@@ -60,7 +60,7 @@ def read_profile(
     values, known = np.zeros(shape, np.float32), np.zeros(shape, bool)
     for off in range(1, settings.reach + 1):
         only = replace(throw, near=off, far=off)
-        both, read = gather_sides(volume, valid, slopes, sheet, settings=only, w=w, off=0, corner=corner)
+        both, read, _ = gather_sides(volume, valid, slopes, sheet, settings=only, w=w, off=0, corner=corner)
         for side, trace in enumerate((settings.reach - off, settings.reach + off - 1)):
             values[trace], known[trace] = both[side], read[side] > 0.0
     return values, known

@@ -14,9 +14,10 @@ from seismo3d.seismic.fault_ages import HistorySettings, are_one, order_faults
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, enlarge, find_motion
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import are_near, bounds_of
+from seismo3d.seismic.slip_decay import find_decay
 from seismo3d.seismic.slip_direction import refine_free_slip
 from seismo3d.seismic.slip_fields import Sides, SlipField
-from seismo3d.seismic.throw import SheetThrow, ThrowSettings, every_sample, find_slip, fit_of
+from seismo3d.seismic.throw import SheetSides, SheetThrow, ThrowSettings, every_sample, find_slip, fit_of
 
 # traces and samples from one place to the next of those by which faults are compared
 _EVERY = 2
@@ -46,7 +47,7 @@ class _Part:
 def restore_throws(
     sheets: list[Sheet],
     throws: list[SheetThrow],
-    read_sides: Callable[[int], tuple[Float32Array, Float32Array]],
+    read_sides: Callable[[int], SheetSides],
     *,
     settings: ThrowSettings,
     history: HistorySettings,
@@ -55,7 +56,8 @@ def restore_throws(
 
     Faults that moved later have strained an older one, offset its parts, and taken what once touched to different
     places: what lies apart today is not what it threw. So the youngest fault is taken back first; the places of all
-    that is known to be older move with its hanging wall. What was read on the two sides of the next fault moves along;
+    that is known to be older move with its hanging wall, the less the farther off where the tilt of its layers says
+    that slip dies away. What was read on the two sides of the next fault moves along;
     its parts come to lie on one surface, are matched together, and it is taken back in turn.
 
     Parameters
@@ -65,8 +67,7 @@ def restore_throws(
     throws : list of SheetThrow
         Their throws as they seem today.
     read_sides : callable
-        Takes the number of a sheet, and gives its two sides and where they are known, as
-        :func:`~seismo3d.seismic.throw.gather_sides` does.
+        Takes the number of a sheet, and gives its two sides as :func:`~seismo3d.seismic.throw.gather_sides` does.
     settings : ThrowSettings
         How sides are matched.
     history : HistorySettings
@@ -95,7 +96,8 @@ def restore_throws(
         else:
             motion = _measure(group, parts, found, read_sides, undone, settings, history)
         if motion is not None and younger[group].any():
-            undone.add(group, motion)
+            decay = find_decay([(throws[n], read_sides(n), sheets[n].step) for n in group], history)
+            undone.add(group, replace(motion, decay=decay))
     return found
 
 
@@ -205,7 +207,7 @@ def _measure(
     group: list[int],
     parts: list[_Part],
     found: list[SheetThrow],
-    read_sides: Callable[[int], tuple[Float32Array, Float32Array]],
+    read_sides: Callable[[int], SheetSides],
     undone: _Undone,
     settings: ThrowSettings,
     history: HistorySettings,
@@ -222,7 +224,7 @@ def _measure(
     weight = np.zeros(sums.shape[1:])
     for n, (s, samples, w) in zip(group, laid, strict=True):
         part = parts[n]
-        sides, known = read_sides(n)
+        sides, known, _ = read_sides(n)
         if _turned(part, first) < 0:
             sides, known = sides[::-1], known[::-1]
         sides, known = (values[:, part.rows, part.columns] for values in (sides, known))

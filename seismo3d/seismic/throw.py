@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,6 +77,24 @@ class ThrowSettings:
     slip: SlipSettings = field(default_factory=SlipSettings)
 
 
+class SheetSides(NamedTuple):
+    """Both sides of a sheet, read along it, one value a sample; the first lies against the sheet's ``across``.
+
+    Attributes
+    ----------
+    both : ndarray of shape (2, row, sample), float32
+        Amplitudes.
+    known : ndarray of the same shape, float32
+        1 where there are any, else 0.
+    tilts : ndarray of the same shape, float32
+        How much deeper the layers beside the sheet lie a trace farther along ``across``, in samples.
+    """
+
+    both: Float32Array
+    known: Float32Array
+    tilts: Float32Array
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SheetThrow:
     """Throw of one sheet on its grid.
@@ -139,7 +158,8 @@ def measure_throw(
     .. [1] H. Hirschmueller, IEEE TPAMI 30(2), 328-341, 2008. :doi:`10.1109/TPAMI.2007.1166`
     """
     settings = settings or ThrowSettings()
-    return match_sides(sheet, *gather_sides(volume, valid, slopes, sheet, settings=settings), settings=settings)
+    sides = gather_sides(volume, valid, slopes, sheet, settings=settings)
+    return match_sides(sheet, sides.both, sides.known, settings=settings)
 
 
 def gather_sides(
@@ -152,21 +172,20 @@ def gather_sides(
     w: Float32Array | None = None,
     off: int | None = None,
     corner: tuple[int, int] = (0, 0),
-) -> tuple[Float32Array, Float32Array]:
+) -> SheetSides:
     """Read both sides of a sheet, one value a sample, where its position `w` at every sample is known.
 
     They are read `off` traces farther off than `near` and `far`: of a part of a sheet, as the whole asks for. The
-    volumes may be a block of the cube that begins at a corner. Returns the sides, the first against the sheet's
-    ``across``, and where each is known (1) or not (0).
+    volumes may be a block of the cube that begins at a corner.
     """
     w = every_sample(sheet) if w is None else w
     off = farther_off(sheet, settings) if off is None else off
-    sides, known = np.zeros((2, *w.shape), np.float32), np.zeros((2, *w.shape), np.float32)
+    sides, known, tilts = (np.zeros((2, *w.shape), np.float32) for _ in range(3))
     read_sides(
         volume, valid, *slopes, w, sheet.origin, sheet.along, sheet.across, sheet.first_s, sheet.first_sample,
-        settings.near + off, settings.far + off, settings.clear, corner, sides, known,
+        settings.near + off, settings.far + off, settings.clear, corner, sides, known, tilts,
     )  # fmt: skip
-    return sides, known
+    return SheetSides(sides, known, tilts)
 
 
 def side_reach(settings: ThrowSettings) -> int:

@@ -50,7 +50,9 @@ def measured(sheets):
     volume, valid = cube.seismic, np.ones(SHAPE, bool)
     slopes = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.float32)
     sides = [gather_sides(volume, valid, slopes, sheet, settings=SETTINGS) for sheet in sheets]
-    throws = [match_sides(sheet, *side, settings=SETTINGS) for sheet, side in zip(sheets, sides, strict=True)]
+    throws = [
+        match_sides(sheet, side.both, side.known, settings=SETTINGS) for sheet, side in zip(sheets, sides, strict=True)
+    ]
     return throws, lambda number: sides[number]
 
 

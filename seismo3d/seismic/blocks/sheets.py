@@ -19,6 +19,7 @@ from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.placing import place_sheet, read_profile
 from seismo3d.seismic.throw import (
+    SheetSides,
     SheetThrow,
     farther_off,
     gather_sides,
@@ -64,10 +65,10 @@ def sides(run: BlockRun, number: int) -> None:
 
     def read(around: Around, place: int, part: Sheet, w: Float32Array) -> tuple[Float32Array, BoolArray]:
         off = farther_off(sheets[place], settings)
-        both, known = gather_sides(
+        both, known, tilts = gather_sides(
             around.volume, around.valid, around.slopes, part, settings=settings, w=w, off=off, corner=around.corner
         )
-        return both, known > 0.0
+        return np.concatenate([both, tilts]), np.concatenate([known, known]) > 0.0
 
     read_parts(run, "sides", number, sheets, read)
 
@@ -98,17 +99,17 @@ def profiles_facts(run: BlockRun) -> None:
 def throw(run: BlockRun, number: int) -> None:
     """Find the throw of a sheet, and where it ends."""
     sheet = run_sheets(run)[number]
-    both, known = _joined_sides(run, sheet, number)
+    both, known, _ = _joined_sides(run, sheet, number)
     measured = match_sides(sheet, both, known, settings=run.settings.throw)
     ratio, _ = final_noise(run)
     ended = end_where_still(sheet, measured, run.settings.choice, noise=ratio)
     run.write_part("throw", number, {**pack("sheet", [ended[0]]), **pack("throw", [ended[1]])})
 
 
-def _joined_sides(run: BlockRun, sheet: Sheet, number: int) -> tuple[Float32Array, Float32Array]:
-    """Return both sides of a sheet, and where they are known."""
-    both, known = join_parts(run, "sides", sheet, number, 2)
-    return both, known.astype(np.float32)
+def _joined_sides(run: BlockRun, sheet: Sheet, number: int) -> SheetSides:
+    """Return both sides of a sheet."""
+    values, known = join_parts(run, "sides", sheet, number, 4)
+    return SheetSides(values[:2], known[:2].astype(np.float32), values[2:])
 
 
 def choice_facts(run: BlockRun) -> None:
