@@ -23,6 +23,14 @@ def check_order(cube: Any, name: str = "cube") -> None:
         raise ShapeError(f"{name} has the axes {', '.join(dims)} in this order. Give {name}.transpose({order}).")
 
 
+def check_cube(cube: Any, faults: Any) -> None:
+    """Refuse what is no cube of the usual axes, and faults of another one; None is fine."""
+    check_order(cube)
+    if np.ndim(cube) != 3:
+        raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Give a cube.")
+    check_faults_of(cube, faults)
+
+
 def check_faults_of(cube: Any, faults: Any) -> None:
     """Refuse faults of a cube of another shape, or of the same shape elsewhere; None is fine."""
     if faults is None:

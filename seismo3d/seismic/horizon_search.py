@@ -66,13 +66,13 @@ def find_horizons(
         If `count` is not a positive number, or `layers` is given for a section.
     """
     wanted = int(as_number(count, "count", low=1))
+    check_event(event)
     settings = settings or TrackSettings()
     is_section = np.ndim(cube) == 2
     if is_section and layers is not None:
         raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")
     thick, surfaces = thicken(cube, faults) if is_section else (cube, faults)
     layers = layers or model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
-    check_event(event)
     gap = _SEED_GAP * np.shape(thick)[2] / wanted
     seeds, strengths = _rank_seeds(layers, _CANDIDATES * wanted, gap=gap, event=event)
     if event is not None and len(seeds):

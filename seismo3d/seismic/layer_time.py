@@ -11,7 +11,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
 from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_increasing, make_runs_increasing
-from seismo3d.seismic.cube_checks import check_faults_of, check_order
+from seismo3d.seismic.cube_checks import check_cube
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_links import SurfaceGrid, cut_grid, grid_surface, match_grid
 from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, solve_graph
@@ -123,7 +123,7 @@ def layer_time(
     ----------
     .. [1] X. Wu, D. Hale, Geophysics 80(2), IM21-IM33, 2015. :doi:`10.1190/geo2014-0220.1`
     """
-    check_layers_of(cube, faults)
+    check_cube(cube, faults)
     if memory is not None or folder is not None or scheduler is not None:
         from seismo3d.seismic.blocks.layering import layer_larger, open_layer_time, whole_layers_bytes
         from seismo3d.seismic.blocks.tracing import asks_for_blocks
@@ -147,7 +147,7 @@ def model_layers(
     """Do what :func:`layer_time` does, and keep what tracks need; parameters and errors as there."""
     settings = settings or LayerTimeSettings()
     report = progress or _unheard
-    check_layers_of(cube, faults)
+    check_cube(cube, faults)
     amplitudes, _, (_, unit) = as_volume(cube)
     volume, valid, spectrum = clean_volume(amplitudes, carried=True)
     cuts = np.zeros(volume.shape, np.uint8)
@@ -166,14 +166,6 @@ def model_layers(
         mend_times(times, cuts, join_levels([found[n] for n in range(len(found))]), settings.least)
         times += _datum(times, live)
     return layers
-
-
-def check_layers_of(cube: Any, faults: Any) -> None:
-    """Refuse what is no cube, and faults of another one."""
-    check_order(cube)
-    if np.ndim(cube) != 3:
-        raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Give a cube.")
-    check_faults_of(cube, faults)
 
 
 def _unheard(stage: str, share: float) -> None:

@@ -9,9 +9,8 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Progress
 from seismo3d._validate import freeze
-from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_closure import close_loops
-from seismo3d.seismic.cube_checks import check_faults_of
+from seismo3d.seismic.cube_checks import check_cube
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_links import cut_grid, grid_surface
 from seismo3d.seismic.layer_graph import LayerTimeSettings
@@ -74,9 +73,7 @@ def loop_closure(
         If the cube has not three axes, is too small, or the faults are of another cube.
     """
     settings = settings or LayerTimeSettings()
-    if np.ndim(cube) != 3:
-        raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Give a cube.")
-    check_faults_of(cube, faults)
+    check_cube(cube, faults)
     volume, valid, _ = clean_volume(as_volume(cube)[0], carried=True)
     cuts = np.zeros(volume.shape, np.uint8)
     for surface in faults.surfaces if faults is not None else ():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy import ndimage
@@ -91,12 +92,13 @@ def restore_throws(
     )  # fmt: skip
     found, undone = list(throws), _Undone(parts, younger, history.reach)
     for group in _groups(parts, known, undone, history):
+        read = cache(read_sides)  # of this group alone
         if len(group) == 1 and not younger[:, group[0]].any():
             motion = motions[group[0]]
         else:
-            motion = _measure(group, parts, found, read_sides, undone, settings, history)
+            motion = _measure(group, parts, found, read, undone, settings, history)
         if motion is not None and younger[group].any():
-            decay = find_decay([(throws[n], read_sides(n), sheets[n].step) for n in group], history)
+            decay = find_decay([(throws[n], read(n), sheets[n].step) for n in group], history)
             undone.add(group, replace(motion, decay=decay))
     return found
 

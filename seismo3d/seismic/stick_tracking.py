@@ -9,11 +9,11 @@ from scipy import ndimage
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array
 from seismo3d._validate import as_number, as_points
-from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.geometry.triangles import simplify_line
 from seismo3d.io.fault_sticks import FaultStick
-from seismo3d.seismic.cube_checks import check_faults_of
+from seismo3d.seismic.cube_checks import check_cube
 
 # farthest that a stick moves from a slice to the next beyond its own drift, and the step in which it is sought
 _FARTHEST, _STEP = 2.5, 0.25
@@ -62,9 +62,7 @@ def follow_stick(
     ParameterError
         If `least` or `farthest` has no meaning.
     """
-    if np.ndim(cube) != 3:
-        raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Give a cube.")
-    check_faults_of(cube, faults)
+    check_cube(cube, faults)
     share = as_number(least, "least", low=0.0, high=1.0)
     most = int(as_number(farthest, "farthest", low=0)) if farthest is not None else max(np.shape(cube))
     geometry = SurveyGeometry.from_cube(cube)

@@ -11,7 +11,7 @@ from scipy import fft, ndimage
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import ShapeError
-from seismo3d.seismic.cube_checks import check_faults_of
+from seismo3d.seismic.cube_checks import check_cube
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_surface
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 
@@ -103,9 +103,7 @@ def unfault(
     --------
     find_slip_field : the displacements.
     """
-    if np.ndim(cube) != 3:
-        raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Give a cube.")
-    check_faults_of(cube, faults)
+    check_cube(cube, faults)
     field = find_slip_field(faults, settings=settings, progress=progress)
     out = _carry(np.asarray(getattr(cube, "values", cube)), field.displacement)
     return cube.copy(data=out).rename("unfaulted") if hasattr(cube, "dims") else out

@@ -133,16 +133,18 @@ def whitening_of(first: Float64Array, second: Float64Array, known: BoolArray, *,
     """Return the filter from pairs of neighbouring traces, one a row, and where both hold data."""
     half = min(_HALF_LENGTH, max(1, first.shape[1] // 4))
     beyond = _design_prediction(first, known, half) if carried else None
-    identity = np.zeros(2 * half + 1, np.float32)
-    identity[half] = 1.0
-    if len(first) == 0:
-        return Whitening(identity, beyond)
     n_fft = 4 * (2 * half + 1)
     power, cross = _pair_spectra(first, second, known, n_fft)
     if not power.max() > 0.0:
-        return Whitening(identity, beyond)
+        return Whitening(_identity(half), beyond)
     taps = _design_taps(_smooth_spectrum(power), _smooth_spectrum(cross), half)
     return Whitening(taps, beyond, np.sqrt(power) * np.abs(np.fft.rfft(taps, n_fft)))
+
+
+def _identity(half: int) -> Float32Array:
+    taps = np.zeros(2 * half + 1, np.float32)
+    taps[half] = 1.0
+    return taps
 
 
 def _design_prediction(traces: Float64Array, known: BoolArray, half: int) -> Float32Array:
@@ -175,8 +177,9 @@ def _design_taps(power: Float64Array, cross: Float64Array, half: int) -> Float32
     centre = n_fft // 2
     window = np.hanning(2 * half + 3)[1:-1]
     taps = impulse[centre - half : centre + half + 1] * window
-    # what the middle has is at least 1, as the response is not zero
-    return (taps / np.abs(np.fft.rfft(taps, n_fft)).max()).astype(np.float32)
+    # where neighbours agree nowhere the response is zero
+    peak = np.abs(np.fft.rfft(taps, n_fft)).max()
+    return (taps / peak).astype(np.float32) if peak > 0.0 else _identity(half)
 
 
 def _pair_spectra(

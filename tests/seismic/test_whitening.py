@@ -165,3 +165,11 @@ def test_a_mute_leaves_the_filter_as_it_is(rng, muted):
     assert np.abs(found - taps).max() < 0.25 * np.abs(taps).max()
     assert np.abs(found).argmax() == len(taps) // 2
     assert np.count_nonzero(np.abs(found) > 0.02 * found.max()) > 5  # no identity
+
+
+def test_neighbours_that_agree_nowhere_leave_traces_as_they_are(rng):
+    trace = layered(rng, shape=(1, 1, 160))[0, 0]
+    volume = np.where(np.arange(12)[:, None] % 2 == 0, trace, -trace) * np.ones((8, 1, 1))
+    taps = design_whitening(np.ascontiguousarray(volume, np.float32), everywhere(volume)).taps
+    assert taps[len(taps) // 2] == 1.0
+    assert np.abs(taps).sum() == 1.0

@@ -12,8 +12,9 @@ from seismo3d.seismic.blocks.layering import layer_larger, whole_layers_bytes
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.stored_volume import StoredVolumes
 from seismo3d.seismic.blocks.tracing import asks_for_blocks
+from seismo3d.seismic.cube_checks import check_cube
 from seismo3d.seismic.layer_graph import LayerTimeSettings
-from seismo3d.seismic.layer_time import LayerModel, check_layers_of, model_layers
+from seismo3d.seismic.layer_time import LayerModel, model_layers
 from seismo3d.seismic.loop_closure import LoopClosure
 from seismo3d.seismic.preparing import describe_volume
 
@@ -32,7 +33,7 @@ def layers_within(
 
     Parameters and errors are those of :func:`~seismo3d.layer_time`.
     """
-    check_layers_of(cube, faults)
+    check_cube(cube, faults)
     if not asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler, whole_bytes=whole_layers_bytes):
         return model_layers(cube, faults=faults, settings=settings, progress=progress)
     run = layer_larger(
