@@ -49,7 +49,7 @@ def check_run_folder(folder: Path, *, inputs: Iterable[Path], overwrite: bool) -
 
 @contextmanager
 def kept_aside(out: Path) -> Iterator[Path]:
-    """Give a folder beside ``out`` that stays until all is done, and then takes its place."""
+    """Give a folder beside ``out`` that stays until all is done, unless nothing is in it, and then takes its place."""
     from seismo3d.io._files import refuse_os_errors, replace_path
     from seismo3d.seismic.blocks.tracing import forget_work
 
@@ -61,6 +61,9 @@ def kept_aside(out: Path) -> Iterator[Path]:
             forget_work(out)
     except FileAccessError as error:
         raise FileAccessError(f"{error} Finished blocks are kept: give the same command again to go on.") from error
+    finally:
+        if aside.is_dir() and not any(aside.iterdir()):
+            aside.rmdir()
 
 
 def find_versions() -> dict[str, str]:

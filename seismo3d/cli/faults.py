@@ -61,7 +61,7 @@ def run(
     from seismo3d._stages import StageClock, say_timings
     from seismo3d.cli._run_folder import check_run_folder, kept_aside
     from seismo3d.cli.app import shown_progress
-    from seismo3d.errors import ParameterError
+    from seismo3d.errors import ParameterError, ShapeError
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
     from seismo3d.seismic.fault_evidence import check_evidence
@@ -84,6 +84,8 @@ def run(
         if opened.chunks is not None:
             clock("live traces", 0.0)
             opened = opened.assign_coords(live=opened["live"].compute())
+        if "live" in opened.coords and not opened["live"].values.any():
+            raise ShapeError(f"{cube} has no live trace. Give a file with data.")
         larger: dict[str, Any] = {"memory": memory, "scheduler": scheduler, "folder": aside} if in_blocks else {}
         faults = _trace(opened, aside, clock=clock, evidence=evidence, larger=larger)
         if attributes:

@@ -98,8 +98,9 @@ def read_sticks(path: str | Path) -> list[FaultStick]:
     """Read fault sticks: OpendTect's ASCII, or Charisma's, which Petrel and others write.
 
     The form is told by the lines: Charisma's begin with ``INLINE-`` (or ``CROSSLINE-``, ``XLINE-``, ``TRACE-``).
-    OpendTect's may lack the fault name (the file's name then stands for it) and the node index. Lines that are blank or
-    begin with ``#`` or ``!`` are passed over. Names may hold blanks.
+    OpendTect's may lack the fault name and the node index. The file's name then stands for the fault's; where sticks or
+    nodes are counted anew, another fault begins, whose name ends in ``_2`` and so on. Lines that are blank or begin
+    with ``#`` or ``!`` are passed over. Names may hold blanks.
 
     Parameters
     ----------
@@ -122,14 +123,35 @@ def read_sticks(path: str | Path) -> list[FaultStick]:
     charisma = lines[0][1].upper().startswith(_LINE_WORDS)
     parse = _parse_charisma if charisma else _parse_opendtect
     nodes: dict[tuple[str, int], list[tuple[float, ...]]] = {}
+    nameless = _Nameless(Path(path).stem)
     for number, line in lines:
         found = parse(line)
         if found is None:
             refuse_line(path, number, line, _CHARISMA if charisma else _OPENDTECT)
         fault, stick, order, place = found
-        node = nodes.setdefault((fault or Path(path).stem, stick), [])
+        node = nodes.setdefault((fault or nameless.name_of(stick, order), stick), [])
         node.append((order if order is not None else len(node), *place))
     return [_as_stick(fault, stick, rows) for (fault, stick), rows in nodes.items()]
+
+
+class _Nameless:
+    """Names faults without one: another begins where a stick, or a node of one, is met again."""
+
+    def __init__(self, stem: str) -> None:
+        self._stem = stem
+        self._n_faults = 1
+        self._stick: int | None = None
+        self._met: set[tuple[int, float | None]] = set()
+
+    def name_of(self, stick: int, order: float | None) -> str:
+        """Return the name of the fault that the next node belongs to."""
+        node = stick, order
+        if node in self._met and (order is not None or stick != self._stick):
+            self._n_faults += 1
+            self._met.clear()
+        self._stick = stick
+        self._met.add(node)
+        return self._stem if self._n_faults == 1 else f"{self._stem}_{self._n_faults}"
 
 
 _Node = tuple[str, int, float | None, tuple[float, ...]]

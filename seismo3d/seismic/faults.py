@@ -122,7 +122,8 @@ def trace_faults(
     ----------
     cube : DataArray or array_like
         A cube (inline, crossline, sample) or a section (trace, sample), as ``open_cube`` gives it or a bare array.
-        NaN, dead traces and constant zones count as no data.
+        NaN, dead traces and constant zones count as no data; what all amplitudes share, such as the 128 of unsigned
+        bytes, is taken off.
     evidence : {"semblance", "registration", "both"}, optional
         How sides are carried: along their slopes, by registration, or by both ways. Of both, each counts half in a cube
         without noise, slopes alone in a section without it and in the mild noise of a good survey, and registration the

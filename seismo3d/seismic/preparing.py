@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -17,6 +17,8 @@ from seismo3d.seismic.whitening import whiten
 # samples of one value, and traces of the same values, from which on they are no data
 _LONGEST_RUN = 12
 _LEAST_REPEATS = 4
+# how many times their own strength amplitudes must lie off zero for that to be a level of theirs
+_SHIFTED = 1.0
 
 
 def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[float, str]]:
@@ -69,7 +71,7 @@ def describe_volume(cube: Any) -> tuple[float, str]:
 def clean_volume(
     amplitudes: Float32Array, *, carried: bool = False
 ) -> tuple[Float32Array, BoolArray, Float64Array | None]:
-    """Mark where there are data, put zero elsewhere, clip spikes, and whiten.
+    """Mark where there are data, put zero elsewhere, take off what all amplitudes share, clip spikes, and whiten.
 
     Parameters
     ----------
@@ -89,8 +91,7 @@ def clean_volume(
     """
     valid = find_valid(amplitudes)
     step = sampling_step(amplitudes.size)
-    sample = np.abs(amplitudes.ravel()[::step][valid.ravel()[::step]])
-    scale_amplitudes(amplitudes, find_strength(sample))
+    scale_amplitudes(amplitudes, valid, find_scale(amplitudes.ravel()[::step][valid.ravel()[::step]]))
     white, whitening = whiten(amplitudes, valid, carried=carried)
     return white, valid, whitening.spectrum
 
@@ -109,16 +110,39 @@ def sampling_step(size: int) -> int:
     return max(1, size // 1_000_000)
 
 
-def find_strength(sample: Float32Array) -> float:
-    """Return the amplitude that nine tenths of a cube's stay below; 0 without any."""
-    return float(np.percentile(sample, 90.0)) if sample.size else 0.0
+class Scale(NamedTuple):
+    """What a cube's amplitudes lie about, and how far off it nine tenths of them stay.
+
+    Attributes
+    ----------
+    level, strength : float
+        Of unsigned bytes the level is about 128; of amplitudes about zero it is 0. Both are 0 without any.
+    """
+
+    level: float
+    strength: float
 
 
-def scale_amplitudes(amplitudes: Float32Array, strength: float) -> None:
-    """Divide by the strength and clip spikes, in place."""
-    if strength > 0.0:
-        amplitudes /= np.float32(strength)
+def find_scale(sample: Float32Array) -> Scale:
+    """Return the scale of some amplitudes (n,)."""
+    if not sample.size:
+        return Scale(0.0, 0.0)
+    middle = float(np.median(sample))
+    around = _most_of(np.abs(sample - np.float32(middle)))
+    return Scale(middle, around) if abs(middle) > _SHIFTED * around else Scale(0.0, _most_of(np.abs(sample)))
+
+
+def scale_amplitudes(amplitudes: Float32Array, valid: BoolArray, scale: Scale) -> None:
+    """Take off the level where there are data, divide by the strength and clip spikes, in place."""
+    if scale.level:
+        np.subtract(amplitudes, np.float32(scale.level), out=amplitudes, where=valid)
+    if scale.strength > 0.0:
+        amplitudes /= np.float32(scale.strength)
         np.clip(amplitudes, -8.0, 8.0, out=amplitudes)
+
+
+def _most_of(sizes: Float32Array) -> float:
+    return float(np.percentile(sizes, 90.0))
 
 
 def _repeated(amplitudes: Float32Array, valid: BoolArray) -> BoolArray:

@@ -10,11 +10,14 @@ from scipy import fft, ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
 from seismo3d._validate import freeze
-from seismo3d.errors import GeometryError, ShapeError
+from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
 from seismo3d.seismic.cube_checks import check_order, differing_axis
-from seismo3d.seismic.preparing import find_strength, scale_amplitudes
+from seismo3d.seismic.preparing import find_scale, scale_amplitudes
+
+# how many times as like a monitor is with its sign changed where its polarity is reversed, and how like it must be
+_OPPOSED, _TOLD = 1.25, 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +111,8 @@ def align_cubes(
         If they are not cubes of one shape.
     GeometryError
         If their coordinates differ, or no trace is live in both.
+    ParameterError
+        If the monitor's polarity is reversed.
 
     References
     ----------
@@ -165,7 +170,7 @@ def _prepare(cube: Any) -> tuple[Float32Array, BoolArray]:
     known = np.isfinite(values)
     known &= (np.where(known, values, 0.0) != 0.0).any(axis=2, keepdims=True)
     values = np.where(known, values, np.float32(0.0))
-    scale_amplitudes(values, find_strength(np.abs(values[known])))
+    scale_amplitudes(values, known, find_scale(values[known]))
     strength = float(np.sqrt(np.mean(np.square(values[known], dtype=np.float64)))) if known.any() else 1.0
     return values / np.float32(strength or 1.0), known
 
@@ -202,14 +207,23 @@ def _choose_start(
 
 
 def _best_lag(target: Float32Array, source: Float32Array) -> float:
-    """Vertical shift, in samples, at which the traces of two cubes correlate best, up to a quarter of a trace."""
+    """Vertical shift, in samples, at which the traces of two cubes correlate best, up to a quarter of a trace.
+
+    A monitor of reversed polarity is refused.
+    """
     n = target.shape[2]
     length = fft.next_fast_len(2 * n)
     product = np.zeros(length)
     for a, b in zip(target, source, strict=True):
         product += fft.irfft(np.conj(fft.rfft(a, length, axis=1)) * fft.rfft(b, length, axis=1), length).sum(axis=0)
     lags = np.arange(-(n // 4), n // 4 + 1)
-    best = int(lags[np.argmax(product[lags])])
+    best, worst = (int(lags[pick(product[lags])]) for pick in (np.argmax, np.argmin))
+    alike, opposed = (float(product[lag]) / target.size for lag in (best, worst))
+    if -opposed > max(_OPPOSED * alike, _TOLD):
+        raise ParameterError(
+            f"monitor is more like base with its sign changed (correlation {-opposed:.2f}, {alike:.2f} as it is): its "
+            "polarity is reversed. Give -monitor."
+        )
     before, peak, after = product[best - 1], product[best], product[best + 1]
     bend = before - 2.0 * peak + after  # the peak of the parabola through three samples lies between them
     offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0

@@ -71,6 +71,13 @@ def test_run_writes_everything(demo: Path, capsys: pytest.CaptureFixture[str]) -
     assert "throw    16.0 mean    24.0 largest (ms)" in said.out
 
 
+def test_a_file_without_data_is_refused(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_segy(demo, 0.0 * make_cube(), like=None)
+    assert run("faults", "demo.sgy", "-o", "out") == 2
+    assert "demo.sgy has no live trace" in capsys.readouterr().err
+    assert {entry.name for entry in demo.parent.iterdir()} == {"demo.sgy"}
+
+
 def test_volumes_are_on_the_input_s_own_geometry_and_headers(demo: Path) -> None:
     run("faults", "demo.sgy", "-o", "out")
     expected = make_faults(make_cube())

@@ -73,3 +73,9 @@ def test_a_memory_that_is_none_is_refused_before_any_work(store: Path, capsys: p
     assert run("--memory", "lots") == 2
     assert "expected a size such as 2GB" in capsys.readouterr().err
     assert {entry.name for entry in store.parent.iterdir()} == {"cube.zarr", "faults"}
+
+
+def test_too_little_memory_leaves_nothing_behind(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--memory", "1MB") == 2
+    assert "memory" in capsys.readouterr().err
+    assert {entry.name for entry in store.parent.iterdir()} == {"cube.zarr", "faults"}

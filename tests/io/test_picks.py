@@ -45,6 +45,25 @@ def test_sticks_come_back(tmp_path: Path, write) -> None:  # type: ignore[no-unt
             assert np.isnan(stick.lines).all()
 
 
+@pytest.mark.parametrize(
+    ("content", "counts"),
+    [
+        ("1 1 5 0\n1 2 9 0\n1 1 5 1\n8 1 5 0\n8 2 9 0\n", {"bare": 3, "bare_2": 2}),
+        ("1 1 5 0 0\n1 2 9 0 1\n8 1 5 0 0\n8 2 9 0 1\n8 3 12 0 2\n9 1 5 0 0\n", {"bare": 2, "bare_2": 3, "bare_3": 1}),
+        ("1 1 5 0 0\n1 1 5 1 0\n1 2 9 0 1\n1 2 9 1 1\n", {"bare": 4}),
+        ("1 1 5 3\n1 2 9 3\n1 1 5 2\n1 2 9 2\n", {"bare": 4}),
+    ],
+    ids=["sticks counted anew", "nodes counted anew", "node by node", "downwards"],
+)
+def test_without_names_another_fault_begins_where_counting_does(
+    tmp_path: Path, content: str, counts: dict[str, int]
+) -> None:
+    found: dict[str, int] = {}
+    for stick in read_sticks(text(tmp_path, content, "bare.dat")):
+        found[stick.fault] = found.get(stick.fault, 0) + len(stick.points)
+    assert found == counts
+
+
 def test_opendtect_dialects(tmp_path: Path) -> None:
     # names with blanks in quotes, before a tab, or plain; without a node index; nodes out of order; comments
     path = text(

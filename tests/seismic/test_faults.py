@@ -251,6 +251,15 @@ def test_edges_of_missing_data_are_no_faults(unbroken, fill):
     assert not np.asarray(faults.labels).any()
 
 
+def test_what_all_amplitudes_share_is_taken_off(cube):
+    strength = np.abs(np.asarray(cube.seismic)).max()
+    shifted = np.asarray(cube.seismic, np.float64) / strength * 100.0
+    plain, lifted = trace_faults(shifted), trace_faults(shifted + 3000.0)
+    assert lifted.labels.any()
+    score = fault_score(np.asarray(lifted.labels), plain.labels, tolerance=1.0)
+    assert min(score.precision, score.recall) > 0.99
+
+
 def test_dead_traces_are_no_faults(unbroken, rng):
     cube = unbroken.copy()
     cube[rng.random(SHAPE[:2]) < 0.1] = 0.0

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 from scipy import ndimage
 
-from seismo3d.errors import GeometryError, ShapeError
+from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.plot import time_lapse_section
 from seismo3d.seismic import time_lapse
 from seismo3d.seismic.time_lapse import CubeAlignment, TimeLapseSettings, align_cubes
@@ -159,6 +159,8 @@ def test_refusals(folded: SyntheticCube) -> None:
         align_cubes(base, moved)
     with pytest.raises(GeometryError, match="no live trace in common"):
         align_cubes(base, base * 0.0)
+    with pytest.raises(ParameterError, match=r"polarity is reversed. Give -monitor"):
+        align_cubes(base, -warp(np.array(folded.seismic), [0.0, 0.0, 2.0]))
 
 
 def test_a_spike_does_not_count(folded: SyntheticCube) -> None:

@@ -9,7 +9,13 @@ import numpy as np
 from seismo3d._typing import AnyArray, Float32Array
 from seismo3d.seismic.blocks.plan import RAW_REACH, Box
 from seismo3d.seismic.blocks.run import BlockRun
-from seismo3d.seismic.preparing import find_strength, find_valid, sampling_step, scale_amplitudes
+from seismo3d.seismic.preparing import (
+    Scale,
+    find_scale,
+    find_valid,
+    sampling_step,
+    scale_amplitudes,
+)
 from seismo3d.seismic.whitening import (
     Whitening,
     choose_pairs,
@@ -32,7 +38,7 @@ def survey(run: BlockRun, number: int, piece: Any) -> None:
     box, _, inner = _boxes(run, number)
     amplitudes = _read(piece)
     valid = find_valid(amplitudes)[inner]
-    amplitudes = np.abs(amplitudes[inner])
+    amplitudes = amplitudes[inner]
     n0, n1, n2 = run.plan.shape
     step = sampling_step(n0 * n1 * n2)
     looked_at = []
@@ -43,12 +49,12 @@ def survey(run: BlockRun, number: int, piece: Any) -> None:
 
 
 def survey_facts(run: BlockRun) -> None:
-    """Find the cube's strength, and the traces that its wavelet is read from."""
+    """Find the cube's scale, and the traces that its wavelet is read from."""
     blocks = range(len(run.plan.tiling("raw")))
     sample = np.concatenate([run.read_part("survey", number)[0]["sample"] for number in blocks])
     n_valid = run.gather("survey", "count", "raw")
     pairs = choose_pairs(find_complete(n_valid))
-    run.write_fact("survey", strength=find_strength(sample), pairs=pairs, n_valid=int(n_valid.sum()))
+    run.write_fact("survey", scale=find_scale(sample), pairs=pairs, n_valid=int(n_valid.sum()))
 
 
 def pairs(run: BlockRun, number: int, piece: Any) -> None:
@@ -128,5 +134,5 @@ def _read(piece: Any) -> Float32Array:
 def _scaled(run: BlockRun, piece: Any) -> tuple[Float32Array, AnyArray]:
     amplitudes = _read(piece)
     valid = find_valid(amplitudes)
-    scale_amplitudes(amplitudes, run.fact("survey")["strength"])
+    scale_amplitudes(amplitudes, valid, Scale(*run.fact("survey")["scale"]))
     return amplitudes, valid
