@@ -294,7 +294,8 @@ def _best_slip(
     thin = settings.thin
     start, known = (values[::thin, ::thin].astype(np.float32) for values in (throw, fit))
     about = refine_free_slip(sides, start, known, inside[::thin, ::thin], thin=thin, settings=settings.slip)
-    anew = find_slip(sides, inside, settings=settings)
+    expected = float((start * known).sum() / known.sum()) if known.any() else None
+    anew = find_slip(sides, inside, settings=settings, about=expected)
     return max((about, anew), key=lambda slip: float(fit_of(slip)[inside[::thin, ::thin]].sum()))
 
 

@@ -219,8 +219,10 @@ def slopes_beside(
     return estimate_slopes(volume, mask_sheets(sheets, valid, beside=settings.beside), settings=dip)
 
 
-def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settings: ThrowSettings) -> SheetThrow:
-    """Find a sheet's throw from its two sides, as :func:`gather_sides` gives them."""
+def match_sides(
+    sheet: Sheet, both: Float32Array, known: Float32Array, *, settings: ThrowSettings, about: float | None = None
+) -> SheetThrow:
+    """Find a sheet's throw from its two sides, as :func:`gather_sides` gives them; what is it about, if it is known."""
     w = every_sample(sheet)
     hanging_side = 1 if np.nanmean(np.gradient(sheet.w, axis=1)) >= 0 else -1 if sheet.w.shape[1] > 1 else 1
     up = 1 if hanging_side > 0 else 0
@@ -229,15 +231,15 @@ def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settin
     if not (sides.in_hanging.any() and sides.in_foot.any()):
         return SheetThrow(np.full(sheet.w.shape, np.nan, np.float32), np.zeros_like(sheet.w), hanging_side)
     inside = np.isfinite(w)
-    slip = find_slip(sides, inside, settings=settings)
+    slip = find_slip(sides, inside, settings=settings, about=about)
     throw, fit = (enlarge(part, w.shape, settings.thin)[:, columns] for part in (slip.throw, fit_of(slip)))
     throw[~sheet.inside] = np.nan
     return SheetThrow(throw, fit, hanging_side, slip.share, slip.certainty)
 
 
-def find_slip(sides: Sides, inside: BoolArray, *, settings: ThrowSettings) -> SlipField:
+def find_slip(sides: Sides, inside: BoolArray, *, settings: ThrowSettings, about: float | None = None) -> SlipField:
     """Match two sides read along a surface: throw, slip along strike and misfit at every `thin`-th place."""
-    rough, thin = _match(sides, inside, settings), settings.thin
+    rough, thin = _match(sides, inside, settings, about), settings.thin
     slip = refine_free_slip(sides, *rough, inside[::thin, ::thin], thin=thin, settings=settings.slip)
     found = np.clip(slip.throw, -settings.longest, settings.longest)
     return replace(slip, throw=found)
@@ -260,12 +262,14 @@ def every_sample(sheet: Sheet) -> Float32Array:
     return np.where(np.isfinite(between), between, sheet.w[:, np.rint(at).astype(np.int64)]).astype(np.float32)
 
 
-def _match(sides: Sides, inside: BoolArray, settings: ThrowSettings) -> tuple[Float32Array, Float32Array]:
+def _match(
+    sides: Sides, inside: BoolArray, settings: ThrowSettings, about: float | None
+) -> tuple[Float32Array, Float32Array]:
     """Return throw and fit at every `thin`-th place."""
     thin = settings.thin
     cost = _costs(sides, settings)
     inside = inside[::thin, ::thin]
-    trend = fit_trend(cost, inside, unmatched=settings.unmatched)
+    trend = fit_trend(cost, inside, unmatched=settings.unmatched, about=about)
     for _ in range(2):
         throw, fit = _cheapest(cost, trend, settings)
         # what matches where the trend has the counterpart out of view does so by chance

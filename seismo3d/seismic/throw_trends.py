@@ -11,10 +11,18 @@ from seismo3d.seismic._kernels_trends import fit_block_planes, gather_blocks, se
 
 # places of the grid that one place of a trend's own coarser grid stands for
 _COARSE = 4
+# share of the places that a trend must have counterparts for where it tells how well throws match by chance
+_LEAST_SEEN = 0.25
+# how much better, as a misfit ratio, a trend must match that lies so many samples from the throw expected, or farther
+_COMPANY, _AWAY = 0.06, 8.0
 
 
-def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float) -> Float32Array:
+def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about: float | None = None) -> Float32Array:
     """Return the throws of the quadratic trend over a surface that costs least.
+
+    Trends of any throw match by chance to some degree, and most of those found from one start or another do no more.
+    A throw without a counterpart costs as much as that: neither large throws, which lead out of view, nor small ones
+    that are nowhere right gain by it.
 
     Parameters
     ----------
@@ -23,7 +31,9 @@ def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float) -> Flo
     inside : ndarray of shape (row, sample), bool
         Places on the surface.
     unmatched : float
-        Misfit ratio of a throw without a counterpart.
+        Misfit ratio of a throw without a counterpart, in ``cost``; the most that it is taken for.
+    about : float, optional
+        The mean throw that is expected: trends far from it must match clearly better.
 
     Returns
     -------
@@ -33,7 +43,9 @@ def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float) -> Flo
     rows, columns = np.nonzero(inside[::2, ::2])
     if len(rows) < 2:
         rows, columns = np.nonzero(np.ones_like(inside[::2, ::2]))
-    costs = ndimage.minimum_filter1d(cost[::2, ::2][rows, columns], 3, axis=1, mode="nearest")
+    costs = cost[::2, ::2][rows, columns]
+    blind = costs == np.float32(unmatched)
+    costs = np.where(blind, costs, ndimage.minimum_filter1d(costs, 3, axis=1, mode="nearest"))
     middle, half = [], []
     for at in (2.0 * rows, 2.0 * columns):
         middle.append(0.5 * (at.min() + at.max()))
@@ -44,11 +56,31 @@ def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float) -> Flo
     terms, scores = np.zeros((len(starts), 6)), np.zeros(len(starts))
     slopes = np.array([-12.0, -6.0, 0.0, 6.0, 12.0])
     search_trends(costs, u, v, starts, slopes, 1.5 * unmatched, 40, terms, scores)
+    places = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+    level = _level_of_chance(costs, blind, terms, places, unmatched)
+    costs[blind] = level
+    search_trends(costs, u, v, starts, slopes, 1.5 * level, 40, terms, scores)
+    if about is not None:
+        away = np.abs((terms * places.mean(axis=0)).sum(axis=1) - about)
+        scores += _COMPANY * np.minimum(away / _AWAY, 1.0)
     best = terms[scores.argmin()]
     grid = np.indices(inside.shape).astype(np.float64)
     a, b = (grid[0] - middle[0]) / half[0], (grid[1] - middle[1]) / half[1]
     trend = best[0] + best[1] * a + best[2] * b + best[3] * a * a + best[4] * a * b + best[5] * b * b
     return np.asarray(np.clip(trend, -longest, longest), np.float32)
+
+
+def _level_of_chance(
+    costs: Float32Array, blind: BoolArray, terms: Float64Array, places: Float64Array, unmatched: float
+) -> float:
+    """Return what most trends cost where they have counterparts."""
+    middle, index, found = costs.shape[1] // 2, np.arange(len(costs)), []
+    for term in terms:
+        shift = np.clip(np.rint((places * term).sum(axis=1)).astype(np.int64), -middle, middle) + middle
+        seen = ~blind[index, shift]
+        if seen.mean() > _LEAST_SEEN:
+            found.append(float(costs[index, shift][seen].mean()))
+    return min(float(np.median(found)), unmatched) if found else unmatched
 
 
 def local_trend(values: Float32Array, known: BoolArray, *, width: float) -> Float32Array:

@@ -52,6 +52,36 @@ def test_trend_of_a_narrow_surface(shape):
     np.testing.assert_allclose(found, 6.0, atol=1.5)
 
 
+def repeated_costs(*, true, others, seen):
+    """Costs of layers that repeat every ten samples: those at 30 match by `true` where seen, others by chance."""
+    costs = np.full((40, 44, 81), others + 0.03, np.float32)
+    costs[:, :, 0::10] = others
+    costs[:, :, 70] = true
+    costs[seen:, :, 60:] = 0.4
+    return costs
+
+
+def test_a_large_throw_that_leads_out_of_view_wins_over_chance():
+    costs = repeated_costs(true=0.2, others=0.3, seen=14)
+    # over the whole surface chance costs less than what is right in a third of it and unknown elsewhere
+    assert 0.3 < (14 * 0.2 + 26 * 0.4) / 40
+    found = fit_trend(costs, np.ones((40, 44), bool), unmatched=0.4)
+    np.testing.assert_allclose(found, 30.0, atol=1.2)
+
+
+@pytest.mark.parametrize(("about", "expected"), [(None, 30.0), (28.0, 30.0), (-12.0, -10.0)])
+def test_of_throws_that_match_alike_the_one_expected_is_taken(about, expected):
+    costs = repeated_costs(true=0.28, others=0.3, seen=40)
+    found = fit_trend(costs, np.ones((40, 44), bool), unmatched=0.4, about=about)
+    np.testing.assert_allclose(found, expected, atol=1.2)
+
+
+def test_a_throw_that_matches_clearly_is_taken_whatever_was_expected():
+    costs = repeated_costs(true=0.1, others=0.3, seen=40)
+    found = fit_trend(costs, np.ones((40, 44), bool), unmatched=0.4, about=-10.0)
+    np.testing.assert_allclose(found, 30.0, atol=1.2)
+
+
 def test_trend_cost_is_the_mean_over_places():
     costs = np.arange(10, dtype=np.float32).reshape(2, 5)
     u, v = np.array([-1.0, 1.0]), np.array([0.0, 1.0])
