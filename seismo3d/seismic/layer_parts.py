@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
 from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_tracks import match_waveforms, sum_parts
@@ -30,6 +31,8 @@ _NEARBY = 3
 _LEAST_TRACES = 4
 # share of its largest amplitude below which a wavelet's spectrum is no more restored
 _FAINT = 0.05
+# links side by side that a part must be wide, or it hangs together by a neck; and traces that what it joins must have
+_NECK, _LEAST_CORE = 5, 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +104,8 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
     """Give numbers to the parts of a layer that faults bound, from 0; -1 where there is no crossing.
 
     A fault may end too early, or be missed. Layer time then leads from one side to the other over a few traces, where
-    waveforms of neighbours along it are far less alike than they are elsewhere: parts end there too.
+    waveforms of neighbours along it are far less alike than they are elsewhere: parts end there too. So they do where
+    nothing but a few traces side by side joins two large ones.
 
     Parameters
     ----------
@@ -117,6 +121,7 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
     k: AnyArray = np.clip(np.rint(np.nan_to_num(crossings)).astype(np.int64), 0, cuts.shape[2] - 1)
     i, j = np.meshgrid(*(np.arange(n) for n in crossings.shape[1:]), indexing="ij")
     first, second = [], []
+    wide: tuple[list[IntArray], list[IntArray]] = ([], [])
     for axis in range(2):
         a, b = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
         if axis == 1:
@@ -134,15 +139,44 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
                 free &= _are_alike(shapes[one][a], shapes[other][b], free)
             first.append(numbers[one][a][free])
             second.append(numbers[other][b][free])
+            broad = ndimage.binary_opening(free, np.ones((1, _NECK) if axis == 0 else (_NECK, 1), bool))
+            wide[0].append(numbers[one][a][broad])
+            wide[1].append(numbers[other][b][broad])
     parts = np.full(crossings.shape, -1, np.int64)
     if not first:
         return parts
-    ends = (np.concatenate(first), np.concatenate(second))
-    graph = coo_matrix((np.ones(len(ends[0]), bool), ends), shape=(crossings.size,) * 2)
-    labels = connected_components(graph, directed=False)[1].reshape(crossings.shape)
+    labels = _part_at_necks(_graph_of(first, second, crossings.size), _graph_of(*wide, crossings.size))
+    labels = labels.reshape(crossings.shape)
     # what is no crossing is labelled too, each by itself: far more labels than parts
     parts[known] = np.unique(labels[known], return_inverse=True)[1]
     return parts
+
+
+def _graph_of(first: Sequence[IntArray], second: Sequence[IntArray], size: int) -> Any:
+    """Return the graph of links from the one to the other of as many places."""
+    ends = (np.concatenate(first), np.concatenate(second))
+    return coo_matrix((np.ones(len(ends[0]), np.float32), ends), shape=(size, size)).tocsr()
+
+
+def _part_at_necks(links: Any, wide: Any) -> IntArray:
+    """Label what is linked; where necks alone join large pieces, each place as the nearest of these."""
+    whole = connected_components(links, directed=False)[1].astype(np.int64)
+    cores = connected_components(wide, directed=False)[1]
+    large = np.bincount(cores) >= _LEAST_CORE
+    members = np.flatnonzero(large[cores])
+    # only wholes that hold several cores are parted
+    pairs = np.unique(np.column_stack([whole[members], cores[members]]), axis=0)
+    several = np.bincount(pairs[:, 0], minlength=int(whole.max()) + 1) > 1
+    members = members[several[whole[members]]]
+    if not len(members):
+        return whole
+    _, _, sources = dijkstra(
+        links, directed=False, indices=members, unweighted=True, min_only=True, return_predecessors=True
+    )
+    reached = sources >= 0
+    labels = whole.copy()
+    labels[reached] = whole.max() + 1 + cores[sources[reached]]
+    return labels
 
 
 def _are_alike(one: Float32Array, other: Float32Array, among: BoolArray) -> BoolArray:

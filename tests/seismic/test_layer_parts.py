@@ -1,0 +1,63 @@
+"""Parts of a layer, as faults and necks bound them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seismo3d.seismic.layer_parts import label_parts
+
+SHAPE = (30, 64)
+
+
+def joined_blocks(width: int) -> np.ndarray:
+    """Crossings of two blocks of 30 x 30 traces with a gap of four, bridged by some inlines."""
+    crossings = np.full((1, *SHAPE), np.nan)
+    crossings[0, :, :30] = crossings[0, :, 34:] = 20.0
+    crossings[0, 3 : 3 + width] = 20.0
+    return crossings
+
+
+def no_cuts() -> np.ndarray:
+    return np.zeros((*SHAPE, 40), np.uint8)
+
+
+@pytest.mark.parametrize("width", [1, 3, 4])
+def test_blocks_that_a_neck_joins_are_two_parts(width: int) -> None:
+    parts = label_parts(joined_blocks(width), no_cuts())[0]
+    assert len(np.unique(parts[parts >= 0])) == 2
+    assert len(np.unique(parts[:, :30])) == len(np.unique(parts[:, 34:])) == 1
+    # each trace of the neck belongs to the nearer block
+    assert (parts[3 : 3 + width, 30:32] == parts[0, 0]).all()
+    assert (parts[3 : 3 + width, 32:34] == parts[0, -1]).all()
+
+
+@pytest.mark.parametrize("width", [0, 5, 30])
+def test_blocks_apart_or_widely_joined(width: int) -> None:
+    parts = label_parts(joined_blocks(width), no_cuts())[0]
+    assert len(np.unique(parts[parts >= 0])) == (2 if width == 0 else 1)
+    assert ((parts >= 0) == np.isfinite(joined_blocks(width)[0])).all()
+
+
+def test_a_narrow_part_is_whole() -> None:
+    crossings = np.full((1, *SHAPE), np.nan)
+    crossings[0, 10:13] = 20.0
+    parts = label_parts(crossings, no_cuts())[0]
+    assert len(np.unique(parts[parts >= 0])) == 1
+
+
+def test_a_block_with_a_narrow_arm_is_whole() -> None:
+    crossings = joined_blocks(3)
+    crossings[0, :, 40:] = np.nan
+    crossings[0, 6:, 34:] = np.nan
+    parts = label_parts(crossings, no_cuts())[0]
+    assert len(np.unique(parts[parts >= 0])) == 1
+
+
+def test_a_fault_bounds_parts() -> None:
+    cuts = no_cuts()
+    cuts[:, 20, 20] = 2  # before the next crossline
+    parts = label_parts(np.full((1, *SHAPE), 20.0), cuts)[0]
+    assert len(np.unique(parts)) == 2
+    assert (parts[:, :21] == parts[0, 0]).all()
+    assert (parts[:, 21:] == parts[0, -1]).all()
