@@ -135,13 +135,13 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
                 cut |= (cuts[i[a], j[a], sample] & (1 << axis)) > 0
             step = np.abs(np.nan_to_num(crossings[one][a] - crossings[other][b], nan=np.inf))
             free = (step < _STEP) & ~cut
+            broad = ndimage.binary_opening(free, np.ones((1, _NECK) if axis == 0 else (_NECK, 1), bool))
             if shapes is not None:
                 free &= _are_alike(shapes[one][a], shapes[other][b], free)
             first.append(numbers[one][a][free])
             second.append(numbers[other][b][free])
-            broad = ndimage.binary_opening(free, np.ones((1, _NECK) if axis == 0 else (_NECK, 1), bool))
-            wide[0].append(numbers[one][a][broad])
-            wide[1].append(numbers[other][b][broad])
+            wide[0].append(numbers[one][a][free & broad])
+            wide[1].append(numbers[other][b][free & broad])
     parts = np.full(crossings.shape, -1, np.int64)
     if not first:
         return parts
