@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -120,8 +120,7 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
     numbers = np.arange(crossings.size).reshape(crossings.shape)
     k: AnyArray = np.clip(np.rint(np.nan_to_num(crossings)).astype(np.int64), 0, cuts.shape[2] - 1)
     i, j = np.meshgrid(*(np.arange(n) for n in crossings.shape[1:]), indexing="ij")
-    first, second = [], []
-    wide: tuple[list[IntArray], list[IntArray]] = ([], [])
+    first, second, wide = [], [], []
     for axis in range(2):
         a, b = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
         if axis == 1:
@@ -140,22 +139,21 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
                 free &= _are_alike(shapes[one][a], shapes[other][b], free)
             first.append(numbers[one][a][free])
             second.append(numbers[other][b][free])
-            wide[0].append(numbers[one][a][free & broad])
-            wide[1].append(numbers[other][b][free & broad])
+            wide.append(broad[free])
     parts = np.full(crossings.shape, -1, np.int64)
     if not first:
         return parts
-    labels = _part_at_necks(_graph_of(first, second, crossings.size), _graph_of(*wide, crossings.size))
-    labels = labels.reshape(crossings.shape)
+    ends, is_wide = np.stack([np.concatenate(first), np.concatenate(second)]), np.concatenate(wide)
+    graphs = _graph_of(ends, crossings.size), _graph_of(ends[:, is_wide], crossings.size)
+    labels = _part_at_necks(*graphs).reshape(crossings.shape)
     # what is no crossing is labelled too, each by itself: far more labels than parts
     parts[known] = np.unique(labels[known], return_inverse=True)[1]
     return parts
 
 
-def _graph_of(first: Sequence[IntArray], second: Sequence[IntArray], size: int) -> Any:
-    """Return the graph of links from the one to the other of as many places."""
-    ends = (np.concatenate(first), np.concatenate(second))
-    return coo_matrix((np.ones(len(ends[0]), np.float32), ends), shape=(size, size)).tocsr()
+def _graph_of(ends: IntArray, size: int) -> Any:
+    """Return the graph of links between some of as many places, of which `ends` are the numbers."""
+    return coo_matrix((np.ones(ends.shape[1], np.float32), tuple(ends)), shape=(size, size)).tocsr()
 
 
 def _part_at_necks(links: Any, wide: Any) -> IntArray:

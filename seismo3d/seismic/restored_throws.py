@@ -58,8 +58,8 @@ def restore_throws(
     Faults that moved later have strained an older one, offset its parts, and taken what once touched to different
     places: what lies apart today is not what it threw. So the youngest fault is taken back first; the places of all
     that is known to be older move with its hanging wall, the less the farther off where the tilt of its layers says
-    that slip dies away. What was read on the two sides of the next fault moves along;
-    its parts come to lie on one surface, are matched together, and it is taken back in turn.
+    that slip dies away. What was read on the two sides of the next fault moves along; its parts come to lie on one
+    surface, are matched together, and it is taken back in turn.
 
     Parameters
     ----------
@@ -293,10 +293,10 @@ def _best_slip(
     """Match two sides anew, and about what was found before; return the slip by which more of them match."""
     thin = settings.thin
     start, known = (values[::thin, ::thin].astype(np.float32) for values in (throw, fit))
-    about = refine_free_slip(sides, start, known, inside[::thin, ::thin], thin=thin, settings=settings.slip)
+    refined = refine_free_slip(sides, start, known, inside[::thin, ::thin], thin=thin, settings=settings.slip)
     expected = float((start * known).sum() / known.sum()) if known.any() else None
     anew = find_slip(sides, inside, settings=settings, about=expected)
-    return max((about, anew), key=lambda slip: float(fit_of(slip)[inside[::thin, ::thin]].sum()))
+    return max((refined, anew), key=lambda slip: float(fit_of(slip)[inside[::thin, ::thin]].sum()))
 
 
 def _mean_sides(sums: Float64Array) -> tuple[Float32Array, Float32Array]:

@@ -219,10 +219,8 @@ def slopes_beside(
     return estimate_slopes(volume, mask_sheets(sheets, valid, beside=settings.beside), settings=dip)
 
 
-def match_sides(
-    sheet: Sheet, both: Float32Array, known: Float32Array, *, settings: ThrowSettings, about: float | None = None
-) -> SheetThrow:
-    """Find a sheet's throw from its two sides, as :func:`gather_sides` gives them; what is it about, if it is known."""
+def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settings: ThrowSettings) -> SheetThrow:
+    """Find a sheet's throw from its two sides, as :func:`gather_sides` gives them."""
     w = every_sample(sheet)
     hanging_side = 1 if np.nanmean(np.gradient(sheet.w, axis=1)) >= 0 else -1 if sheet.w.shape[1] > 1 else 1
     up = 1 if hanging_side > 0 else 0
@@ -231,14 +229,17 @@ def match_sides(
     if not (sides.in_hanging.any() and sides.in_foot.any()):
         return SheetThrow(np.full(sheet.w.shape, np.nan, np.float32), np.zeros_like(sheet.w), hanging_side)
     inside = np.isfinite(w)
-    slip = find_slip(sides, inside, settings=settings, about=about)
+    slip = find_slip(sides, inside, settings=settings)
     throw, fit = (enlarge(part, w.shape, settings.thin)[:, columns] for part in (slip.throw, fit_of(slip)))
     throw[~sheet.inside] = np.nan
     return SheetThrow(throw, fit, hanging_side, slip.share, slip.certainty)
 
 
 def find_slip(sides: Sides, inside: BoolArray, *, settings: ThrowSettings, about: float | None = None) -> SlipField:
-    """Match two sides read along a surface: throw, slip along strike and misfit at every `thin`-th place."""
+    """Match two sides read along a surface: throw, slip along strike and misfit at every `thin`-th place.
+
+    `about` is the throw that is expected, if any is.
+    """
     rough, thin = _match(sides, inside, settings, about), settings.thin
     slip = refine_free_slip(sides, *rough, inside[::thin, ::thin], thin=thin, settings=settings.slip)
     found = np.clip(slip.throw, -settings.longest, settings.longest)

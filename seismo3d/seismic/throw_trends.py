@@ -56,27 +56,30 @@ def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about:
     terms, scores = np.zeros((len(starts), 6)), np.zeros(len(starts))
     slopes = np.array([-12.0, -6.0, 0.0, 6.0, 12.0])
     search_trends(costs, u, v, starts, slopes, 1.5 * unmatched, 40, terms, scores)
-    places = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
-    level = _level_of_chance(costs, blind, terms, places, unmatched)
+    trends = np.array([_throws_of(term, u, v) for term in terms])
+    level = _level_of_chance(costs, blind, trends, unmatched)
     costs[blind] = level
     search_trends(costs, u, v, starts, slopes, 1.5 * level, 40, terms, scores)
     if about is not None:
-        away = np.abs((terms * places.mean(axis=0)).sum(axis=1) - about)
+        away = np.abs(np.array([_throws_of(term, u, v).mean() for term in terms]) - about)
         scores += _COMPANY * np.minimum(away / _AWAY, 1.0)
     best = terms[scores.argmin()]
     grid = np.indices(inside.shape).astype(np.float64)
     a, b = (grid[0] - middle[0]) / half[0], (grid[1] - middle[1]) / half[1]
-    trend = best[0] + best[1] * a + best[2] * b + best[3] * a * a + best[4] * a * b + best[5] * b * b
-    return np.asarray(np.clip(trend, -longest, longest), np.float32)
+    return np.asarray(np.clip(_throws_of(best, a, b), -longest, longest), np.float32)
 
 
-def _level_of_chance(
-    costs: Float32Array, blind: BoolArray, terms: Float64Array, places: Float64Array, unmatched: float
-) -> float:
+def _throws_of(terms: Float64Array, a: Float64Array, b: Float64Array) -> Float64Array:
+    """Return the throws of a quadratic trend at places from -1 to 1 along rows and columns."""
+    flat = terms[0] + terms[1] * a + terms[2] * b
+    return np.asarray(flat + terms[3] * a * a + terms[4] * a * b + terms[5] * b * b, np.float64)
+
+
+def _level_of_chance(costs: Float32Array, blind: BoolArray, trends: Float64Array, unmatched: float) -> float:
     """Return what most trends cost where they have counterparts."""
     middle, index, found = costs.shape[1] // 2, np.arange(len(costs)), []
-    for term in terms:
-        shift = np.clip(np.rint((places * term).sum(axis=1)).astype(np.int64), -middle, middle) + middle
+    for throws in trends:
+        shift = np.clip(np.rint(throws).astype(np.int64), -middle, middle) + middle
         seen = ~blind[index, shift]
         if seen.mean() > _LEAST_SEEN:
             found.append(float(costs[index, shift][seen].mean()))

@@ -126,8 +126,10 @@ def align_cubes(
     source, known_source = _prepare(monitor)
     if not (known_target.any(axis=2) & known_source.any(axis=2)).any():
         raise GeometryError("base and monitor have no live trace in common; expected the same survey.")
+    correlation = _correlate_lags(target, source)
+    _check_polarity(correlation)
     coarse = _register(target, source, settings)
-    start = _choose_start(target, source, known_target, known_source, coarse)
+    start = _choose_start(target, source, known_target, known_source, coarse, _best_lag(correlation))
     shift = np.empty((3, *target.shape), np.float32)
     shift[:] = start.astype(np.float32)[:, None, None, None]
     variance = np.zeros_like(shift)
@@ -188,10 +190,11 @@ def _register(target: Float32Array, source: Float32Array, settings: TimeLapseSet
 
 
 def _choose_start(
-    target: Float32Array, source: Float32Array, known_target: BoolArray, known_source: BoolArray, coarse: Registration
-) -> Float64Array:
-    """Shift of the whole: that of the registration where it fits clearly better than the best vertical one."""
-    vertical = np.array([0.0, 0.0, _best_lag(target, source)])
+    target: Float32Array, source: Float32Array, known_target: BoolArray, known_source: BoolArray, coarse: Registration,
+    lag: float,
+) -> Float64Array:  # fmt: skip
+    """Shift of the whole: that of the registration where it fits clearly better than the best vertical one, `lag`."""
+    vertical = np.array([0.0, 0.0, lag])
     if not coarse.converged:
         return vertical
 
@@ -206,28 +209,34 @@ def _choose_start(
     return found if misfit(found) < 0.8 * misfit(vertical) else vertical
 
 
-def _best_lag(target: Float32Array, source: Float32Array) -> float:
-    """Vertical shift, in samples, at which the traces of two cubes correlate best, up to a quarter of a trace.
-
-    A monitor of reversed polarity is refused.
-    """
+def _correlate_lags(target: Float32Array, source: Float32Array) -> Float64Array:
+    """Correlation of the traces of two cubes at vertical shifts from -(n // 4 + 1) to n // 4 + 1 of their n samples."""
     n = target.shape[2]
     length = fft.next_fast_len(2 * n)
     product = np.zeros(length)
     for a, b in zip(target, source, strict=True):
         product += fft.irfft(np.conj(fft.rfft(a, length, axis=1)) * fft.rfft(b, length, axis=1), length).sum(axis=0)
-    lags = np.arange(-(n // 4), n // 4 + 1)
-    best, worst = (int(lags[pick(product[lags])]) for pick in (np.argmax, np.argmin))
-    alike, opposed = (float(product[lag]) / target.size for lag in (best, worst))
-    if -opposed > max(_OPPOSED * alike, _TOLD):
+    reach = n // 4 + 1
+    return np.asarray(product[np.arange(-reach, reach + 1)] / target.size, np.float64)
+
+
+def _check_polarity(correlation: Float64Array) -> None:
+    """Refuse a monitor that is more like its base with its sign changed."""
+    alike, opposed = float(correlation[1:-1].max()), -float(correlation[1:-1].min())
+    if opposed > max(_OPPOSED * alike, _TOLD):
         raise ParameterError(
-            f"monitor is more like base with its sign changed (correlation {-opposed:.2f}, {alike:.2f} as it is): its "
+            f"monitor is more like base with its sign changed (correlation {opposed:.2f}, {alike:.2f} as it is): its "
             "polarity is reversed. Give -monitor."
         )
-    before, peak, after = product[best - 1], product[best], product[best + 1]
+
+
+def _best_lag(correlation: Float64Array) -> float:
+    """Vertical shift, in samples, of the best correlation."""
+    best = 1 + int(np.argmax(correlation[1:-1]))
+    before, peak, after = correlation[best - 1 : best + 2]
     bend = before - 2.0 * peak + after  # the peak of the parabola through three samples lies between them
     offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
-    return best + float(np.clip(offset, -0.5, 0.5))
+    return best - len(correlation) // 2 + float(np.clip(offset, -0.5, 0.5))
 
 
 def _smooth_down(volume: Float32Array, width: float) -> Float32Array:

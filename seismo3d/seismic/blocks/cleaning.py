@@ -9,13 +9,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, Float32Array
 from seismo3d.seismic.blocks.plan import RAW_REACH, Box
 from seismo3d.seismic.blocks.run import BlockRun
-from seismo3d.seismic.preparing import (
-    Scale,
-    find_scale,
-    find_valid,
-    sampling_step,
-    scale_amplitudes,
-)
+from seismo3d.seismic.preparing import Scale, find_scale, find_valid, sampling_step, scale_amplitudes
 from seismo3d.seismic.whitening import (
     Whitening,
     choose_pairs,
