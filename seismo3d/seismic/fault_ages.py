@@ -1,13 +1,15 @@
-"""Which of two faults that meet is the younger, told by how they offset each other; and which are parts of one."""
+"""Which faults are parts of one, and which of two that meet is the younger, told by how they offset each other."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from seismo3d._typing import BoolArray, Float64Array
+from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, fit_terms
 from seismo3d.seismic.sheet_distances import are_near, bounds_of, within_box
 
@@ -15,6 +17,8 @@ from seismo3d.seismic.sheet_distances import are_near, bounds_of, within_box
 _ROUGHEST = 25.0
 # roughness, in squared traces, that surfaces have anyway
 _SMOOTH = 0.03
+# traces within which surfaces that cover each other are the same, and distance along a surface that is still on it
+_SAME, _ON = 2.0, 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +48,9 @@ class HistorySettings:
         Two faults are parts of one where they strike alike within the first, lie no farther apart than the second, one
         covers no more than the fourth of the other, and one quadratic surface through both, within the third of each
         other, leaves no more than the last, in squared traces.
+    aside : float
+        Before younger faults that cut them are taken back, parts of one fault may lie so many traces off each other's
+        surface, carried on.
     """
 
     reach: float = 20.0
@@ -61,27 +68,72 @@ class HistorySettings:
     around: float = 25.0
     overlap: float = 0.25
     roughness: float = 0.6
+    aside: float = 10.0
+
+
+def find_families(
+    motions: list[FaultMotion], nodes: list[Float64Array], areas: list[float], settings: HistorySettings
+) -> IntArray:
+    """Tell which faults are parts of one as they lie today.
+
+    Younger faults have taken the parts of an older one apart, along it and, by their heave, across it. Parts strike
+    alike, dip to the same side, and carry each other on: where each other's surface was found they do not lie, unless
+    on that very surface. The closest go together first, as long as this holds for all parts of a fault.
+
+    Parameters
+    ----------
+    motions, nodes, areas, settings
+        As for :func:`order_faults`.
+
+    Returns
+    -------
+    ndarray of shape (fault,), int64
+        Numbers from 0 on, the same for parts of one fault.
+    """
+    n = len(motions)
+    family = np.arange(n)
+
+    @cache
+    def apart(one: int, other: int) -> tuple[bool, float]:
+        large, small = (one, other) if areas[one] >= areas[other] else (other, one)
+        return _part_from_other(motions[large], motions[small], nodes[small], settings)
+
+    for far, i, j in sorted((apart(i, j)[1], i, j) for i, j in _near_pairs(nodes, settings.gap)):
+        if not np.isfinite(far) or family[i] == family[j]:
+            continue
+        ours, theirs = (np.flatnonzero(family == family[m]) for m in (i, j))
+        if all(apart(max(a, b), min(a, b))[0] for a in ours.tolist() for b in theirs.tolist()):
+            family[theirs] = family[i]
+    return np.asarray(np.unique(family, return_inverse=True)[1])
 
 
 def order_faults(
-    motions: list[FaultMotion], nodes: list[Float64Array], areas: list[float], settings: HistorySettings
+    motions: list[FaultMotion],
+    nodes: list[Float64Array],
+    areas: list[float],
+    settings: HistorySettings,
+    *,
+    families: IntArray | None = None,
 ) -> BoolArray:
     """Tell which faults are younger than which.
 
     The younger of two faults that cross has offset the older, and goes through unbroken. So the older is smoother where
     the younger is taken back, and the younger would be broken where the older is. The order in which both together are
-    the smoother is taken, the clearest pairs first, so that no fault becomes younger than itself.
+    the smoother is taken, the clearest pairs first, so that no fault becomes younger than itself. What the parts of two
+    faults tell is added up.
 
     Parameters
     ----------
     motions : list of FaultMotion
-        The faults.
+        The faults, or parts of them.
     nodes : list of ndarray of shape (n, 3), float64
         Places on each.
     areas : list of float
         Their areas, in traces times samples.
     settings : HistorySettings
         Limits.
+    families : ndarray of shape (part,), int64, optional
+        Which are parts of one, as :func:`find_families` tells it; without it all are faults of their own.
 
     Returns
     -------
@@ -89,21 +141,24 @@ def order_faults(
         True where the first is younger than the second; where neither is, it is not known.
     """
     n = len(motions)
-    gains: list[tuple[float, int, int]] = []
-    bounds = np.array([bounds_of(places) for places in nodes]).reshape(n, 2, 3)
-    for i in range(n):
-        near = (bounds[:i, 0] <= bounds[i, 1] + settings.reach) & (bounds[i, 0] <= bounds[:i, 1] + settings.reach)
-        for j in (int(j) for j in np.flatnonzero(near.all(axis=1))):
+    family = np.arange(n) if families is None else families
+    gains: dict[tuple[int, int], float] = {}
+    for i, j in _near_pairs(nodes, settings.reach):
+        one, other = int(family[i]), int(family[j])
+        if one != other:
             gain = _gain(motions[i], motions[j], nodes[i], nodes[j], settings)
-            if abs(gain) > settings.least_gain:
-                gains.append((abs(gain), i, j) if gain > 0 else (abs(gain), j, i))
-    younger = np.zeros((n, n), bool)
-    for _, i, j in sorted(gains, key=lambda item: (-item[0], item[1], item[2])):
-        if areas[i] < settings.least_area or younger[j, i]:
+            pair, sign = ((one, other), 1.0) if one > other else ((other, one), -1.0)
+            gains[pair] = gains.get(pair, 0.0) + sign * gain
+    told = [(abs(gain), *(pair if gain > 0 else pair[::-1])) for pair, gain in gains.items()]
+    n_families = int(family.max()) + 1 if n else 0
+    area = np.bincount(family, areas, n_families)
+    younger = np.zeros((n_families, n_families), bool)
+    for gain, i, j in sorted(told, key=lambda item: (-item[0], item[1], item[2])):
+        if gain <= settings.least_gain or area[i] < settings.least_area or younger[j, i]:
             continue
         above, below = np.append(np.flatnonzero(younger[:, i]), i), np.append(np.flatnonzero(younger[j]), j)
         younger[np.ix_(above, below)] = True
-    return younger
+    return younger[np.ix_(family, family)]
 
 
 def are_one(
@@ -140,10 +195,10 @@ def are_one(
     reach = settings.gap + settings.around + 1.0
     to_one = _distances(there, here, reach)
     gap = float(to_one.min())
-    if gap > settings.gap or (to_one < 1.5).mean() > settings.overlap:
+    if gap > settings.gap or (to_one < _ON).mean() > settings.overlap:
         return False
     to_other = _distances(here, there, reach)
-    if (to_other < 1.5).mean() > settings.overlap:
+    if (to_other < _ON).mean() > settings.overlap:
         return False
     near, far = one[to_other < gap + settings.around], other[to_one < gap + settings.around]
     count = min(len(near), len(far))
@@ -151,6 +206,34 @@ def are_one(
         return False
     both = [part[np.linspace(0, len(part) - 1, count).astype(np.int64)] for part in (near, far)]
     return _roughness(frame, np.concatenate(both)) < settings.roughness
+
+
+def _near_pairs(nodes: list[Float64Array], reach: float) -> Iterator[tuple[int, int]]:
+    """Give all pairs of faults whose boxes come within reach, each once, the later first."""
+    bounds = np.array([bounds_of(places) for places in nodes]).reshape(len(nodes), 2, 3)
+    for i in range(len(nodes)):
+        near = (bounds[:i, 0] <= bounds[i, 1] + reach) & (bounds[i, 0] <= bounds[:i, 1] + reach)
+        for j in np.flatnonzero(near.all(axis=1)):
+            yield i, int(j)
+
+
+def _part_from_other(
+    motion: FaultMotion, other: FaultMotion, nodes: Float64Array, settings: HistorySettings
+) -> tuple[bool, float]:
+    """Tell whether a fault and a smaller one, of which these are places, may be parts of one, and how far apart.
+
+    Infinitely far where neither carries the other on.
+    """
+    alike = float((motion.frame.across * other.frame.across).sum())
+    turned = 1 if alike >= 0 else -1
+    if abs(alike) < np.cos(np.radians(settings.turn_deg)) or turned * other.hanging_side != motion.hanging_side:
+        return False, np.inf
+    away = motion.apart_at(nodes)
+    gap = float(away.min())
+    aside = abs(float(np.median(motion.side(nodes[away < gap + settings.around]))))
+    if aside > _SAME and float((away < _ON).mean()) > settings.overlap:
+        return False, np.inf
+    return True, gap + aside if gap <= settings.gap and aside <= settings.aside else np.inf
 
 
 def _distances(places: Float64Array, others: Float64Array, reach: float) -> Float64Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,6 +127,22 @@ class FaultMotion:
         s0, samples0 = s - self.share * throw, samples - throw
         moved = self.frame.place(s0, samples0, self.height_at(s0, samples0) + off)
         return np.where((off * self.hanging_side > 0)[:, None], moved, points)
+
+
+def undo_parts(parts: Sequence[FaultMotion], points: Float64Array) -> Float64Array:
+    """Return where points of shape (n, 3) lay before a fault moved that was found in parts.
+
+    A part alone goes on without end; each point is moved by that which was found nearest to it along the fault, so that
+    none is moved twice.
+    """
+    if len(parts) == 1:
+        return parts[0].undo(points)
+    nearest = np.argmin([part.apart_at(points) for part in parts], axis=0)
+    before = points.copy()
+    for number, part in enumerate(parts):
+        mine = nearest == number
+        before[mine] = part.undo(points[mine])
+    return before
 
 
 def find_motion(

@@ -11,8 +11,8 @@ from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_restore import spread
-from seismo3d.seismic.fault_ages import HistorySettings, are_one, order_faults
-from seismo3d.seismic.fault_motion import FaultMotion, Frame, enlarge, find_motion
+from seismo3d.seismic.fault_ages import HistorySettings, are_one, find_families, order_faults
+from seismo3d.seismic.fault_motion import FaultMotion, Frame, enlarge, find_motion, undo_parts
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import are_near, bounds_of
 from seismo3d.seismic.slip_decay import find_decay
@@ -85,12 +85,13 @@ def restore_throws(
         for part, throw in zip(parts, throws, strict=True)
     ]
     known = [number for number, motion in enumerate(motions) if motion is not None]
+    moved = [motion for motion in motions if motion is not None]
+    places, areas = [parts[n].points(_EVERY) for n in known], [sheets[n].area for n in known]
+    families = np.full(len(sheets), -1)
+    families[known] = find_families(moved, places, areas, history)
     younger = np.zeros((len(sheets), len(sheets)), bool)
-    younger[np.ix_(known, known)] = order_faults(
-        [motion for motion in motions if motion is not None], [parts[n].points(_EVERY) for n in known],
-        [sheets[n].area for n in known], history,
-    )  # fmt: skip
-    found, undone = list(throws), _Undone(parts, younger, history.reach)
+    younger[np.ix_(known, known)] = order_faults(moved, places, areas, history, families=families[known])
+    found, undone = list(throws), _Undone(parts, younger, families, history.reach)
     for group in _groups(parts, known, undone, history):
         read = cache(read_sides)  # of this group alone
         if len(group) == 1 and not younger[:, group[0]].any():
@@ -106,19 +107,22 @@ def restore_throws(
 class _Undone:
     """The motions that are taken back so far, the youngest first, and where they bring the places of the others.
 
-    A motion moves the older faults that come within `reach` of it: what a survey holds beyond is strained by neither.
+    A fault moves the older ones that come within `reach` of it: what a survey holds beyond is strained by neither. The
+    motions of its parts are taken back as one; a fault's places are asked for when all that is younger is taken back.
     """
 
-    def __init__(self, parts: list[_Part], younger: BoolArray, reach: float) -> None:
+    def __init__(self, parts: list[_Part], younger: BoolArray, families: IntArray, reach: float) -> None:
         self.younger = younger
+        self.families = families
         self._parts = parts
         self._reach = reach
-        self._motions: list[tuple[list[int], FaultMotion, Float64Array]] = []
-        self._places: dict[int, tuple[int, Float64Array, Float64Array, list[FaultMotion]]] = {}
+        self._motions: dict[int, list[tuple[FaultMotion, Float64Array]]] = {}
+        self._places: dict[int, tuple[Float64Array, Float64Array, list[list[FaultMotion]]]] = {}
 
     def add(self, group: list[int], motion: FaultMotion) -> None:
-        """Take back the motion of these faults."""
-        self._motions.append((group, motion, bounds_of(np.concatenate([self.bounds(n) for n in group]))))
+        """Take back the motion of these faults, parts of one."""
+        bounds = bounds_of(np.concatenate([self.bounds(n) for n in group]))
+        self._motions.setdefault(int(self.families[group[0]]), []).append((motion, bounds))
 
     def places(self, number: int) -> Float64Array:
         """Return where some places of a fault lay before what is taken back."""
@@ -131,24 +135,23 @@ class _Undone:
     def all_places(self, number: int) -> Float64Array:
         """Return where all places of a fault lay before what is taken back."""
         points = self._parts[number].points()
-        for motion in self._follow(number)[2]:
-            points = motion.undo(points)
+        for motions in self._follow(number)[2]:
+            points = undo_parts(motions, points)
         return points
 
-    def _follow(self, number: int) -> tuple[Float64Array, Float64Array, list[FaultMotion]]:
+    def _follow(self, number: int) -> tuple[Float64Array, Float64Array, list[list[FaultMotion]]]:
         """Return some places of a fault before what is taken back, their bounds, and by what they are moved."""
-        known = self._places.get(number)
-        if known is None:
-            points = self._parts[number].points(_EVERY)
-            known = (0, points, bounds_of(points), [])
-        seen, points, bounds, moved_by = known
-        for group, motion, reached in self._motions[seen:]:
-            if self.younger[group, number].any() and are_near(reached, bounds, self._reach):
-                points = motion.undo(points)
-                bounds = bounds_of(points)
-                moved_by.append(motion)
-        self._places[number] = (len(self._motions), points, bounds, moved_by)
-        return points, bounds, moved_by
+        if number not in self._places:
+            points, moved_by = self._parts[number].points(_EVERY), []
+            bounds = bounds_of(points)
+            for family, motions in self._motions.items():
+                younger = self.younger[self.families == family, number].any()
+                if younger and any(are_near(reached, bounds, self._reach) for _, reached in motions):
+                    moved_by.append([motion for motion, _ in motions])
+                    points = undo_parts(moved_by[-1], points)
+                    bounds = bounds_of(points)
+            self._places[number] = (points, bounds, moved_by)
+        return self._places[number]
 
 
 def _lay_out(sheet: Sheet, throw: SheetThrow) -> _Part:
@@ -186,7 +189,7 @@ def _groups(parts: list[_Part], known: list[int], undone: _Undone, history: Hist
         free.sort(key=lambda n: (-parts[n].sheet.area, n))
         group = [free[0]]
         for n in free[1:]:
-            if parts[n].hanging_side * parts[free[0]].hanging_side * _turned(parts[n], parts[free[0]]) < 0:
+            if undone.families[n] != undone.families[free[0]]:
                 continue
             if any(_are_one(parts, m, n, undone, history) for m in group):
                 group.append(n)

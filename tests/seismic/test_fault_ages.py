@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from seismo3d.seismic.fault_ages import HistorySettings, are_one, order_faults
-from seismo3d.seismic.fault_motion import FaultMotion, Frame, find_motion, fit_terms
+from seismo3d.seismic.fault_ages import HistorySettings, are_one, find_families, order_faults
+from seismo3d.seismic.fault_motion import FaultMotion, Frame, find_motion, fit_terms, undo_parts
 
 ALONG_INLINES = Frame(np.array([0.0, 32.0]), np.array([0.0, 1.0]))
 ALONG_CROSSLINES = Frame(np.array([32.0, 0.0]), np.array([1.0, 0.0]))
@@ -104,6 +106,90 @@ def test_faults_that_do_not_meet_have_no_order():
 def test_small_faults_are_not_taken_back():
     motions = list(crossing())
     assert not order_faults(motions, [places(m) for m in motions], [500.0, 5000.0], SETTINGS).any()
+
+
+def in_parts(*, heave=6.0, cotangent=0.4):
+    """One plane in two parts, along the strike one after the other, taken apart across it by a heave."""
+    first = plane_motion(ALONG_INLINES, rows=30, cotangent=cotangent)
+    moved = Frame(ALONG_INLINES.origin + np.array([0.0, heave]), ALONG_INLINES.across)
+    second = plane_motion(moved, rows=30, cotangent=cotangent)
+    return first, replace(second, first=(first.first[0] + 34.0, 0.0))
+
+
+def beside(motion, traces):
+    """The same fault, so many traces across."""
+    return replace(motion, frame=Frame(motion.frame.origin + traces * motion.frame.across, motion.frame.across))
+
+
+def families_of(motions, areas=None):
+    return find_families(motions, [places(m) for m in motions], areas or [5000.0] * len(motions), SETTINGS).tolist()
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_parts_that_a_heave_took_apart_are_of_one_family(turned):
+    parts = in_parts()[:: -1 if turned else 1]
+    assert families_of([*parts, beside(plane_motion(ALONG_INLINES), 25.0), plane_motion(ALONG_CROSSLINES)]) == [
+        0,
+        0,
+        1,
+        2,
+    ]
+
+
+def test_what_covers_dips_otherwise_or_lies_far_off_is_of_another_family():
+    first, second = in_parts(heave=15.0)
+    assert families_of([first, second]) == [0, 1]
+    assert families_of([in_parts()[0], in_parts(cotangent=-0.4)[1]]) == [0, 1]
+    # side by side, however near
+    assert families_of([first, beside(first, 5.0)]) == [0, 1]
+    # found twice
+    assert families_of([first, replace(first, throw=first.throw + 1.0)]) == [0, 0]
+    assert find_families([], [], [], SETTINGS).tolist() == []
+
+
+def test_one_part_carries_on_but_one_of_two_side_by_side():
+    first, second = in_parts(heave=0.0)
+    # the nearer of the two goes with the part that carries both on
+    assert families_of([first, second, beside(first, 4.0)]) == [0, 0, 1]
+    assert families_of([beside(first, 4.0), second, first]) == [0, 1, 1]
+
+
+def test_what_parts_tell_of_ages_is_added_up():
+    young, old = crossing()
+    nodes = places(old)
+    # over few places the older fault is rough by too little to tell
+    weak = replace(SETTINGS, least_gain=1.2 * abs(gain_of(young, old, nodes)))
+    halves = [nodes[nodes[:, 2] < 40.0], nodes[nodes[:, 2] >= 40.0]]
+    motions = [young, old, old]
+    apart = order_faults(motions, [places(young), *halves], [5000.0] * 3, weak)
+    together = order_faults(motions, [places(young), *halves], [5000.0] * 3, weak, families=np.array([0, 1, 1]))
+    assert not apart.any()
+    np.testing.assert_array_equal(together, [[False, True, True], [False] * 3, [False] * 3])
+
+
+def gain_of(young, old, nodes):
+    """The least that is asked for at which the order of two faults is still told."""
+    asked = np.linspace(0.05, 20.0, 400)
+    told = [order_faults([young, old], [places(young), nodes], [5000.0] * 2, replace(SETTINGS, least_gain=g)).any()
+            for g in asked]  # fmt: skip
+    return float(asked[np.flatnonzero(told)[-1]])
+
+
+def test_a_fault_found_in_parts_moves_nothing_twice():
+    whole = plane_motion(ALONG_INLINES, throw=8.0)
+    first, second = in_parts(heave=0.0)
+    points = np.random.default_rng(1).uniform([0.0, 0.0, 10.0], [63.0, 63.0, 70.0], (400, 3))
+    parts = [replace(part, throw=np.full(part.throw.shape, 8.0)) for part in (first, second)]
+    np.testing.assert_allclose(undo_parts(parts, points), whole.undo(points), atol=1e-6)
+    np.testing.assert_array_equal(undo_parts(parts[:1], points), parts[0].undo(points))
+    # each by its own throw
+    parts[1] = replace(parts[1], throw=np.full(second.throw.shape, 3.0))
+    moved = points[:, 2] - undo_parts(parts, points)[:, 2]
+    hanging = whole.side(points) > 0
+    s = ALONG_INLINES.lay(points)[0]
+    np.testing.assert_allclose(moved[hanging & (s < -34.0)], 8.0, atol=1e-6)
+    np.testing.assert_allclose(moved[hanging & (s > -29.0)], 3.0, atol=1e-6)
+    np.testing.assert_array_equal(moved[~hanging], 0.0)
 
 
 def test_parts_of_one_plane_are_one():
