@@ -111,9 +111,8 @@ def order_faults(
     motions: list[FaultMotion],
     nodes: list[Float64Array],
     areas: list[float],
+    families: IntArray,
     settings: HistorySettings,
-    *,
-    families: IntArray | None = None,
 ) -> BoolArray:
     """Tell which faults are younger than which.
 
@@ -130,35 +129,33 @@ def order_faults(
         Places on each.
     areas : list of float
         Their areas, in traces times samples.
+    families : ndarray of shape (part,), int64
+        Which are parts of one, as :func:`find_families` tells it.
     settings : HistorySettings
         Limits.
-    families : ndarray of shape (part,), int64, optional
-        Which are parts of one, as :func:`find_families` tells it; without it all are faults of their own.
 
     Returns
     -------
     ndarray of shape (fault, fault), bool
         True where the first is younger than the second; where neither is, it is not known.
     """
-    n = len(motions)
-    family = np.arange(n) if families is None else families
     gains: dict[tuple[int, int], float] = {}
     for i, j in _near_pairs(nodes, settings.reach):
-        one, other = int(family[i]), int(family[j])
+        one, other = int(families[i]), int(families[j])
         if one != other:
             gain = _gain(motions[i], motions[j], nodes[i], nodes[j], settings)
             pair, sign = ((one, other), 1.0) if one > other else ((other, one), -1.0)
             gains[pair] = gains.get(pair, 0.0) + sign * gain
     told = [(abs(gain), *(pair if gain > 0 else pair[::-1])) for pair, gain in gains.items()]
-    n_families = int(family.max()) + 1 if n else 0
-    area = np.bincount(family, areas, n_families)
+    n_families = int(families.max()) + 1 if len(motions) else 0
+    area = np.bincount(families, areas, n_families)
     younger = np.zeros((n_families, n_families), bool)
     for gain, i, j in sorted(told, key=lambda item: (-item[0], item[1], item[2])):
         if gain <= settings.least_gain or area[i] < settings.least_area or younger[j, i]:
             continue
         above, below = np.append(np.flatnonzero(younger[:, i]), i), np.append(np.flatnonzero(younger[j]), j)
         younger[np.ix_(above, below)] = True
-    return younger[np.ix_(family, family)]
+    return younger[np.ix_(families, families)]
 
 
 def are_one(

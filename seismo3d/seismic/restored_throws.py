@@ -90,7 +90,7 @@ def restore_throws(
     families = np.full(len(sheets), -1)
     families[known] = find_families(moved, places, areas, history)
     younger = np.zeros((len(sheets), len(sheets)), bool)
-    younger[np.ix_(known, known)] = order_faults(moved, places, areas, history, families=families[known])
+    younger[np.ix_(known, known)] = order_faults(moved, places, areas, families[known], history)
     found, undone = list(throws), _Undone(parts, younger, families, history.reach)
     for group in _groups(parts, known, undone, history):
         read = cache(read_sides)  # of this group alone

@@ -92,7 +92,7 @@ def crossing():
 @pytest.mark.parametrize("turned", [False, True])
 def test_the_younger_fault_has_offset_the_older(turned):
     motions = list(crossing())[:: -1 if turned else 1]
-    younger = order_faults(motions, [places(m) for m in motions], [5000.0, 5000.0], SETTINGS)
+    younger = order_faults(motions, [places(m) for m in motions], [5000.0, 5000.0], np.arange(2), SETTINGS)
     young = 1 if turned else 0
     assert younger[young, 1 - young]
     assert younger.sum() == 1
@@ -100,12 +100,12 @@ def test_the_younger_fault_has_offset_the_older(turned):
 
 def test_faults_that_do_not_meet_have_no_order():
     one, other = plane_motion(ALONG_INLINES), plane_motion(Frame(np.array([0.0, 90.0]), np.array([0.0, 1.0])))
-    assert not order_faults([one, other], [places(one), places(other)], [5000.0, 5000.0], SETTINGS).any()
+    assert not order_faults([one, other], [places(one), places(other)], [5000.0, 5000.0], np.arange(2), SETTINGS).any()
 
 
 def test_small_faults_are_not_taken_back():
     motions = list(crossing())
-    assert not order_faults(motions, [places(m) for m in motions], [500.0, 5000.0], SETTINGS).any()
+    assert not order_faults(motions, [places(m) for m in motions], [500.0, 5000.0], np.arange(2), SETTINGS).any()
 
 
 def in_parts(*, heave=6.0, cotangent=0.4):
@@ -161,8 +161,8 @@ def test_what_parts_tell_of_ages_is_added_up():
     weak = replace(SETTINGS, least_gain=1.2 * abs(gain_of(young, old, nodes)))
     halves = [nodes[nodes[:, 2] < 40.0], nodes[nodes[:, 2] >= 40.0]]
     motions = [young, old, old]
-    apart = order_faults(motions, [places(young), *halves], [5000.0] * 3, weak)
-    together = order_faults(motions, [places(young), *halves], [5000.0] * 3, weak, families=np.array([0, 1, 1]))
+    apart = order_faults(motions, [places(young), *halves], [5000.0] * 3, np.arange(3), weak)
+    together = order_faults(motions, [places(young), *halves], [5000.0] * 3, np.array([0, 1, 1]), weak)
     assert not apart.any()
     np.testing.assert_array_equal(together, [[False, True, True], [False] * 3, [False] * 3])
 
@@ -170,8 +170,9 @@ def test_what_parts_tell_of_ages_is_added_up():
 def gain_of(young, old, nodes):
     """The least that is asked for at which the order of two faults is still told."""
     asked = np.linspace(0.05, 20.0, 400)
-    told = [order_faults([young, old], [places(young), nodes], [5000.0] * 2, replace(SETTINGS, least_gain=g)).any()
-            for g in asked]  # fmt: skip
+    nodes, areas, families = [places(young), nodes], [5000.0] * 2, np.arange(2)
+    limits = [replace(SETTINGS, least_gain=least) for least in asked]
+    told = [order_faults([young, old], nodes, areas, families, limit).any() for limit in limits]
     return float(asked[np.flatnonzero(told)[-1]])
 
 
