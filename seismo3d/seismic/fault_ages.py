@@ -50,7 +50,7 @@ class HistorySettings:
         other, leaves no more than the last, in squared traces.
     aside : float
         Before younger faults that cut them are taken back, parts of one fault may lie so many traces off each other's
-        surface, carried on.
+        surface, carried on; of turn, gap and overlap the same is asked then.
     """
 
     reach: float = 20.0

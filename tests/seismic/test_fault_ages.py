@@ -128,12 +128,8 @@ def families_of(motions, areas=None):
 @pytest.mark.parametrize("turned", [False, True])
 def test_parts_that_a_heave_took_apart_are_of_one_family(turned):
     parts = in_parts()[:: -1 if turned else 1]
-    assert families_of([*parts, beside(plane_motion(ALONG_INLINES), 25.0), plane_motion(ALONG_CROSSLINES)]) == [
-        0,
-        0,
-        1,
-        2,
-    ]
+    others = beside(plane_motion(ALONG_INLINES), 25.0), plane_motion(ALONG_CROSSLINES)
+    assert families_of([*parts, *others]) == [0, 0, 1, 2]
 
 
 def test_what_covers_dips_otherwise_or_lies_far_off_is_of_another_family():
