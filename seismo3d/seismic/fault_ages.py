@@ -49,8 +49,8 @@ class HistorySettings:
         covers no more than the fourth of the other, and one quadratic surface through both, within the third of each
         other, leaves no more than the last, in squared traces.
     aside : float
-        Before younger faults that cut them are taken back, parts of one fault may lie so many traces off each other's
-        surface, carried on; of turn, gap and overlap the same is asked then.
+        Before younger faults that cut them are taken back, parts of one fault may lie so far off each other's surface,
+        carried on, in traces and samples; of turn, gap and overlap the same is asked then.
     """
 
     reach: float = 20.0
@@ -227,7 +227,8 @@ def _part_from_other(
         return False, np.inf
     away = motion.apart_at(nodes)
     gap = float(away.min())
-    aside = abs(float(np.median(motion.side(nodes[away < gap + settings.around]))))
+    # at right angles to the surface, which dips: across the strike it is as far off where that throws the part down
+    aside = abs(float(np.median(motion.side(nodes[away < gap + settings.around])) / np.hypot(1.0, motion.slopes[1])))
     if aside > _SAME and float((away < _ON).mean()) > settings.overlap:
         return False, np.inf
     return True, gap + aside if gap <= settings.gap and aside <= settings.aside else np.inf

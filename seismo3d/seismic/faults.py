@@ -18,6 +18,7 @@ from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults
 from seismo3d.seismic.cut_offsets import CutSettings, offset_sheets
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
+from seismo3d.seismic.doubles import part_doubles
 from seismo3d.seismic.extending import ExtendSettings, extend_sheets
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence
@@ -228,6 +229,8 @@ def trace_faults(
             ridges, found.known.shape, step=found.step, link=settings.link, settings=settings.section
         )
         sheets = [weigh_line(sheet, settings.section) for sheet in sheets]
+    else:
+        sheets, throws, today = part_doubles(sheets, throws, today, settings.choice)
     surfaces = build_surfaces(sheets, throws, today, geometry, sampling)
     labels, throw = draw_sheets(sheets, throws, volume.shape)
     likelihood = draw_ridges(ridges, found.step, volume.shape)

@@ -15,6 +15,7 @@ from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.sheet_parts import Around, join_parts, note_blocks, pack, read_parts, rows_near, unpack
 from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.choosing import choose_faults, end_where_still
+from seismo3d.seismic.doubles import part_doubles
 from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.placing import place_sheet, read_profile
@@ -143,19 +144,23 @@ def place(run: BlockRun, number: int) -> None:
 
 
 def place_facts(run: BlockRun) -> None:
-    """Gather the faults where they lie."""
+    """Gather the faults where they lie, each place of a fault once."""
     parts = [run.read_part("place", number)[0] for number in range(count_faults(run))]
-    run.write_fact("place", **pack("sheet", [unpack("sheet", part, Sheet)[0] for part in parts]))
+    sheets = [unpack("sheet", part, Sheet)[0] for part in parts]
+    throws, today = (unpack(name, run.fact("choice"), SheetThrow) for name in ("throw", "today"))
+    if 1 not in run.plan.shape[:2]:
+        sheets, throws, today = part_doubles(sheets, throws, today, run.settings.choice)
+    run.write_fact("place", **pack("sheet", sheets), **pack("throw", throws), **pack("today", today))
 
 
 def count_faults(run: BlockRun) -> int:
-    """Return how many sheets are faults."""
+    """Return how many sheets are faults, or parts of one that lie on each other."""
     return int(run.fact("choice")["n_faults"])
 
 
 def chosen_faults(run: BlockRun) -> tuple[list[Sheet], list[SheetThrow], list[SheetThrow]]:
     """Return the sheets that are faults, their throws when they moved, and what lies apart today."""
-    throws, today = (unpack(name, run.fact("choice"), SheetThrow) for name in ("throw", "today"))
+    throws, today = (unpack(name, run.fact("place"), SheetThrow) for name in ("throw", "today"))
     return unpack("sheet", run.fact("place"), Sheet), throws, today
 
 
