@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.seismic.choosing import ChoiceSettings
+from seismo3d.seismic.extending import local_planes
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.sheet_distances import SheetNodes
+from seismo3d.seismic.sheet_distances import SheetNodes, within_box
 from seismo3d.seismic.throw import SheetThrow
 
 # nodes around what another sheet has within which slivers, of fewer than three nodes across, are dropped
 _BESIDE = 3
+# nodes of the window in which a sheet's attitude is told
+_WIDTH = 3.0
 _NEIGHBOURS = np.ones((3, 3), bool)
 
 
@@ -43,21 +46,21 @@ def part_doubles(
         Of those that remain, in their order.
     """
     parted = list(sheets)
-    kept: list[tuple[SheetNodes, Float64Array]] = []
+    kept: list[_Placed] = []
     bounds = np.empty((0, 2, 3))
+    reach = settings.beside
     for n in np.argsort([-_match(*pair) for pair in zip(sheets, throws, strict=True)], kind="stable").tolist():
-        nodes, normal = SheetNodes.of(sheets[n]), _normal(sheets[n])
-        reach = settings.beside
-        near = (bounds[:, 0] <= nodes.bounds[1] + reach) & (nodes.bounds[0] <= bounds[:, 1] + reach)
-        taken = np.zeros(len(nodes.points), bool)
-        for other, its in (kept[m] for m in np.flatnonzero(near.all(axis=1))):
-            if abs(float((normal * its).sum())) > np.cos(np.radians(settings.alike_deg)):
-                taken |= nodes.are_within(other, reach)
+        placed = _Placed.of(sheets[n])
+        its = placed.nodes.bounds
+        near = ((bounds[:, 0] <= its[1] + reach) & (its[0] <= bounds[:, 1] + reach)).all(axis=1)
+        taken = np.zeros(len(placed.normals), bool)
+        for m in np.flatnonzero(near):
+            taken |= placed.lies_on(kept[m], settings)
         if taken.any():
             parted[n] = _without(sheets[n], taken, settings)
         if parted[n].inside.any():
-            kept.append((SheetNodes.of(parted[n]), normal))
-            bounds = np.concatenate([bounds, kept[-1][0].bounds[None]])
+            kept.append(_Placed.of(parted[n]) if taken.any() else placed)
+            bounds = np.concatenate([bounds, kept[-1].nodes.bounds[None]])
     left = [n for n, sheet in enumerate(parted) if sheet.inside.any()]
     return [parted[n] for n in left], [throws[n] for n in left], [today[n] for n in left]
 
@@ -68,12 +71,31 @@ def _match(sheet: Sheet, throw: SheetThrow) -> float:
     return float(throw.fit[known].mean(dtype=np.float64)) * sheet.area**0.5 if known.any() else 0.0
 
 
-def _normal(sheet: Sheet) -> Float64Array:
-    """Return the unit normal of a sheet's mean attitude, in traces and samples."""
-    steps = np.diff(sheet.w, axis=1) / sheet.step
-    steps = steps[np.isfinite(steps)]
-    normal = np.append(sheet.across, -float(np.median(steps)) if steps.size else 0.0)
-    return np.asarray(normal / np.sqrt((normal**2).sum()))
+@dataclass(frozen=True, slots=True, eq=False)
+class _Placed:
+    """The nodes of a sheet, and its unit normal at each, in traces and samples."""
+
+    nodes: SheetNodes
+    normals: Float64Array
+
+    @classmethod
+    def of(cls, sheet: Sheet) -> _Placed:
+        at = np.nonzero(sheet.inside)
+        planes = local_planes(sheet.w.astype(np.float64), sheet.inside, at, _WIDTH)
+        flat = sheet.across - planes[:, 1:2] * sheet.along
+        normals = np.column_stack([flat, -planes[:, 2] / sheet.step])
+        return cls(SheetNodes.of(sheet), normals / np.sqrt((normals**2).sum(axis=1, keepdims=True)))
+
+    def lies_on(self, other: _Placed, settings: ChoiceSettings) -> BoolArray:
+        """Tell which nodes lie on another sheet, in its attitude there."""
+        near = np.flatnonzero(within_box(self.nodes.points, other.nodes.bounds, settings.beside))
+        found = np.zeros(len(self.normals), bool)
+        distance, nearest = other.nodes.tree.query(self.nodes.points[near], distance_upper_bound=settings.beside)
+        on = np.isfinite(distance)
+        near, nearest = near[on], np.asarray(nearest)[on]
+        alike = np.abs((self.normals[near] * other.normals[nearest]).sum(axis=1))
+        found[near] = alike > np.cos(np.radians(settings.alike_deg))
+        return found
 
 
 def _without(sheet: Sheet, taken: BoolArray, settings: ChoiceSettings) -> Sheet:

@@ -144,7 +144,7 @@ def extend_sheet(
         inside = np.isfinite(w)
         ring = ndimage.binary_dilation(inside, np.ones((3, 3), bool), iterations=_RING) & ~inside
         at = (np.nonzero(ring)[0], np.nonzero(ring)[1])
-        planes = _local_planes(w, inside, at, settings.width)
+        planes = local_planes(w, inside, at, settings.width)
         best, height = _continuing(wide, found, at, planes, settings)
         in_cube = _in_cube(wide, at, planes[:, 0], shape)
         new = in_cube & (_share_around(w.shape, at, best > 0.0, in_cube) >= settings.share)
@@ -204,8 +204,11 @@ def _beside(wide: Sheet, ridges: RidgePoints, spare: int, settings: ExtendSettin
     return _Beside(row, column, height, score[near].astype(np.float64), normals)
 
 
-def _local_planes(w: Float64Array, inside: BoolArray, at: tuple[IntArray, IntArray], width: float) -> Float64Array:
-    """Height and slopes, along rows and columns, at nodes beside a sheet: of the plane through it nearby."""
+def local_planes(w: Float64Array, inside: BoolArray, at: tuple[IntArray, IntArray], width: float) -> Float64Array:
+    """Return height and slopes, along rows and columns, at some nodes of a sheet's grid: of the plane through it nearby.
+
+    `width` is that of the Gaussian window, in nodes.
+    """
     reach = np.arange(-round(3.0 * width), round(3.0 * width) + 1)
     taps = np.exp(-0.5 * (reach / width) ** 2)
     planes = np.empty((len(at[0]), 3))
@@ -234,7 +237,7 @@ def _reach_the_end(
     inside = np.isfinite(w)
     ring = ndimage.binary_dilation(inside, np.ones((3, 3), bool), iterations=settings.rim) & ~inside
     at = (np.nonzero(ring)[0], np.nonzero(ring)[1])
-    height = _local_planes(w, inside, at, settings.width)[:, 0]
+    height = local_planes(w, inside, at, settings.width)[:, 0]
     points, last = _in_steps(wide, at, height), np.array(shape) - 1
     near = ((points < settings.rim) | (points > last - settings.rim)) & (last > 0)
     new = _in_cube(wide, at, height, shape) & near.any(axis=1)
