@@ -80,8 +80,8 @@ class _Placed:
 
     @classmethod
     def of(cls, sheet: Sheet) -> _Placed:
-        at = np.nonzero(sheet.inside)
-        planes = local_planes(sheet.w.astype(np.float64), sheet.inside, at, _WIDTH)
+        rows, columns = np.nonzero(sheet.inside)
+        planes = local_planes(sheet.w.astype(np.float64), sheet.inside, (rows, columns), _WIDTH)
         flat = sheet.across - planes[:, 1:2] * sheet.along
         normals = np.column_stack([flat, -planes[:, 2] / sheet.step])
         return cls(SheetNodes.of(sheet), normals / np.sqrt((normals**2).sum(axis=1, keepdims=True)))

@@ -205,7 +205,7 @@ def _beside(wide: Sheet, ridges: RidgePoints, spare: int, settings: ExtendSettin
 
 
 def local_planes(w: Float64Array, inside: BoolArray, at: tuple[IntArray, IntArray], width: float) -> Float64Array:
-    """Return height and slopes, along rows and columns, at some nodes of a sheet's grid: of the plane through it nearby.
+    """Return height and slopes, along rows and columns, at nodes of a sheet's grid: of the plane through it nearby.
 
     `width` is that of the Gaussian window, in nodes.
     """
