@@ -14,6 +14,8 @@ from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import SheetNodes, within_box
 from seismo3d.seismic.throw import SheetThrow
 
+# traces and samples within which a node is on another sheet
+_ON = 1.5
 # nodes around what another sheet has within which slivers, of fewer than three nodes across, are dropped
 _BESIDE = 3
 # nodes of the window in which a sheet's attitude is told
@@ -37,8 +39,7 @@ def part_doubles(
     throws, today : list of SheetThrow
         Their throws when they moved, and as they seem today.
     settings : ChoiceSettings
-        How near sheets are one fault (`beside`), how much they may be turned (`alike_deg`), and how large what remains
-        must be (`company_area`).
+        How much sheets on each other may be turned (`alike_deg`), and how large what remains must be (`company_area`).
 
     Returns
     -------
@@ -48,11 +49,10 @@ def part_doubles(
     parted = list(sheets)
     kept: list[_Placed] = []
     bounds = np.empty((0, 2, 3))
-    reach = settings.beside
     for n in np.argsort([-_match(*pair) for pair in zip(sheets, throws, strict=True)], kind="stable").tolist():
         placed = _Placed.of(sheets[n])
         its = placed.nodes.bounds
-        near = ((bounds[:, 0] <= its[1] + reach) & (its[0] <= bounds[:, 1] + reach)).all(axis=1)
+        near = ((bounds[:, 0] <= its[1] + _ON) & (its[0] <= bounds[:, 1] + _ON)).all(axis=1)
         taken = np.zeros(len(placed.normals), bool)
         for m in np.flatnonzero(near):
             taken |= placed.lies_on(kept[m], settings)
@@ -88,9 +88,9 @@ class _Placed:
 
     def lies_on(self, other: _Placed, settings: ChoiceSettings) -> BoolArray:
         """Tell which nodes lie on another sheet, in its attitude there."""
-        near = np.flatnonzero(within_box(self.nodes.points, other.nodes.bounds, settings.beside))
+        near = np.flatnonzero(within_box(self.nodes.points, other.nodes.bounds, _ON))
         found = np.zeros(len(self.normals), bool)
-        distance, nearest = other.nodes.tree.query(self.nodes.points[near], distance_upper_bound=settings.beside)
+        distance, nearest = other.nodes.tree.query(self.nodes.points[near], distance_upper_bound=_ON)
         on = np.isfinite(distance)
         near, nearest = near[on], np.asarray(nearest)[on]
         alike = np.abs((self.normals[near] * other.normals[nearest]).sum(axis=1))
