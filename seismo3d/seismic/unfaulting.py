@@ -105,7 +105,7 @@ def unfault(
     """
     check_cube(cube, faults)
     field = find_slip_field(faults, settings=settings, progress=progress)
-    out = _carry(np.asarray(getattr(cube, "values", cube)), field.displacement)
+    out = carry_amplitudes(np.asarray(getattr(cube, "values", cube)), field.displacement)
     return cube.copy(data=out).rename("unfaulted") if hasattr(cube, "dims") else out
 
 
@@ -310,8 +310,21 @@ def _follow(sheet: _SlipSheet, places: Float64Array, displacement: Float32Array,
     return np.asarray(sheet.nodes - 0.5 * sheet.slip - sheet.smooth(0.5 * (sides[0] + sides[1]), width))
 
 
-def _carry(values: AnyArray, displacement: Float32Array) -> Float32Array:
-    """Amplitudes at the displaced places, inline by inline."""
+def carry_amplitudes(values: AnyArray, displacement: Float32Array) -> Float32Array:
+    """Return the amplitudes at the displaced places, inline by inline.
+
+    Parameters
+    ----------
+    values : ndarray of shape (inline, crossline, sample)
+        A cube; NaN where there is no data.
+    displacement : ndarray of shape (3, inline, crossline, sample), float32
+        In traces and samples.
+
+    Returns
+    -------
+    ndarray of the cube's shape, float32
+        By cubic interpolation; 0 where the cube holds no data for a place, NaN on traces without any.
+    """
     known = np.isfinite(values)
     missing = ~known.any(axis=2)
     filled = np.where(known, values, 0.0).astype(np.float32)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from seismo3d.synthetic.bodies import Channel
 from seismo3d.synthetic.cubes import SyntheticCube, fault_cube, fault_section, make_cube
-from seismo3d.synthetic.cutoffs import present_slip
+from seismo3d.synthetic.cutoffs import exact_displacement, places_before, present_slip
 from seismo3d.synthetic.faulting import FaultPopulation, SyntheticFault, sample_faults
 from seismo3d.synthetic.folding import Folding, sample_folding
 from seismo3d.synthetic.noise import apply_agc, coloured_noise, migration_smiles
@@ -25,10 +25,12 @@ __all__ = [
     "SyntheticFault",
     "apply_agc",
     "coloured_noise",
+    "exact_displacement",
     "fault_cube",
     "fault_section",
     "make_cube",
     "migration_smiles",
+    "places_before",
     "present_slip",
     "recipe_of",
     "rgbd_sequence",

@@ -80,3 +80,31 @@ def find_counterparts(voxels, numbers, faults):
         for d in range(3):
             slips[n, d] = voxels[n, d] - place[d]
     return slips
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def follow_grains(shape, faults):
+    """Vectors from every place of a grid to where the grain that lay there before all faults moved lies today."""
+    moves = np.empty((3, shape[0], shape[1], shape[2]), np.float32)
+    for i in prange(shape[0]):
+        for x in range(shape[1]):
+            for s in range(shape[2]):
+                place = np.array([float(i), float(x), float(s)])
+                for m in range(len(faults)):
+                    place = _move(place, faults[m])
+                moves[0, i, x, s] = place[0] - i
+                moves[1, i, x, s] = place[1] - x
+                moves[2, i, x, s] = place[2] - s
+    return moves
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def undo_all(points, faults):
+    """Return where grains lay before all faults moved that lie at points today."""
+    before = np.empty(points.shape)
+    for n in prange(len(points)):
+        i, x, s = points[n, 0], points[n, 1], points[n, 2]
+        for m in range(len(faults) - 1, -1, -1):
+            i, x, s = k.undo_fault(i, x, s, faults[m])[:3]
+        before[n, 0], before[n, 1], before[n, 2] = i, x, s
+    return before

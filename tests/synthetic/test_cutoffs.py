@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from seismo3d.errors import ShapeError
-from seismo3d.synthetic import SyntheticFault, fault_cube, fault_section, present_slip, sample_faults
+from seismo3d.synthetic import (
+    SyntheticFault,
+    exact_displacement,
+    fault_cube,
+    fault_section,
+    places_before,
+    present_slip,
+    sample_faults,
+)
 from seismo3d.synthetic import _kernels as kernels
 from seismo3d.synthetic._kernels_cutoffs import move_on_side, undo_on_side
 from seismo3d.synthetic.faulting import FaultPopulation, fault_rows
@@ -78,3 +86,28 @@ def test_faults_below_an_unconformity_are_left_out():
 def test_section_is_refused():
     with pytest.raises(ShapeError, match="three axes"):
         present_slip(fault_section("clean", shape=SHAPE))
+
+
+def test_displacement_leads_to_where_grains_lie_today():
+    cube = one_fault(*sample_faults(np.random.default_rng(4), SHAPE, POPULATION)[:4])
+    moves = exact_displacement(cube)
+    known = np.isfinite(moves).all(axis=0)
+    assert known.mean() > 0.99
+    before = np.argwhere(known).astype(np.float64)
+    today = before + moves[:, known].T
+    assert np.abs(today - before).max() > 3.0
+    np.testing.assert_allclose(places_before(cube, today), before, atol=1e-2)
+
+
+def test_uniform_throw_moves_the_hanging_wall_alone():
+    cube = one_fault(SyntheticFault((16, 16, 24), 0.0, 85.0, 5.0, share=1.0))
+    down = exact_displacement(cube)[2]
+    assert set(np.round(np.unique(down), 3)) == {0.0, 5.0}
+
+
+def test_displacement_is_told_of_cubes_alone():
+    section = fault_section("clean", shape=SHAPE)
+    with pytest.raises(ShapeError, match="expected three axes"):
+        exact_displacement(section)
+    with pytest.raises(ShapeError, match="expected three axes"):
+        places_before(section, np.zeros((1, 3)))
