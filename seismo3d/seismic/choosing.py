@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._typing import AnyArray, BoolArray
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.misfit import NOISES
 from seismo3d.seismic.sheet_distances import SheetNodes
@@ -170,13 +171,15 @@ def end_where_still(
     inside = ndimage.binary_opening(sheet.inside & ~still, np.ones((min(3, sheet.w.shape[0]), 3), bool))
     parts, n_parts = ndimage.label(inside, np.ones((3, 3)))
     if n_parts > 1:
-        sizes = np.bincount(parts.ravel())[1:]
-        inside &= np.isin(parts, 1 + np.flatnonzero(sizes * sheet.step >= settings.company_area))
-    empty = np.float32(np.nan)
-    return (
-        replace(sheet, w=np.where(inside, sheet.w, empty), score=np.where(inside, sheet.score, empty)),
-        replace(throw, throw=np.where(inside, throw.throw, empty)),
-    )
+        inside &= are_large(parts, settings.company_area / sheet.step)
+    return sheet.only(inside), replace(throw, throw=np.where(inside, throw.throw, np.float32(np.nan)))
+
+
+def are_large(parts: AnyArray, least: float) -> BoolArray:
+    """Mark what belongs to a part of at least so many places; parts are numbered from 1, as ``label`` does."""
+    large = np.bincount(parts.ravel()) >= least
+    large[0] = False
+    return np.asarray(large[parts])
 
 
 def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSettings) -> list[int]:

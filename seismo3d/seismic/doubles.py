@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float64Array
-from seismo3d.seismic.choosing import ChoiceSettings
+from seismo3d.seismic.choosing import ChoiceSettings, are_large
 from seismo3d.seismic.extending import local_planes
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.sheet_distances import SheetNodes, within_box
+from seismo3d.seismic.sheet_distances import SheetNodes, near_boxes, within_box
 from seismo3d.seismic.throw import SheetThrow
 
 # traces and samples within which a node is on another sheet
@@ -51,10 +51,8 @@ def part_doubles(
     bounds = np.empty((0, 2, 3))
     for n in np.argsort([-_match(*pair) for pair in zip(sheets, throws, strict=True)], kind="stable").tolist():
         placed = _Placed.of(sheets[n])
-        its = placed.nodes.bounds
-        near = ((bounds[:, 0] <= its[1] + _ON) & (its[0] <= bounds[:, 1] + _ON)).all(axis=1)
         taken = np.zeros(len(placed.normals), bool)
-        for m in np.flatnonzero(near):
+        for m in near_boxes(bounds, placed.nodes.bounds, _ON):
             taken |= placed.lies_on(kept[m], settings)
         if taken.any():
             parted[n] = _without(sheets[n], taken, settings)
@@ -105,9 +103,5 @@ def _without(sheet: Sheet, taken: BoolArray, settings: ChoiceSettings) -> Sheet:
     rest = sheet.inside & ~removed
     slivers = rest & ~ndimage.binary_opening(rest, _NEIGHBOURS)
     rest &= ~(slivers & ndimage.binary_dilation(removed, _NEIGHBOURS, iterations=_BESIDE))
-    parts, n_parts = ndimage.label(rest, _NEIGHBOURS)
-    if n_parts:
-        sizes = np.bincount(parts.ravel())[1:] * sheet.step
-        rest &= np.isin(parts, 1 + np.flatnonzero(sizes >= settings.company_area))
-    empty = np.float32(np.nan)
-    return replace(sheet, w=np.where(rest, sheet.w, empty), score=np.where(rest, sheet.score, empty))
+    parts, _ = ndimage.label(rest, _NEIGHBOURS)
+    return sheet.only(are_large(parts, settings.company_area / sheet.step))

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, fit_terms
-from seismo3d.seismic.sheet_distances import are_near, bounds_of, within_box
+from seismo3d.seismic.sheet_distances import are_near, bounds_of, near_boxes, within_box
 
 # a place's part of the roughness of a surface, in squared traces, is at most this
 _ROUGHEST = 25.0
@@ -209,9 +209,8 @@ def _near_pairs(nodes: list[Float64Array], reach: float) -> Iterator[tuple[int, 
     """Give all pairs of faults whose boxes come within reach, each once, the later first."""
     bounds = np.array([bounds_of(places) for places in nodes]).reshape(len(nodes), 2, 3)
     for i in range(len(nodes)):
-        near = (bounds[:i, 0] <= bounds[i, 1] + reach) & (bounds[i, 0] <= bounds[:i, 1] + reach)
-        for j in np.flatnonzero(near.all(axis=1)):
-            yield i, int(j)
+        for j in near_boxes(bounds[:i], bounds[i], reach):
+            yield i, j
 
 
 def _part_from_other(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Protocol
 
@@ -125,6 +125,11 @@ class Sheet:
     def area(self) -> float:
         """Size of the sheet's grid: traces along strike times samples."""
         return float(self.inside.sum()) * self.step
+
+    def only(self, inside: BoolArray) -> Sheet:
+        """Return the sheet without the nodes that are not among these."""
+        empty = np.float32(np.nan)
+        return replace(self, w=np.where(inside, self.w, empty), score=np.where(inside, self.score, empty))
 
     def points(self, rows: Float64Array, columns: Float64Array, w: Float64Array) -> Float64Array:
         """Return (inline, crossline, sample) of grid places; all arguments of shape (n,)."""

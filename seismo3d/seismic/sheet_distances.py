@@ -91,3 +91,9 @@ def bounds_of(points: Float64Array) -> Float64Array:
 def are_near(one: Float64Array, other: Float64Array, reach: float) -> bool:
     """Tell whether two boxes, as :func:`bounds_of` gives them, come within a distance along every axis."""
     return bool((one[0] <= other[1] + reach).all() and (other[0] <= one[1] + reach).all())
+
+
+def near_boxes(boxes: Float64Array, box: Float64Array, reach: float) -> list[int]:
+    """Return the numbers of those of many boxes, of shape (n, 2, coordinate), for which :func:`are_near` holds."""
+    near = (boxes[:, 0] <= box[1] + reach) & (box[0] <= boxes[:, 1] + reach)
+    return [int(n) for n in np.flatnonzero(near.all(axis=1))]

@@ -66,17 +66,30 @@ def _move(place, f):
     return out
 
 
+@njit(cache=True, nogil=True)
+def _undo_from(place, faults, first):
+    """Bring a grain, in place, back to before the faults from a first one on moved."""
+    for m in range(len(faults) - 1, first - 1, -1):
+        place[0], place[1], place[2] = k.undo_fault(place[0], place[1], place[2], faults[m])[:3]
+
+
+@njit(cache=True, nogil=True)
+def _move_from(place, faults, first):
+    """Return where a grain lies after the faults from a first one on have moved."""
+    for m in range(first, len(faults)):
+        place = _move(place, faults[m])
+    return place
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def find_counterparts(voxels, numbers, faults):
     """Vectors to voxels of faults (numbered from the oldest, 0) from where their footwall counterparts lie today."""
     slips = np.empty(voxels.shape)
     for n in prange(len(voxels)):
         place = voxels[n].copy()
-        for m in range(len(faults) - 1, numbers[n], -1):
-            place[0], place[1], place[2] = k.undo_fault(place[0], place[1], place[2], faults[m])[:3]
+        _undo_from(place, faults, numbers[n] + 1)
         place = move_on_side(undo_on_side(place, faults[numbers[n]], True), faults[numbers[n]], False)
-        for m in range(numbers[n] + 1, len(faults)):
-            place = _move(place, faults[m])
+        place = _move_from(place, faults, numbers[n] + 1)
         for d in range(3):
             slips[n, d] = voxels[n, d] - place[d]
     return slips
@@ -89,9 +102,7 @@ def follow_grains(shape, faults):
     for i in prange(shape[0]):
         for x in range(shape[1]):
             for s in range(shape[2]):
-                place = np.array([float(i), float(x), float(s)])
-                for m in range(len(faults)):
-                    place = _move(place, faults[m])
+                place = _move_from(np.array([float(i), float(x), float(s)]), faults, 0)
                 moves[0, i, x, s] = place[0] - i
                 moves[1, i, x, s] = place[1] - x
                 moves[2, i, x, s] = place[2] - s
@@ -101,10 +112,7 @@ def follow_grains(shape, faults):
 @njit(cache=True, nogil=True, parallel=True)
 def undo_all(points, faults):
     """Return where grains lay before all faults moved that lie at points today."""
-    before = np.empty(points.shape)
+    before = points.copy()
     for n in prange(len(points)):
-        i, x, s = points[n, 0], points[n, 1], points[n, 2]
-        for m in range(len(faults) - 1, -1, -1):
-            i, x, s = k.undo_fault(i, x, s, faults[m])[:3]
-        before[n, 0], before[n, 1], before[n, 2] = i, x, s
+        _undo_from(before[n], faults, 0)
     return before
