@@ -6,56 +6,65 @@ import numpy as np
 from numba import njit, prange
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _off(t, reach):  # type: ignore[no-untyped-def]
-    """Return how far off the surface a trace lies: -reach .. -1, then 1 .. reach."""
-    return t - reach if t < reach else t - reach + 1
+@njit(cache=True, nogil=True)
+def _between(values, known, at, r, k):  # type: ignore[no-untyped-def]
+    """Return the value of a profile at a fractional trace, and whether it is known."""
+    low = int(np.floor(at))
+    share = at - low
+    value = 0.0
+    for t, weight in ((low, 1.0 - share), (low + 1, share)):
+        if weight > 1e-3:
+            if t < 0 or t >= values.shape[0] or not known[t, r, k]:
+                return 0.0, False
+            value += weight * values[t, r, k]
+    return value, True
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def split_profiles(values, known, farthest, within, contrast):  # type: ignore[no-untyped-def]
-    """Write, for every break from -farthest to farthest, what its two sides leave, and how far their means lie apart.
+def split_profiles(values, known, moved, within, contrast):  # type: ignore[no-untyped-def]
+    """Write, for every break, the variance that its two sides leave, and the squared distance of their means.
 
-    `values` of shape (2 reach, rows, samples) are the traces at -reach .. -1 and 1 .. reach off the surface. `within`
-    is the mean square about the means of what lies before and beyond the break, times the share of the traces that are
-    known; the trace at the break itself does not count.
+    `values` of shape (traces, rows, samples) are the traces of a profile across the surface, whose middle one lies on
+    it, and `moved` of shape (rows, samples) is how far the surface has been moved since. `within` and `contrast` of
+    shape (2 reach - 1, rows, samples) are of the breaks -reach + 1 .. reach - 1 off it, of the traces up to reach off
+    it; the trace at the break itself does not count. Both are 0 where nothing is known on one side of the surface.
     """
-    n_traces, n_rows, n_samples = values.shape
-    reach = n_traces // 2
+    n_breaks, n_rows, n_samples = within.shape
+    reach, middle = (n_breaks + 1) // 2, values.shape[0] // 2
     for line in prange(n_rows):
         r = np.int64(line)
+        trace, told = np.empty(2 * reach + 1), np.empty(2 * reach + 1, np.bool_)
         for k in range(n_samples):
-            n_known, n_before = 0.0, 0.0
-            total, before = 0.0, 0.0
-            square, square_before = 0.0, 0.0
-            for t in range(n_traces):
-                if known[t, r, k]:
-                    value = float(values[t, r, k])
+            n_known, total, square = 0.0, 0.0, 0.0
+            on_left, on_right = False, False
+            for t in range(2 * reach + 1):
+                trace[t], told[t] = _between(values, known, middle + moved[r, k] + t - reach, r, k)
+                if told[t]:
+                    on_left |= t < reach
+                    on_right |= t > reach
                     n_known += 1.0
-                    total += value
-                    square += value * value
-            t = 0
-            for place in range(2 * farthest + 1):
-                b = place - farthest
-                # what lies before the break; the trace at it is passed by below
-                while t < n_traces and _off(t, reach) < b:
-                    if known[t, r, k]:
-                        value = float(values[t, r, k])
-                        n_before += 1.0
-                        before += value
-                        square_before += value * value
-                    t += 1
+                    total += trace[t]
+                    square += trace[t] ** 2
+            n_before, before, square_before = 0.0, 0.0, 0.0
+            for b in range(n_breaks):
+                within[b, r, k], contrast[b, r, k] = 0.0, 0.0
+                if not (on_left and on_right):
+                    continue
+                # traces up to b lie before the break, the next is the one at it
+                if told[b]:
+                    n_before += 1.0
+                    before += trace[b]
+                    square_before += trace[b] ** 2
                 n_beyond, beyond, square_beyond = n_known - n_before, total - before, square - square_before
-                if t < n_traces and _off(t, reach) == b and known[t, r, k]:
-                    value = float(values[t, r, k])
+                if told[b + 1]:
                     n_beyond -= 1.0
-                    beyond -= value
-                    square_beyond -= value * value
+                    beyond -= trace[b + 1]
+                    square_beyond -= trace[b + 1] ** 2
                 left = 0.0
                 if n_before > 0.0:
                     left += max(square_before - before * before / n_before, 0.0)
                 if n_beyond > 0.0:
                     left += max(square_beyond - beyond * beyond / n_beyond, 0.0)
-                within[place, r, k] = left * n_known / (n_traces * max(n_before + n_beyond, 1.0))
-                apart = before / n_before - beyond / n_beyond if n_before > 0.0 and n_beyond > 0.0 else 0.0
-                contrast[place, r, k] = apart * apart
+                within[b, r, k] = left / max(n_before + n_beyond, 1.0)
+                if n_before > 0.0 and n_beyond > 0.0:
+                    contrast[b, r, k] = (before / n_before - beyond / n_beyond) ** 2

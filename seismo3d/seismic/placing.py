@@ -20,23 +20,14 @@ class PlaceSettings:
     Attributes
     ----------
     reach : int
-        Traces on either side that are told apart.
-    farthest : int
-        Farthest that the surface is moved.
+        Traces on either side that are told apart: half as many again once the surface has been moved.
     along_strike, down : float
-        Widths of the Gaussian window over which breaks are weighed.
-    stay : float
-        Cost of a move by a trace, as a share of what sets the two sides apart.
-    smoothing : tuple of (float, float)
-        Widths, along the strike and down, of the Gaussian over which moves are averaged.
+        Widths of the Gaussian window over which breaks are weighed, and over which moves are averaged.
     """
 
     reach: int = 4
-    farthest: int = 3
     along_strike: float = 3.0
     down: float = 4.0
-    stay: float = 0.01
-    smoothing: tuple[float, float] = (4.0, 5.0)
 
 
 def read_profile(
@@ -52,16 +43,17 @@ def read_profile(
 ) -> tuple[Float32Array, BoolArray]:
     """Read the traces on both sides of a sheet, each carried to it along its dips.
 
-    Takes what :func:`~seismo3d.seismic.throw.gather_sides` does. Returns the traces at -reach .. -1 and 1 .. reach, at
-    every row and sample of the sheet, and where they are known.
+    Takes what :func:`~seismo3d.seismic.throw.gather_sides` does. Returns the traces at -reach .. reach, at every
+    row and sample of the sheet, and where they are known.
     """
     w = every_sample(sheet) if w is None else w
-    shape = (2 * settings.reach, *w.shape)
+    shape = (2 * settings.reach + 1, *w.shape)
     values, known = np.zeros(shape, np.float32), np.zeros(shape, bool)
-    for off in range(1, settings.reach + 1):
+    for off in range(settings.reach + 1):
         only = replace(throw, near=off, far=off)
         both, read, _ = gather_sides(volume, valid, slopes, sheet, settings=only, w=w, off=0, corner=corner)
-        for side, trace in enumerate((settings.reach - off, settings.reach + off - 1)):
+        # on the surface itself they are one
+        for side, trace in enumerate((settings.reach - off, settings.reach + off)):
             values[trace], known[trace] = both[side], read[side] > 0.0
     return values, known
 
@@ -77,16 +69,18 @@ def place_sheet(
     r"""Move a sheet to the break between the traces on its two sides.
 
     Carried to the surface along their layers, the traces on one side of a fault are alike. Of all breaks :math:`b`
-    that the profile of traces :math:`u_o` across the surface may have, the fault is the one that leaves the least,
-    :math:`\sum_{o<b} (u_o - \bar u_{<b})^2 + \sum_{o>b} (u_o - \bar u_{>b})^2`, as a change of a mean is found in a
-    series [1]_. The sum is taken over a window along the surface, in which a fault keeps its place. Crests of support
-    lie off it where another fault, or the cube's end, bends them.
+    that the profile of traces :math:`u_o` across the surface may have, the fault is the one that leaves the least
+    variance, :math:`\sum_{o<b} (u_o - \bar u_{<b})^2 + \sum_{o>b} (u_o - \bar u_{>b})^2`, as a change of a mean is
+    found in a series [1]_; the trace at the break may hold both sides. The sum is taken over a window along the
+    surface, in which a fault keeps its place, and the parabola through the least one and its neighbours tells the place
+    between traces. Where the surface was far off, few traces were left on one side: from its new place it is told
+    again, by the nearest ones. Crests of support lie off the fault where another one, or the cube's end, bends them.
 
     Parameters
     ----------
     sheet : Sheet
         The fault.
-    values, known : ndarray of shape (2 reach, rows, samples)
+    values, known : ndarray of shape (2 reach + 1, rows, samples)
         From :func:`read_profile`.
     settings : PlaceSettings, optional
         Windows and limits.
@@ -101,25 +95,38 @@ def place_sheet(
     .. [1] D. V. Hinkley, Biometrika 57(1), 1-17, 1970. :doi:`10.1093/biomet/57.1.1`
     """
     settings = settings or PlaceSettings()
-    breaks = np.arange(-settings.farthest, settings.farthest + 1)
-    shape = (len(breaks), *values.shape[1:])
-    within, contrast = np.empty(shape, np.float32), np.empty(shape, np.float32)
-    split_profiles(values, known, settings.farthest, within, contrast)
+    inside = np.isfinite(every_sample(sheet))
+    moved = np.zeros(inside.shape, np.float32)
+    for reach in (settings.reach, settings.reach // 2):
+        moved += _find_move(values, known, moved, inside, reach, settings)
+    return replace(sheet, w=sheet.w + moved[:, np.arange(sheet.w.shape[1]) * sheet.step])
+
+
+def _find_move(
+    values: Float32Array, known: BoolArray, moved: Float32Array, inside: BoolArray, reach: int, settings: PlaceSettings
+) -> Float32Array:
+    """Return how far a surface that was moved is to be moved on: to the break between the traces within reach."""
     width = (settings.along_strike, settings.down)
-    for place in range(len(breaks)):
-        for maps in (within, contrast):
-            maps[place] = ndimage.gaussian_filter(maps[place], width, mode="constant")
+    within, contrast = np.empty((2, 2 * reach - 1, *inside.shape), np.float32)
+    split_profiles(values, known, moved, within, contrast)
+    for maps in (within, contrast):
+        for place, values_there in enumerate(maps):
+            maps[place] = ndimage.gaussian_filter(values_there, width, mode="constant")
     apart = contrast.max(axis=0)
-    inside = np.isfinite(every_sample(sheet)) & (apart > 0.0)
-    if not inside.any():
-        return sheet
-    cost = within / np.where(inside, apart, 1.0) + settings.stay * np.abs(breaks)[:, None, None]
-    move = np.where(inside, breaks[cost.argmin(axis=0)], 0.0)
+    told = inside & (apart > 0.0)
+    if not told.any():
+        return np.zeros_like(moved)
+    move = np.where(told, _lowest(within) - (reach - 1), 0.0)
     # what hardly differs tells little of where it changes
-    weight = np.where(inside, np.sqrt(np.minimum(apart / np.median(apart[inside]), 1.0)), 0.0)
-    total, share = (
-        ndimage.gaussian_filter(part, settings.smoothing, mode="nearest") for part in (move * weight, weight)
-    )
-    columns = np.arange(sheet.w.shape[1]) * sheet.step
-    moved = np.where(share > 1e-6, total / np.maximum(share, 1e-6), 0.0)[:, columns]
-    return replace(sheet, w=sheet.w + moved.astype(np.float32))
+    weight = np.where(told, np.sqrt(np.minimum(apart / np.median(apart[told]), 1.0)), 0.0)
+    total, share = (ndimage.gaussian_filter(part, width, mode="nearest") for part in (move * weight, weight))
+    return np.where(share > 1e-6, total / np.maximum(share, 1e-6), 0.0).astype(np.float32)
+
+
+def _lowest(values: Float32Array) -> Float32Array:
+    """Return where along the first axis values are least: between two by a parabola, except at the ends."""
+    least = values.argmin(axis=0)
+    inner = np.clip(least, 1, len(values) - 2)
+    before, at, after = (np.take_along_axis(values, inner[None] + aside, axis=0)[0] for aside in (-1, 0, 1))
+    between = 0.5 * (before - after) / np.maximum(before - 2.0 * at + after, 1e-30)
+    return np.where(least == inner, least + np.clip(between, -0.5, 0.5), least).astype(np.float32)

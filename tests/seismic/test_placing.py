@@ -17,41 +17,53 @@ def sheet_at(w, rows=40, columns=30):
 
 
 def profile_with_break(rows, samples, at, rng, noise=0.0):
-    """Traces at -reach .. -1 and 1 .. reach of two layered sides that meet at the trace `at`, an array over rows."""
+    """Traces at -reach .. reach of two layered sides that meet at `at`, an array over rows, and may share a trace."""
     left, right = rng.normal(size=(2, samples)).astype(np.float32)
-    off = np.array([*range(-REACH, 0), *range(1, REACH + 1)])[:, None, None]
-    at = np.asarray(at)[None, :, None]
-    values = np.where(off < at, left, np.where(off > at, right, 0.5 * (left + right))) + noise * rng.normal(
-        size=(2 * REACH, rows, samples)
-    )
-    return values.astype(np.float32), np.ones((2 * REACH, rows, samples), bool)
+    off = np.arange(-REACH, REACH + 1)[:, None, None]
+    share = np.clip(off - np.asarray(at)[None, :, None] + 0.5, 0.0, 1.0)
+    values = (1.0 - share) * left + share * right + noise * rng.normal(size=(len(off), rows, samples))
+    return values.astype(np.float32), np.ones(values.shape, bool)
 
 
-def test_splits_equal_their_definition(rng):
-    values = rng.normal(size=(2 * REACH, 3, 5)).astype(np.float32)
+@pytest.mark.parametrize("moved", [0.0, 1.0, -0.25])
+def test_splits_equal_their_definition(rng, moved):
+    values = rng.normal(size=(7, 3, 5)).astype(np.float32)
     known = rng.random(values.shape) < 0.7
     known[:, 0, 0] = False
-    known[:REACH, 1, 1] = False
-    within, contrast = np.empty((2, 7, 3, 5), np.float32)
-    split_profiles(values, known, 3, within, contrast)
-    off = np.array([*range(-REACH, 0), *range(1, REACH + 1)])
-    for place, b in enumerate(range(-3, 4)):
-        for r, k in np.ndindex(3, 5):
-            sides = [values[on & known[:, r, k], r, k].astype(float) for on in (off < b, off > b)]
-            left = sum(((side - side.mean()) ** 2).sum() for side in sides if side.size)
-            n, share = sum(side.size for side in sides), known[:, r, k].mean()
-            assert within[place, r, k] == pytest.approx(left / n * share if n else 0.0, abs=1e-5)
-            apart = sides[0].mean() - sides[1].mean() if all(side.size for side in sides) else 0.0
-            assert contrast[place, r, k] == pytest.approx(apart**2, abs=1e-5)
+    known[:3, 1, 1] = False
+    known[4:, 2, 2] = False
+    within, contrast = np.empty((2, 5, 3, 5), np.float32)
+    split_profiles(values, known, np.full((3, 5), moved, np.float32), within, contrast)
+    for r, k in np.ndindex(3, 5):
+        at = np.arange(7) + moved
+        there = np.where(known[:, r, k], values[:, r, k], np.nan)
+        read = np.interp(at, np.arange(7), there, left=np.nan, right=np.nan)
+        assert (known[:, r, k] == np.isfinite(read)).all() or moved != 0.0
+        told = np.isfinite(read[:3]).any() and np.isfinite(read[4:]).any()
+        for b in range(5):
+            sides = [part[np.isfinite(part)].astype(float) for part in (read[: b + 1], read[b + 2 :])]
+            left, n = sum(((s - s.mean()) ** 2).sum() for s in sides if s.size), sum(s.size for s in sides)
+            assert within[b, r, k] == pytest.approx(left / n if told and n else 0.0, abs=1e-5)
+            apart = sides[0].mean() - sides[1].mean() if told and all(s.size for s in sides) else 0.0
+            assert contrast[b, r, k] == pytest.approx(apart**2, abs=1e-5)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.5])
-@pytest.mark.parametrize("at", [-2.0, 0.0, 1.0, 3.0])
+@pytest.mark.parametrize("at", [-2.0, -0.5, 0.0, 0.3, 1.0, 2.5])
 def test_a_sheet_is_moved_to_the_break(rng, at, noise):
     sheet = sheet_at(7.0)
     moved = place_sheet(sheet, *profile_with_break(40, 59, np.full(40, at), rng, noise))
     error = np.abs(moved.w - (7.0 + at))
-    assert (error.max() if noise == 0.0 else np.median(error)) < 0.1
+    assert np.median(error) < 0.2 if noise else error.max() < 0.1
+
+
+def test_a_side_without_data_leaves_a_sheet_where_it_is(rng):
+    # what is known on the one side alone varies, too: that is no fault
+    values = rng.normal(size=(2 * REACH + 1, 40, 59)).astype(np.float32)
+    known = np.ones(values.shape, bool)
+    known[:REACH] = False
+    sheet = sheet_at(3.0)
+    assert (place_sheet(sheet, values, known).w == sheet.w).all()
 
 
 def test_a_bend_of_the_sheet_is_taken_out_where_it_is(rng):
@@ -87,8 +99,8 @@ def test_a_profile_reads_the_traces_off_the_sheet_along_their_layers():
         volume, np.ones(volume.shape, bool), slopes, sheet, throw=ThrowSettings(), settings=PlaceSettings()
     )
     inner = np.s_[2:18, 8:50]
-    assert values.shape == (2 * REACH, 20, 59)
+    assert values.shape == (2 * REACH + 1, 20, 59)
     assert known[(slice(None), *inner)].all()
-    for side in (values[:REACH], values[REACH:]):
+    for side in (values[:REACH], values[REACH + 1 :]):
         assert np.abs(side - side[0])[(slice(None), *inner)].max() < 0.02
     assert place_sheet(sheet, values, known).w == pytest.approx(sheet.w, abs=0.05)

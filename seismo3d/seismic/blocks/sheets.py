@@ -139,7 +139,7 @@ def place(run: BlockRun, number: int) -> None:
     """Move a fault to where the layers on its two sides break."""
     sheet = unpack("sheet", run.fact("choice"), Sheet)[number]
     settings = run.settings.place
-    values, known = join_parts(run, "profiles", sheet, number, 2 * settings.reach)
+    values, known = join_parts(run, "profiles", sheet, number, 2 * settings.reach + 1)
     run.write_part("place", number, pack("sheet", [place_sheet(sheet, values, known, settings=settings)]))
 
 
