@@ -108,10 +108,10 @@ def _find_run(cut, middle, half, n2):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def read_runs(volume, valid, cuts, depth, half, out, known):  # type: ignore[no-untyped-def]
+def read_runs(volume, valid, cuts, depth, half, clear, out, known):  # type: ignore[no-untyped-def]
     """Write amplitudes from `half` samples above every depth to `half` below, and 1 where there are any, else 0.
 
-    There are none beyond a fault that the trace crosses.
+    There are none beyond a fault that the trace crosses, nor less than `clear` samples before it.
     """
     n0, n1, n2 = volume.shape
     for line in prange(n0):
@@ -125,10 +125,12 @@ def read_runs(volume, valid, cuts, depth, half, out, known):  # type: ignore[no-
             first, last = _find_run(cuts[i, j], middle, half + 1, n2)
             if last <= first:
                 continue
+            low = first + (clear if first > 0 and cuts[i, j, first - 1] & np.uint8(4) else 0)
+            high = last - (clear if cuts[i, j, last] & np.uint8(4) else 0)
             for t in range(2 * half + 1):
                 z = depth[i, j] + t - half
                 b = int(np.floor(z))
-                if b >= first and b + 1 <= last and valid[i, j, b] and valid[i, j, b + 1]:
+                if b >= low and b + 1 <= high and valid[i, j, b] and valid[i, j, b + 1]:
                     out[i, j, t] = _read_cubic(volume[i, j], z, first, last)
                     known[i, j, t] = 1.0
 

@@ -74,11 +74,14 @@ def find_levels(layers: LayerVolumes, target: Float64Array, beyond: float) -> Fl
     return crossings
 
 
-def read_around(layers: LayerVolumes, depth: Float64Array, half: int) -> Waves:
-    """Return the amplitudes up to `half` samples from every depth, and 1 where there are any, on its side of faults."""
+def read_around(layers: LayerVolumes, depth: Float64Array, half: int, *, clear: int = 0) -> Waves:
+    """Return the amplitudes up to `half` samples from every depth, and 1 where there are any, on its side of faults.
+
+    Within `clear` samples of a fault none count.
+    """
     waves, known = _room(depth, half)
     for at, (volume, valid, cuts) in layer_pieces(layers, "volume", "valid", "cuts"):
-        read_runs(volume, valid, cuts, depth[at], half, waves[at], known[at])
+        read_runs(volume, valid, cuts, depth[at], half, clear, waves[at], known[at])
     return waves, known
 
 

@@ -41,6 +41,8 @@ class TrackSettings:
         Half-length of the waveform that is followed from trace to trace.
     most : float
         Farthest that a trace is moved to fit its neighbours.
+    clear : int
+        Samples of it next to a fault that do not count: they hold some of what lies beyond.
     rim : int
         Traces this close to a fault, whose waveforms hold some of what lies beyond it, go where the part's inner traces
         lead to.
@@ -68,6 +70,7 @@ class TrackSettings:
 
     near: int = 16
     most: float = 2.0
+    clear: int = 2
     rim: int = 4
     bend: float = 4.0
     even: float = 4.0
@@ -158,17 +161,17 @@ def _miss(depth: Float64Array, chosen: BoolArray, index: Float64Array) -> float 
     return float(below[near].mean()) if near.any() else None
 
 
-def _mean_waveform(layers: LayerModel, depth: Float64Array, chosen: BoolArray, half: int) -> Float32Array:
-    waves, known = read_around(layers, np.where(chosen, depth, np.nan), half)
+def _mean_waveform(layers: LayerModel, depth: Float64Array, chosen: BoolArray, half: int, clear: int) -> Float32Array:
+    waves, known = read_around(layers, np.where(chosen, depth, np.nan), half, clear=clear)
     total = known.sum(axis=(0, 1))
     return ((waves * known).sum(axis=(0, 1)) / np.maximum(total, 1.0)).astype(np.float32)
 
 
 def _read_smoothly(
-    layers: LayerModel, depth: Float64Array, parts: IntArray, half: int
+    layers: LayerModel, depth: Float64Array, parts: IntArray, half: int, clear: int
 ) -> tuple[Float32Array, Float32Array]:
     """Amplitudes of every trace averaged with its neighbours of the same part, and the share of them that is known."""
-    waves, known = read_around(layers, depth, half)
+    waves, known = read_around(layers, depth, half, clear=clear)
     smooth = _smooth_parts(np.concatenate([waves * known, known], axis=2), parts, 1.0)
     waves, known = (np.ascontiguousarray(a).reshape(depth.size, -1) for a in np.split(smooth, 2, axis=2))
     waves /= np.maximum(known, 1e-6)
@@ -195,13 +198,14 @@ def _score_stretched(
     """
     stretch = settings.stretch
     shares = np.linspace(-stretch, stretch, 2 * _STRETCHES + 1)
-    long = _mean_waveform(layers, depth, chosen, int(np.ceil(settings.near * (1.0 + 2.0 * stretch))) + 1)
+    half = int(np.ceil(settings.near * (1.0 + 2.0 * stretch))) + 1
+    long = _mean_waveform(layers, depth, chosen, half, settings.clear)
     references = stretched(long, settings.near, shares, layers.spectrum)
-    waves, known = _read_smoothly(layers, depth, parts, settings.near + reach)
+    waves, known = _read_smoothly(layers, depth, parts, settings.near + reach, settings.clear)
     lags = [_match_traces(waves, known, wave, reach, 0.5) for wave in references]
     scores = np.stack(lags).reshape(len(shares), *depth.shape, -1)
     # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
-    whole = read_around(layers, depth, settings.near)[1].mean(axis=2)[..., None] > _WHOLE
+    whole = read_around(layers, depth, settings.near, clear=settings.clear)[1].mean(axis=2)[..., None] > _WHOLE
     fits = np.moveaxis(scores.max(axis=3), 0, -1)
     gain = np.where(whole, fits - fits[..., _STRETCHES, None], np.float32(0.0))
     both = _smooth_parts(np.concatenate([gain, whole], axis=2).astype(np.float32), parts, settings.even)

@@ -218,11 +218,19 @@ def test_layers_repeat_at_a_reverse_fault_and_waveforms_end_at_it() -> None:
         np.testing.assert_allclose(crossings[:, 1, 1], [62.0 if beyond > 3.0 else np.nan, np.nan, np.nan])
     volume = times.copy()
     valid = np.ones(times.shape, bool)
-    for read, extra in ((read_runs, ()), (read_layers, (times,))):
+    for read, before, after, n_known in (
+        (read_runs, (), (0,), 11),
+        (read_runs, (), (2,), 9),
+        (read_layers, (times,), (), 11),
+    ):
         waves, known = (np.empty((2, 2, 17), np.float32) for _ in range(2))
-        read(volume, valid, *extra, cuts, np.full((2, 2), 26.5), 8, waves, known)
-        assert known[0, 0].tolist() == [1.0] * 11 + [0.0] * 6
-        np.testing.assert_allclose(waves[0, 0, :11], 18.5 + np.arange(11), rtol=1e-6)
+        read(volume, valid, *before, cuts, np.full((2, 2), 26.5), 8, *after, waves, known)
+        assert known[0, 0].tolist() == [1.0] * n_known + [0.0] * (17 - n_known)
+        np.testing.assert_allclose(waves[0, 0, :n_known], 18.5 + np.arange(n_known), rtol=1e-6)
+    # an end of the cube is no fault
+    waves, known = (np.empty((2, 2, 17), np.float32) for _ in range(2))
+    read_runs(volume, valid, cuts, np.full((2, 2), 6.0), 8, 2, waves, known)
+    assert known[0, 0].tolist() == [0.0] * 2 + [1.0] * 15
 
 
 def test_traces_grow_between_faults_alone(rng: np.random.Generator) -> None:
