@@ -20,7 +20,7 @@ class PlaceSettings:
     Attributes
     ----------
     reach : int
-        Traces on either side that are told apart: half as many again once the surface has been moved.
+        Traces on either side that are told apart, 2 or more: half as many again once the surface has been moved.
     along_strike, down : float
         Widths of the Gaussian window over which breaks are weighed, and over which moves are averaged.
     """
@@ -97,7 +97,7 @@ def place_sheet(
     settings = settings or PlaceSettings()
     inside = np.isfinite(every_sample(sheet))
     moved = np.zeros(inside.shape, np.float32)
-    for reach in (settings.reach, settings.reach // 2):
+    for reach in (settings.reach, max(2, settings.reach // 2)):
         moved += _find_move(values, known, moved, inside, reach, settings)
     return replace(sheet, w=sheet.w + moved[:, np.arange(sheet.w.shape[1]) * sheet.step])
 
