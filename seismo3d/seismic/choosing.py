@@ -45,8 +45,10 @@ class ChoiceSettings:
         Strength of a fault beside which weaker ones are looked for: faults come in families, and cut each other up.
     company_area, company_strength, company_length : float
         Smallest area, strength and length down the dip of such a weaker one.
-    company_matched : float
-        Smallest share of it where its moved sides match.
+    company_matched : tuple of (float, float)
+        Smallest share of it where its moved sides match: where they match as well as those of steep ones must, and
+        where they match no better than those of sloping ones must. A third of a sheet matches by chance at some throw,
+        but not well.
     company_throw, company_fit : tuple of (float, float)
         Smallest median fit where its sides match, and smallest median throw at that fit: of sloping ones, and of steep
         ones. At a perfect fit `least_throw` is enough, in between what is proportional.
@@ -79,7 +81,7 @@ class ChoiceSettings:
     company_area: float = 200.0
     company_strength: float = 18.0
     company_length: float = 30.0
-    company_matched: float = 0.3
+    company_matched: tuple[float, float] = (0.3, 0.45)
     company_throw: tuple[float, float] = (1.0, 1.4)
     company_fit: tuple[float, float] = (0.6, 0.75)
     gap: float = 8.0
@@ -260,17 +262,19 @@ def _is_clear(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool
 
 
 def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
-    matched, fit = throw.fit[sheet.inside] > 0.0, _median_fit(sheet, throw)
+    fits, fit = throw.fit[sheet.inside], _median_fit(sheet, throw)
+    matched = float(np.count_nonzero(fits > 0.0)) / max(len(fits), 1)
     steep = int(dip_deg(sheet) >= settings.steep_deg)
-    least_fit = settings.company_fit[steep]
-    least_throw = float(np.interp(fit, (least_fit, 1.0), (settings.company_throw[steep], settings.least_throw)))
+    enough = settings.company_fit[steep]
+    least_fit = float(np.interp(matched, settings.company_matched, (settings.company_fit[1], enough)))
+    least_throw = float(np.interp(fit, (enough, 1.0), (settings.company_throw[steep], settings.least_throw)))
     return (
         sheet.area >= settings.company_area
         and _height(sheet) >= settings.least_height
         and length_down_dip(sheet) >= settings.company_length
         and strength(sheet) >= settings.company_strength
         and median_throw(throw) >= least_throw
-        and float(matched.mean()) >= settings.company_matched
+        and matched >= settings.company_matched[0]
         and fit >= least_fit
     )
 

@@ -154,6 +154,20 @@ def test_what_slopes_may_fit_less_well_than_what_may_be_a_channels_edge():
     assert chosen(HOST, sloping) == [0, 1]
 
 
+def test_company_that_matches_on_little_of_it_must_match_well_there():
+    sheet, throw = candidate(40, 20, origin=(5.0, 0.0), score=0.7, dip=50.0)
+
+    def with_fit(fit, share):
+        matched = np.zeros_like(throw.fit)
+        matched[: int(40 * share)] = fit
+        return sheet, replace(throw, fit=matched)
+
+    assert chosen(HOST, with_fit(0.65, 0.35)) == [0]
+    assert chosen(HOST, with_fit(0.65, 0.5)) == [0, 1]
+    assert chosen(HOST, with_fit(0.8, 0.35)) == [0, 1]
+    assert chosen(HOST, with_fit(0.9, 0.25)) == [0]
+
+
 def test_company_whose_sides_match_well_may_have_moved_less():
     place = {"rows": 40, "columns": 20, "origin": (5.0, 0.0), "score": 0.7}
     assert chosen(HOST, candidate(**place, throw=1.2, fit=0.8)) == [0]
