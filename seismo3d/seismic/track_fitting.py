@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from scipy import ndimage
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic.layer_parts import find_shapes, label_parts, place_once, read_parts
@@ -11,9 +14,12 @@ from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.track_growing import grow_parts, keep_sides
 from seismo3d.seismic.track_pieces import keep_pieces
 from seismo3d.seismic.track_refining import TrackSettings, refine_depth
+from seismo3d.seismic.track_seats import find_offset
 
 # traces of a part that is but a scrap, and how far from a seed on one a part is looked for
 _SCRAP, _AROUND = 16, 4
+# correlation from which on a trace tells whether the seeds lie on the same horizon
+_CONFIDENT = 0.7
 # how far below or above a seed a part may pass there
 _PASSING = 6.0
 
@@ -35,6 +41,41 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
         Fractional sample; NaN where the horizon was not traced.
     confidence : ndarray of the same shape, float32
     """
+    horizon = _find_horizon(layers, index, settings)
+    refined = _refine(layers, horizon, index, settings)
+    stand_in = _find_stand_in(layers, horizon, *refined, settings)
+    if stand_in is not None:
+        horizon = _join(horizon, _find_horizon(layers, stand_in, settings))
+        refined = _refine(layers, horizon, index, settings)
+    depth, confidence = refined
+    kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
+    return np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Horizon:
+    """A horizon as its parts were placed.
+
+    Attributes
+    ----------
+    depth : ndarray of shape (inline, crossline), float64
+        Fractional sample; NaN where there is none.
+    parts : ndarray of the same shape, int
+        Part that a trace belongs to; -1 where there is none.
+    seeded : ndarray of int
+        Parts that seeds lie on.
+    scores : ndarray of shape (part,), float32
+        How well each fits, 0 to 1.
+    """
+
+    depth: Float64Array
+    parts: IntArray
+    seeded: IntArray
+    scores: Float32Array
+
+
+def _find_horizon(layers: LayerModel, index: Float64Array, settings: TrackSettings) -> _Horizon:
+    """Find the parts of the layer that passes through some points, and place them."""
     first = find_crossings(layers, index, beyond=settings.parts.farthest)
     parts = label_parts(first, layers.cuts, find_shapes(layers, first))
     seeded = np.unique([_nearest_part(first, parts, at) for at in index])
@@ -43,9 +84,49 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
     crossings = np.where(parts >= 0, first + np.append(moves, np.nan)[parts], np.nan)
     keep_sides(layers, first, crossings)
     depth, parts = grow_parts(layers, *_uppermost(crossings, parts, seeded))
-    depth, confidence = refine_depth(layers, depth, parts, index, seeded, scores, settings)
-    kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
-    return np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
+    return _Horizon(depth, parts, seeded, scores)
+
+
+def _refine(
+    layers: LayerModel, horizon: _Horizon, index: Float64Array, settings: TrackSettings
+) -> tuple[Float64Array, Float32Array]:
+    return refine_depth(layers, horizon.depth, horizon.parts, index, horizon.seeded, horizon.scores, settings)
+
+
+def _find_stand_in(
+    layers: LayerModel, horizon: _Horizon, depth: Float64Array, confidence: Float32Array, settings: TrackSettings
+) -> Float64Array | None:
+    """Return a point on the horizon far from the seeds, where their waveforms put it; None where it is there already.
+
+    Seeds on a part that is larger than all others need none: it is the others that are wrong then.
+    """
+    own = np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth)
+    others = ~own & (confidence >= _CONFIDENT)
+    if others.sum() <= own.sum():
+        return None
+    off = find_offset(layers, depth, own, others, clear=settings.clear, least=settings.parts.trusted)
+    if not off:
+        return None
+    moved = depth - off
+    inside = others & (moved >= 0) & (moved <= layers.times.shape[2] - 1)
+    if not inside.any():
+        return None
+    largest = inside & (horizon.parts == np.bincount(horizon.parts[inside]).argmax())
+    within = ndimage.distance_transform_edt(np.pad(largest, 1))[1:-1, 1:-1]
+    i, j = np.unravel_index(within.argmax(), within.shape)
+    return np.array([[i, j, moved[i, j]]])
+
+
+def _join(own: _Horizon, rest: _Horizon) -> _Horizon:
+    """Return a horizon that has the seeds' parts as they are, and elsewhere another one."""
+    seeded = np.isin(own.parts, own.seeded)
+    n = len(rest.scores)
+    return _Horizon(
+        np.where(seeded, own.depth, rest.depth),
+        np.where(seeded, own.parts + n, rest.parts),
+        np.concatenate([own.seeded + n, rest.seeded]),
+        np.concatenate([rest.scores, own.scores]),
+    )
 
 
 def find_crossings(layers: LayerModel, index: Float64Array, *, beyond: float = 0.0) -> Float64Array:

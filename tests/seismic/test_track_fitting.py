@@ -59,3 +59,18 @@ def test_a_seed_beside_a_fault_holds_the_track_where_its_own_waveform_lies(
     np.testing.assert_allclose(found[away], (SEED + shift)[away], atol=0.4)
     depth, _ = fit_track(layers, np.array([[20.0, WALL - 2.0, SEED + drag[WALL - 2]]]), TrackSettings())
     assert depth[20, WALL - 2] == pytest.approx(SEED + drag[WALL - 2], abs=1e-9)
+
+
+def test_all_parts_that_layer_time_has_farther_off_than_they_are_moved_are_put_right(rng: np.random.Generator) -> None:
+    """Beyond the fault beside the seed's few traces a part is placed at the best in reach, which is not its place."""
+    wall, off = 16, 20.0
+    there = np.arange(SHAPE[1]) >= wall
+    shift, samples = np.where(there, THROW, 0.0), np.arange(SHAPE[2])
+    times = np.where(there[:, None], samples - THROW - off, samples)
+    layers = lay_out(rng, shift, times, cut=False, noise=0.01)
+    layers.cuts[:, wall - 1] = 2
+    # layers that repeat themselves: the right place fits, and one that is nearer fits nearly
+    period = np.cos(2.0 * np.pi * (samples - shift[:, None]) / 12.5)
+    layers.volume[...] = 0.42 * layers.volume + 1.5 * period
+    found = track(layers, 8)
+    np.testing.assert_allclose(found, SEED + shift, atol=0.3)
