@@ -323,7 +323,7 @@ def place_once(
     best, close = lags.argmax(axis=1), lags[:, near].argmax(axis=1) + near.start
     best = np.where(lags[every, best] > lags[every, close] + settings.gain, best, close)
     scores = lags[every, best]
-    steps = _vertices(lags, best) - far
+    steps = find_vertices(lags, best) - far
     steps -= np.average(steps[fixed], weights=size[fixed]) if len(fixed) else 0.0
     dropped = (size < _LEAST_TRACES) | (scores < settings.least)
     steps[fixed], dropped[fixed] = 0.0, False
@@ -332,7 +332,7 @@ def place_once(
     return np.where(dropped, np.nan, moves + steps), np.clip(scores, 0.0, 1.0).astype(np.float32)
 
 
-def _vertices(scores: Float32Array, best: IntArray) -> Float64Array:
+def find_vertices(scores: Float32Array, best: IntArray) -> Float64Array:
     """Places of the maxima next to the best entries, by parabolas."""
     every, last = np.arange(len(scores)), scores.shape[1] - 1
     inner = np.clip(best, 1, last - 1)

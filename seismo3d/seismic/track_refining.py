@@ -8,12 +8,12 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
-from seismo3d.seismic._kernels_tracks import match_waveforms
 from seismo3d.seismic.layer_graph import LayerTimeSettings
 from seismo3d.seismic.layer_parts import PartSettings, stretched
 from seismo3d.seismic.layer_pieces import read_around
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.track_pieces import LARGEST_STEP
+from seismo3d.seismic.track_waveforms import match_traces, mean_waveform
 
 # lags beyond the farthest move at which a waveform is compared
 _SPARE = 2
@@ -161,12 +161,6 @@ def _miss(depth: Float64Array, chosen: BoolArray, index: Float64Array) -> float 
     return float(below[near].mean()) if near.any() else None
 
 
-def _mean_waveform(layers: LayerModel, depth: Float64Array, chosen: BoolArray, half: int, clear: int) -> Float32Array:
-    waves, known = read_around(layers, np.where(chosen, depth, np.nan), half, clear=clear)
-    total = known.sum(axis=(0, 1))
-    return ((waves * known).sum(axis=(0, 1)) / np.maximum(total, 1.0)).astype(np.float32)
-
-
 def _read_smoothly(
     layers: LayerModel, depth: Float64Array, parts: IntArray, half: int, clear: int
 ) -> tuple[Float32Array, Float32Array]:
@@ -176,16 +170,6 @@ def _read_smoothly(
     waves, known = (np.ascontiguousarray(a).reshape(depth.size, -1) for a in np.split(smooth, 2, axis=2))
     waves /= np.maximum(known, 1e-6)
     return waves, known
-
-
-def _match_traces(
-    waves: Float32Array, known: Float32Array, reference: Float32Array, reach: int, least: float
-) -> Float32Array:
-    """Correlation of rows with a waveform at every lag."""
-    lags = np.empty((len(waves), 2 * reach + 1), np.float32)
-    taper = np.hanning(len(reference) + 2)[1:-1].astype(np.float32)
-    match_waveforms(waves, known, reference, np.ones_like(reference), taper, np.float32(least), lags)
-    return lags
 
 
 def _score_stretched(
@@ -199,10 +183,10 @@ def _score_stretched(
     stretch = settings.stretch
     shares = np.linspace(-stretch, stretch, 2 * _STRETCHES + 1)
     half = int(np.ceil(settings.near * (1.0 + 2.0 * stretch))) + 1
-    long = _mean_waveform(layers, depth, chosen, half, settings.clear)
+    long, _ = mean_waveform(layers, depth, chosen, half, settings.clear)
     references = stretched(long, settings.near, shares, layers.spectrum)
     waves, known = _read_smoothly(layers, depth, parts, settings.near + reach, settings.clear)
-    lags = [_match_traces(waves, known, wave, reach, 0.5) for wave in references]
+    lags = [match_traces(waves, known, wave, reach, 0.5) for wave in references]
     scores = np.stack(lags).reshape(len(shares), *depth.shape, -1)
     # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
     whole = read_around(layers, depth, settings.near, clear=settings.clear)[1].mean(axis=2)[..., None] > _WHOLE

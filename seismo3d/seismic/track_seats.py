@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from seismo3d._typing import BoolArray, Float32Array, Float64Array
-from seismo3d.seismic._kernels_tracks import match_waveforms
-from seismo3d.seismic.layer_pieces import LayerVolumes, read_around
+from seismo3d._typing import BoolArray, Float64Array
+from seismo3d.seismic.layer_parts import find_vertices
+from seismo3d.seismic.layer_pieces import LayerVolumes
+from seismo3d.seismic.track_waveforms import match_traces, mean_waveform
 
 # half-length of the waveforms that are compared, farthest that they are looked for, and how far off they may well be
 _HALF, _FARTHEST, _NEAR = 24, 24, 3
@@ -44,25 +43,11 @@ def find_offset(
     """
     if not (own.any() and others.any()):
         return 0.0
-    wave, seen = _mean_waveform(layers, np.where(own, depth, np.nan), _HALF, clear)
-    around, known = _mean_waveform(layers, np.where(others, depth, np.nan), _HALF + _FARTHEST, clear)
-    taper = np.hanning(2 * _HALF + 3)[1:-1].astype(np.float32)
-    lags = np.empty((1, 2 * _FARTHEST + 1), np.float32)
-    match_waveforms(around[None], known[None], wave, seen, taper, np.float32(_LEAST_KNOWN), lags)
+    wave, seen = mean_waveform(layers, depth, own, _HALF, clear)
+    around, known = mean_waveform(layers, depth, others, _HALF + _FARTHEST, clear)
+    lags = match_traces(around[None], known[None], wave, _FARTHEST, _LEAST_KNOWN, in_reference=seen)
     here = lags[0, _FARTHEST - _NEAR : _FARTHEST + _NEAR + 1].max()
-    best = int(lags[0, 1:-1].argmax()) + 1
-    if lags[0, best] < max(here + _GAIN, least):
+    best = lags[:, 1:-1].argmax(axis=1) + 1
+    if lags[0, best[0]] < max(here + _GAIN, least):
         return 0.0
-    before, at, after = (float(lags[0, best + d]) for d in (-1, 0, 1))
-    bend = before - 2.0 * at + after
-    return _FARTHEST - best - (0.5 * (before - after) / bend if bend < 0.0 else 0.0)
-
-
-def _mean_waveform(
-    layers: LayerVolumes, depth: Float64Array, half: int, clear: int
-) -> tuple[Float32Array, Float32Array]:
-    """Return the mean amplitudes about a horizon, and the share of its traces that tell them."""
-    waves, known = read_around(layers, depth, half, clear=clear)
-    count = known.sum(axis=(0, 1), dtype=np.float64)
-    mean = (waves * known).sum(axis=(0, 1), dtype=np.float64) / np.maximum(count, 1.0)
-    return mean.astype(np.float32), (count / max(float(count.max()), 1.0)).astype(np.float32)
+    return _FARTHEST - float(find_vertices(lags, best)[0])
