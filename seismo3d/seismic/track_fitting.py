@@ -8,12 +8,13 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray
+from seismo3d.seismic.inner_seeds import move_inwards
 from seismo3d.seismic.layer_parts import find_shapes, label_parts, place_once, read_parts
 from seismo3d.seismic.layer_pieces import find_levels
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.track_growing import grow_parts, keep_sides
 from seismo3d.seismic.track_pieces import keep_pieces
-from seismo3d.seismic.track_refining import TrackSettings, refine_depth
+from seismo3d.seismic.track_refining import TrackSettings, bend_to_seeds, refine_depth
 from seismo3d.seismic.track_seats import find_offset
 
 # traces of a part that is but a scrap, and how far from a seed on one a part is looked for
@@ -41,13 +42,15 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
         Fractional sample; NaN where the horizon was not traced.
     confidence : ndarray of the same shape, float32
     """
-    horizon = _find_horizon(layers, index, settings)
-    refined = _refine(layers, horizon, index, settings)
+    inner = move_inwards(layers, index)
+    horizon = _find_horizon(layers, inner, settings)
+    refined = _refine(layers, horizon, inner, settings)
     stand_in = _find_stand_in(layers, horizon, *refined, settings)
     if stand_in is not None:
         horizon = _join(horizon, _find_horizon(layers, stand_in, settings))
-        refined = _refine(layers, horizon, index, settings)
+        refined = _refine(layers, horizon, inner, settings)
     depth, confidence = refined
+    depth = bend_to_seeds(depth, horizon.parts, np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth), index)
     kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
     return np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
 

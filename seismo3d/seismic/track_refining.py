@@ -92,8 +92,7 @@ def refine_depth(
 
     Next to a fault, where what lies beyond it is mixed into the waveforms and may bend the layer time, a trace goes
     where its part's inner traces lead to. Where a fault leaves too little of the waveform, a trace goes with its
-    neighbours. As a whole the track lies as the waveforms of its seeds tell, and bends to pass through each: where it
-    is led on along a fault, or smoothed, it may be off, which is not to move all the others.
+    neighbours. As a whole the track lies as the waveforms of its seeds tell.
 
     Parameters
     ----------
@@ -139,10 +138,10 @@ def refine_depth(
     # a seed whose own waveform is unlike the others' cannot tell where it lies on them
     miss = _miss(own, of_seeds & trusted & (here >= settings.parts.trusted), index)
     depth = depth - (common if miss is None else miss)
-    return _bend_to_seeds(depth, parts, of_seeds & trusted, index), confidence
+    return depth, confidence
 
 
-def _bend_to_seeds(depth: Float64Array, parts: IntArray, chosen: BoolArray, index: Float64Array) -> Float64Array:
+def bend_to_seeds(depth: Float64Array, parts: IntArray, chosen: BoolArray, index: Float64Array) -> Float64Array:
     """Bend a track, over the traces around each seed and of its part, to pass through it."""
     rows, columns = np.indices(depth.shape)
     for i, j, z in zip(*np.rint(index[:, :2]).astype(int).T, index[:, 2], strict=True):
