@@ -74,12 +74,12 @@ class LayerTimeSettings:
     iterations: int = 50
     grouped: int = 1 << 20
     grouped_iterations: int = 60
-    apart: float = 16.0
+    apart: float = 8.0
     sure: float = 0.6
     dip: DipSettings = field(default_factory=DipSettings)
     shifts: ShiftSettings = field(default_factory=ShiftSettings)
     links: LinkSettings = field(default_factory=LinkSettings)
-    parts: PartSettings = field(default_factory=lambda: PartSettings(farthest=18))
+    parts: PartSettings = field(default_factory=lambda: PartSettings(farthest=18, wary=1.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -152,9 +152,7 @@ def _place_level(
 
 def _least_scores(waves: PartWaves, settings: LayerTimeSettings) -> Float64Array:
     """Return the correlations that tell: of a waveform that is cut short a higher one comes about by chance."""
-    middle, half = waves.counts.shape[2] // 2, settings.parts.window
-    known = waves.counts[:, :, middle - half : middle + half + 1].max(axis=0).mean(axis=1)
-    return np.asarray(settings.sure / np.maximum(known / np.maximum(waves.size, 1), 1e-6) ** 0.25)
+    return np.asarray(settings.sure / np.maximum(waves.known(settings.parts.window), 1e-6) ** 0.25)
 
 
 def _begin(

@@ -51,6 +51,8 @@ class PartSettings:
         Correlation that it must be worth.
     gain : float
         How much better the correlation of a part must become for it to be moved.
+    wary : float
+        Power of the share of its waveform that is known by which that is divided: what is cut short fits anywhere.
     trusted : float
         Correlation of parts whose waveforms others are compared with.
     least : float
@@ -62,6 +64,7 @@ class PartSettings:
     stretch: float = 0.2
     price: float = 0.1
     gain: float = 0.15
+    wary: float = 0.0
     trusted: float = 0.75
     least: float = 0.4
 
@@ -86,6 +89,12 @@ class PartWaves:
     counts: Float64Array
     size: IntArray
     spectrum: Float64Array | None = None
+
+    def known(self, half: int) -> Float64Array:
+        """Return which share of the waveform, up to so many samples from the layer, is known of each part."""
+        middle = self.counts.shape[2] // 2
+        inner = self.counts[:, :, middle - half : middle + half + 1]
+        return np.asarray(inner.max(axis=0).mean(axis=1) / np.maximum(self.size, 1))
 
 
 def find_shapes(layers: LayerVolumes, crossings: Float64Array) -> Float32Array:
@@ -126,17 +135,19 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
         if axis == 1:
             a, b = a[::-1], b[::-1]
         for one, other in np.ndindex(len(crossings), len(crossings)):
-            if not (known[one].any() and known[other].any()):
+            both = known[one][a] & known[other][b]
+            if not both.any():
                 continue
-            ka, kb = k[one][a], k[other][b]
+            rows, columns, ka, kb = (values[both] for values in (i[a], j[a], k[one][a], k[other][b]))
             cut = np.zeros(ka.shape, bool)
             for sample in (ka, (ka + kb) // 2, kb):
-                cut |= (cuts[i[a], j[a], sample] & (1 << axis)) > 0
-            step = np.abs(np.nan_to_num(crossings[one][a] - crossings[other][b], nan=np.inf))
-            free = (step < _STEP) & ~cut
+                cut |= (cuts[rows, columns, sample] & (1 << axis)) > 0
+            step = np.abs(crossings[one][a][both] - crossings[other][b][both])
+            free = np.zeros(both.shape, bool)
+            free[both] = (step < _STEP) & ~cut
             broad = ndimage.binary_opening(free, np.ones((1, _NECK) if axis == 0 else (_NECK, 1), bool))
             if shapes is not None:
-                free &= _are_alike(shapes[one][a], shapes[other][b], free)
+                free[free] = _are_alike(shapes[one][a][free], shapes[other][b][free])
             first.append(numbers[one][a][free])
             second.append(numbers[other][b][free])
             wide.append(broad[free])
@@ -177,10 +188,10 @@ def _part_at_necks(links: Any, wide: Any) -> IntArray:
     return labels
 
 
-def _are_alike(one: Float32Array, other: Float32Array, among: BoolArray) -> BoolArray:
-    """Tell where two waveforms are as alike as most are, among some, or one is not known."""
-    alike = np.einsum("ijk,ijk->ij", one, other)
-    told = among & one.any(axis=2) & other.any(axis=2)
+def _are_alike(one: Float32Array, other: Float32Array) -> BoolArray:
+    """Tell which waveforms of shape (n, m) are as alike as most are, or one of two is not known."""
+    alike = np.einsum("ij,ij->i", one, other)
+    told = one.any(axis=1) & other.any(axis=1)
     usual = float(np.median(alike[told])) if told.any() else 0.0
     return np.asarray(~told | (alike >= _ALIKE * usual))
 
@@ -321,7 +332,8 @@ def place_once(
     far, every, size = settings.farthest, np.arange(len(lags)), waves.size
     near = slice(far - _NEARBY, far + _NEARBY + 1)
     best, close = lags.argmax(axis=1), lags[:, near].argmax(axis=1) + near.start
-    best = np.where(lags[every, best] > lags[every, close] + settings.gain, best, close)
+    gain = settings.gain / np.maximum(waves.known(settings.window), 1e-6) ** settings.wary
+    best = np.where(lags[every, best] > lags[every, close] + gain, best, close)
     scores = lags[every, best]
     steps = find_vertices(lags, best) - far
     steps -= np.average(steps[fixed], weights=size[fixed]) if len(fixed) else 0.0

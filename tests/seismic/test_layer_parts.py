@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
-from seismo3d.seismic.layer_parts import label_parts
+from seismo3d.seismic.layer_parts import PartSettings, PartWaves, label_parts, place_once
 
 SHAPE = (30, 64)
 
@@ -61,3 +62,26 @@ def test_a_fault_bounds_parts() -> None:
     assert len(np.unique(parts)) == 2
     assert (parts[:, :21] == parts[0, 0]).all()
     assert (parts[:, 21:] == parts[0, -1]).all()
+
+
+@pytest.mark.parametrize(("known", "wary", "moved"), [("all", 1.0, True), ("above", 0.0, True), ("above", 1.0, False)])
+def test_a_waveform_that_is_cut_short_must_gain_more_to_be_moved(
+    rng: np.random.Generator, known: str, wary: float, moved: bool
+) -> None:
+    """A part fits fairly where it is and by .2 to .3 better ten samples off: enough where the whole is known, not half."""
+    settings = PartSettings(wary=wary)
+    reach = settings.window + 2 * settings.farthest
+    t = np.arange(-reach, reach + 1)
+    reference = gaussian_filter1d(rng.normal(size=len(t) + 20), 1.5)
+    part = 0.5 * reference[10:-10] + 0.87 * reference[20:]
+    counts = np.full((2, len(t)), 100.0)
+    if known == "above":
+        counts[:, t > 0] = 0.0
+    sums = counts * np.stack([reference[10:-10], part])
+    waves = PartWaves(np.stack([sums, sums]), np.stack([counts, counts]), np.array([100, 100]))
+    share = waves.known(settings.window)
+    np.testing.assert_allclose(share, 1.0 if known == "all" else 33 / 65)
+    moves, _ = place_once(waves, np.zeros(2), np.array([1.0, 0.0], np.float32), np.array([0]), settings)
+    assert moves[0] == 0.0
+    # where it does not gain enough it stays within three samples of where it was
+    assert -10.6 <= moves[1] <= -9.4 if moved else abs(moves[1]) <= 3.5
