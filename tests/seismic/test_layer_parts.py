@@ -68,7 +68,7 @@ def test_a_fault_bounds_parts() -> None:
 def test_a_waveform_that_is_cut_short_must_gain_more_to_be_moved(
     rng: np.random.Generator, known: str, wary: float, moved: bool
 ) -> None:
-    """A part fits fairly where it is and by .2 to .3 better ten samples off: enough where the whole is known, not half."""
+    """A part fits fairly where it is and by .2 to .3 better ten samples off: enough of a whole one alone."""
     settings = PartSettings(wary=wary)
     reach = settings.window + 2 * settings.farthest
     t = np.arange(-reach, reach + 1)
