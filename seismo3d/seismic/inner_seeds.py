@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
-from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array
+from seismo3d.seismic.layer_parts import graph_of
 from seismo3d.seismic.layer_pieces import LayerVolumes
 
 # how far around a seed its layer is looked for, in traces and samples
@@ -96,8 +96,7 @@ def _block_around(layers: LayerVolumes, at: Float64Array) -> _Block | None:
     here = tuple(middle - low)
     if not touching[here]:
         return None
-    links = np.concatenate(ends, axis=1)
-    graph = coo_matrix((np.ones(links.shape[1], np.float32), tuple(links)), shape=(cuts.size,) * 2)
+    graph = graph_of(np.concatenate(ends, axis=1), cuts.size)
     labels = connected_components(graph, directed=False)[1].reshape(cuts.shape)
     inside = (labels == labels[here]) & layers.live[traces][:, :, None]
     times = np.asarray(layers.times[traces])[:, :, samples]

@@ -155,14 +155,14 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
     if not first:
         return parts
     ends, is_wide = np.stack([np.concatenate(first), np.concatenate(second)]), np.concatenate(wide)
-    graphs = _graph_of(ends, crossings.size), _graph_of(ends[:, is_wide], crossings.size)
+    graphs = graph_of(ends, crossings.size), graph_of(ends[:, is_wide], crossings.size)
     labels = _part_at_necks(*graphs).reshape(crossings.shape)
     # what is no crossing is labelled too, each by itself: far more labels than parts
     parts[known] = np.unique(labels[known], return_inverse=True)[1]
     return parts
 
 
-def _graph_of(ends: IntArray, size: int) -> Any:
+def graph_of(ends: IntArray, size: int) -> Any:
     """Return the graph of links between some of as many places, of which `ends` are the numbers."""
     return coo_matrix((np.ones(ends.shape[1], np.float32), tuple(ends)), shape=(size, size)).tocsr()
 
