@@ -52,7 +52,7 @@ class PartSettings:
     gain : float
         How much better the correlation of a part must become for it to be moved.
     wary : float
-        Power of the share of its waveform that is known by which that is divided: what is cut short fits anywhere.
+        The gain is divided by this power of the share of its waveform that is known: what is cut short fits anywhere.
     trusted : float
         Correlation of parts whose waveforms others are compared with.
     least : float

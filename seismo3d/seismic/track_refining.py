@@ -142,7 +142,10 @@ def refine_depth(
 
 
 def bend_to_seeds(depth: Float64Array, parts: IntArray, chosen: BoolArray, index: Float64Array) -> Float64Array:
-    """Bend a track, over the traces around each seed and of its part, to pass through it."""
+    """Bend a track, over the traces around each seed and of its part, to pass through it.
+
+    Where it is led on along a fault, or smoothed, it may miss a seed, which is not to move all the others.
+    """
     rows, columns = np.indices(depth.shape)
     for i, j, z in zip(*np.rint(index[:, :2]).astype(int).T, index[:, 2], strict=True):
         left = z - depth[i, j]
