@@ -10,8 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
-from seismo3d.seismic.fault_motion import FaultMotion, Frame, fit_terms
+from seismo3d.seismic.fault_motion import FaultMotion, Frame
 from seismo3d.seismic.sheet_distances import are_near, bounds_of, near_boxes, within_box
+from seismo3d.seismic.term_fits import fit_terms
 
 # a place's part of the roughness of a surface, in squared traces, is at most this
 _ROUGHEST = 25.0

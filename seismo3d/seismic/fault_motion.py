@@ -11,6 +11,10 @@ from scipy import ndimage
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_restore import enlarge_grid, find_near_motion, read_between
 from seismo3d.seismic.slip_fields import smooth_field
+from seismo3d.seismic.term_fits import fit_terms
+
+# what a throw counts that is only carried on, of one that matches
+_CARRIED = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,8 +186,8 @@ def find_motion(
     FaultMotion
     """
     inside = np.isfinite(height)
-    weight = np.where(inside[::thin, ::thin], np.clip((fit - 0.4) / 0.6, 0.0, 1.0) ** 2, 0.0).astype(np.float32)
-    field = smooth_field(throw, weight, stiffness=stiffness) if weight.any() else throw
+    matched = np.where(inside[::thin, ::thin], np.clip((fit - 0.4) / 0.6, 0.0, 1.0) ** 2, 0.0)
+    field = smooth_field(throw, np.maximum(matched, _CARRIED).astype(np.float32), stiffness=stiffness)
     filled, apart = _carry_on(height, inside)
     slopes = tuple(float(np.diff(filled, axis=axis).mean()) if n > 1 else 0.0 for axis, n in enumerate(height.shape))
     throws = enlarge(field, height.shape, thin).astype(np.float64)
@@ -194,20 +198,6 @@ def enlarge(values: Float32Array, shape: tuple[int, ...], thin: int) -> Float32A
     """Interpolate what is known at every `thin`-th place of a grid."""
     rows, columns = (np.minimum(np.arange(n) / thin, m - 1) for n, m in zip(shape, values.shape, strict=True))
     return np.asarray(enlarge_grid(values, rows, columns), np.float32)
-
-
-def fit_terms(terms: tuple[Float64Array, ...], values: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Return the factors of the best combination of terms for values of shape (n,), and what it leaves of them.
-
-    By sums in one order, so that the last bits do not depend on threads.
-    """
-    matrix = np.array([[float((one * other).sum()) for one in terms] for other in terms])
-    right = np.array([float((one * values).sum()) for one in terms])
-    factors = np.linalg.lstsq(matrix, right, rcond=None)[0]
-    left = values.copy()
-    for factor, term in zip(factors, terms, strict=True):
-        left -= factor * term
-    return np.asarray(factors), left
 
 
 def _carry_on(height: Float64Array, inside: BoolArray) -> tuple[Float64Array, Float64Array]:

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from seismo3d._typing import AnyArray, BoolArray, Float64Array
 from seismo3d.seismic.layer_parts import graph_of
 from seismo3d.seismic.layer_pieces import LayerVolumes
+from seismo3d.seismic.term_fits import fit_terms
 
 # how far around a seed its layer is looked for, in traces and samples
 _ACROSS, _DOWN = 8, 14
@@ -114,11 +115,8 @@ def _level_at(block: _Block, at: Float64Array) -> float | None:
     i, j, k = away[:, tells]
     weight = np.exp(-0.5 * ((i**2 + j**2) / _WIDTH**2 + (k / _HEIGHT) ** 2))
     terms, rest = (np.ones_like(i), i, j, k), block.times[tells].astype(np.float64) - k
-    # sums in one order, not products of matrices, whose last bits depend on threads
-    matrix = np.array([[float((weight * a * b).sum()) for b in terms] for a in terms])
-    matrix += np.diag([0.0, _LEVEL, _LEVEL, _EVEN]) * float(weight.sum())
-    right = np.array([float((weight * a * rest).sum()) for a in terms])
-    return float(np.linalg.solve(matrix, right)[0])
+    factors, _ = fit_terms(terms, rest, weights=weight, ridge=(0.0, _LEVEL, _LEVEL, _EVEN))
+    return float(factors[0])
 
 
 def _inner_point(block: _Block, level: float, at: Float64Array) -> Float64Array | None:

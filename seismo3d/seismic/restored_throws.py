@@ -18,7 +18,15 @@ from seismo3d.seismic.sheet_distances import are_near, bounds_of
 from seismo3d.seismic.slip_decay import find_decay
 from seismo3d.seismic.slip_direction import refine_free_slip
 from seismo3d.seismic.slip_fields import Sides, SlipField
-from seismo3d.seismic.throw import SheetSides, SheetThrow, ThrowSettings, every_sample, find_slip, fit_of
+from seismo3d.seismic.throw import (
+    SheetSides,
+    SheetThrow,
+    ThrowSettings,
+    carry_on_slip,
+    every_sample,
+    find_slip,
+    fit_of,
+)
 
 # traces and samples from one place to the next of those by which faults are compared
 _EVERY = 2
@@ -296,10 +304,11 @@ def _best_slip(
     """Match two sides anew, and about what was found before; return the slip by which more of them match."""
     thin = settings.thin
     start, known = (values[::thin, ::thin].astype(np.float32) for values in (throw, fit))
-    refined = refine_free_slip(sides, start, known, inside[::thin, ::thin], thin=thin, settings=settings.slip)
+    places = inside[::thin, ::thin]
+    refined = refine_free_slip(sides, start, known, places, thin=thin, settings=settings.slip)
     expected = float((start * known).sum() / known.sum()) if known.any() else None
     anew = find_slip(sides, inside, settings=settings, about=expected)
-    return max((refined, anew), key=lambda slip: float(fit_of(slip)[inside[::thin, ::thin]].sum()))
+    return max((carry_on_slip(refined, places), anew), key=lambda slip: float(fit_of(slip)[places].sum()))
 
 
 def _mean_sides(sums: Float64Array) -> tuple[Float32Array, Float32Array]:

@@ -22,6 +22,7 @@ from seismo3d.seismic.fault_motion import enlarge
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
 from seismo3d.seismic.slip_fields import Sides, SlipField, SlipSettings
+from seismo3d.seismic.throw_bells import carry_on
 from seismo3d.seismic.throw_trends import fit_trend, local_trend
 
 # how far a throw may lie from those around it, before and after these are known well
@@ -241,9 +242,15 @@ def find_slip(sides: Sides, inside: BoolArray, *, settings: ThrowSettings, about
     `about` is the throw that is expected, if any is.
     """
     rough, thin = _match(sides, inside, settings, about), settings.thin
-    slip = refine_free_slip(sides, *rough, inside[::thin, ::thin], thin=thin, settings=settings.slip)
+    inside = inside[::thin, ::thin]
+    slip = refine_free_slip(sides, *rough, inside, thin=thin, settings=settings.slip)
     found = np.clip(slip.throw, -settings.longest, settings.longest)
-    return replace(slip, throw=found)
+    return carry_on_slip(replace(slip, throw=found), inside)
+
+
+def carry_on_slip(slip: SlipField, inside: BoolArray) -> SlipField:
+    """Carry the throw of a slip on to where nothing matches, from the places inside a surface where something does."""
+    return replace(slip, throw=carry_on(slip.throw, np.where(inside, fit_of(slip), np.float32(0.0))))
 
 
 def fit_of(slip: SlipField) -> Float32Array:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from seismo3d.seismic.fault_ages import HistorySettings, are_one, find_families, order_faults
-from seismo3d.seismic.fault_motion import FaultMotion, Frame, find_motion, fit_terms, undo_parts
+from seismo3d.seismic.fault_motion import FaultMotion, Frame, find_motion, undo_parts
 
 ALONG_INLINES = Frame(np.array([0.0, 32.0]), np.array([0.0, 1.0]))
 ALONG_CROSSLINES = Frame(np.array([32.0, 0.0]), np.array([1.0, 0.0]))
@@ -67,15 +67,6 @@ def test_points_near_a_motion_are_those_that_its_distances_tell(cotangent):
     np.testing.assert_array_equal(found, np.flatnonzero(expected))
     np.testing.assert_allclose(side, motion.side(points[found]), atol=1e-9)
     assert 100 < len(found) < 1500
-
-
-def test_terms_are_fitted_by_least_squares():
-    rng = np.random.default_rng(0)
-    terms = tuple(rng.normal(size=(3, 50)))
-    values = 2.0 * terms[0] - 0.5 * terms[2]
-    factors, left = fit_terms(terms, values)
-    np.testing.assert_allclose(factors, [2.0, 0.0, -0.5], atol=1e-12)
-    np.testing.assert_allclose(left, 0.0, atol=1e-12)
 
 
 def crossing():
