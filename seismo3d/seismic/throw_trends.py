@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy import ndimage
 
@@ -13,16 +15,20 @@ from seismo3d.seismic._kernels_trends import fit_block_planes, gather_blocks, se
 _COARSE = 4
 # share of the places that a trend must have counterparts for where it tells how well throws match by chance
 _LEAST_SEEN = 0.25
-# how much better, as a misfit ratio, a trend must match that lies so many samples from the throw expected, or farther
+# misfit ratio below which sides are as equal as they get
+_SILENCE = 0.15
+# how much better, in what misfits tell, a trend must match that lies so far from the throw expected, or farther
 _COMPANY, _AWAY = 0.06, 8.0
 
 
 def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about: float | None = None) -> Float32Array:
     """Return the throws of the quadratic trend over a surface that costs least.
 
-    Trends of any throw match by chance to some degree, and most of those found from one start or another do no more.
-    A throw without a counterpart costs as much as that: neither large throws, which lead out of view, nor small ones
-    that are nowhere right gain by it.
+    What a misfit tells is its logarithm, as of noise whose strength is not known: where throws are right many places
+    match nearly without one, while a throw of another cycle matches everywhere by half. Trends of any throw match by
+    chance to some degree, and most of those found from one start or another do no more. A throw without a counterpart
+    costs as much as that: neither large throws, which lead out of view, nor small ones that are nowhere right gain by
+    it.
 
     Parameters
     ----------
@@ -45,7 +51,8 @@ def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about:
         rows, columns = np.nonzero(np.ones_like(inside[::2, ::2]))
     costs = cost[::2, ::2][rows, columns]
     blind = costs == np.float32(unmatched)
-    costs = np.where(blind, costs, ndimage.minimum_filter1d(costs, 3, axis=1, mode="nearest"))
+    costs = _surprise(np.where(blind, costs, ndimage.minimum_filter1d(costs, 3, axis=1, mode="nearest")))
+    unmatched = float(_surprise(np.float32(unmatched)))
     middle, half = [], []
     for at in (2.0 * rows, 2.0 * columns):
         middle.append(0.5 * (at.min() + at.max()))
@@ -67,6 +74,11 @@ def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about:
     grid = np.indices(inside.shape).astype(np.float64)
     a, b = (grid[0] - middle[0]) / half[0], (grid[1] - middle[1]) / half[1]
     return np.asarray(np.clip(_throws_of(best, a, b), -longest, longest), np.float32)
+
+
+def _surprise(ratio: Any) -> Any:
+    """Return what misfit ratios tell against a throw, from 0 to 1: their logarithms, from none to all of the energy."""
+    return (np.log1p(ratio / _SILENCE) / np.log1p(1.0 / _SILENCE)).astype(np.float32)
 
 
 def _throws_of(terms: Float64Array, a: Float64Array, b: Float64Array) -> Float64Array:
