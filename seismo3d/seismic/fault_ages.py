@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -18,6 +18,10 @@ from seismo3d.seismic.term_fits import fit_terms
 _ROUGHEST = 25.0
 # roughness, in squared traces, that surfaces have anyway
 _SMOOTH = 0.03
+# strike slips over throw that are tried where ages are told, and what a trial costs that is so far off the known one
+_TURNS, _PRICE = np.linspace(-0.6, 0.6, 13), 0.5
+# strike slips over throw among which the one is looked for that mends older faults, and how far aside is surely worse
+_SHARES, _ASIDE = np.linspace(-0.8, 0.8, 33), 0.2
 # traces within which surfaces that cover each other are the same, and distance along a surface that is still on it
 _SAME, _ON = 2.0, 1.5
 
@@ -36,6 +40,11 @@ class HistorySettings:
         Places that it takes on either side.
     least_gain : float
         Logarithm of how many times smoother two faults must be in one order than in the other.
+    least_free : float
+        The same, if either may have moved along its strike as well.
+    least_share, least_mend : float
+        Strike slip over throw, and logarithm of how many times smoother it must leave the older faults, all together,
+        from which on a fault's slip is oblique.
     least_area : float
         Smaller faults are not taken back for others' sake: their throw is too uncertain.
     stiffness : float
@@ -59,6 +68,9 @@ class HistorySettings:
     edge: float = 6.0
     least_places: int = 60
     least_gain: float = 0.65
+    least_free: float = 0.1
+    least_share: float = 0.15
+    least_mend: float = 1.6
     least_area: float = 1500.0
     stiffness: float = 300.0
     least_match: float = 0.9
@@ -70,6 +82,23 @@ class HistorySettings:
     overlap: float = 0.25
     roughness: float = 0.6
     aside: float = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class StrikeSlip:
+    """Slip of a fault along its strike, as older faults that it has offset tell it.
+
+    Attributes
+    ----------
+    share : float or None
+        Motion of the hanging wall along the frame's `along`, in traces, for each sample of throw; None where they tell
+        of none.
+    certainty : float
+        How sharply that is told, 0 to 1.
+    """
+
+    share: float | None = None
+    certainty: float = 0.0
 
 
 def find_families(
@@ -114,6 +143,8 @@ def order_faults(
     areas: list[float],
     families: IntArray,
     settings: HistorySettings,
+    *,
+    sliding: bool = False,
 ) -> BoolArray:
     """Tell which faults are younger than which.
 
@@ -134,29 +165,87 @@ def order_faults(
         Which are parts of one, as :func:`find_families` tells it.
     settings : HistorySettings
         Limits.
+    sliding : bool
+        True for those orders alone that hold as well if faults may have moved along their strikes: one that did may
+        have slid past an older one and left it whole.
 
     Returns
     -------
     ndarray of shape (fault, fault), bool
         True where the first is younger than the second; where neither is, it is not known.
     """
-    gains: dict[tuple[int, int], float] = {}
+    meetings: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for i, j in _near_pairs(nodes, settings.reach):
-        one, other = int(families[i]), int(families[j])
-        if one != other:
-            gain = _gain(motions[i], motions[j], nodes[i], nodes[j], settings)
-            pair, sign = ((one, other), 1.0) if one > other else ((other, one), -1.0)
-            gains[pair] = gains.get(pair, 0.0) + sign * gain
-    told = [(abs(gain), *(pair if gain > 0 else pair[::-1])) for pair, gain in gains.items()]
+        if families[i] != families[j]:
+            one, other = (i, j) if families[i] > families[j] else (j, i)
+            meetings.setdefault((int(families[one]), int(families[other])), []).append((one, other))
+    told = []
+    for pair, parts in meetings.items():
+
+        def gain(turns: Float64Array, parts: list[tuple[int, int]] = parts) -> float:
+            return sum(_gain(motions[i], motions[j], nodes[i], nodes[j], turns, settings) for i, j in parts)
+
+        straight = gain(np.zeros(1))
+        if abs(straight) <= settings.least_gain:
+            continue
+        if not sliding or np.sign(straight) * gain(_TURNS) > settings.least_free:
+            told.append((abs(straight), *(pair if straight > 0 else pair[::-1])))
     n_families = int(families.max()) + 1 if len(motions) else 0
     area = np.bincount(families, areas, n_families)
     younger = np.zeros((n_families, n_families), bool)
-    for gain, i, j in sorted(told, key=lambda item: (-item[0], item[1], item[2])):
-        if gain <= settings.least_gain or area[i] < settings.least_area or younger[j, i]:
+    for _, i, j in sorted(told, key=lambda item: (-item[0], item[1], item[2])):
+        if area[i] < settings.least_area or younger[j, i]:
             continue
         above, below = np.append(np.flatnonzero(younger[:, i]), i), np.append(np.flatnonzero(younger[j]), j)
         younger[np.ix_(above, below)] = True
     return younger[np.ix_(families, families)]
+
+
+def tell_strike_slips(
+    motions: list[FaultMotion],
+    nodes: list[Float64Array],
+    areas: list[float],
+    families: IntArray,
+    settings: HistorySettings,
+) -> list[StrikeSlip]:
+    """Tell how far faults moved along their strikes, by the older ones that they have offset.
+
+    A surface that dips, or strikes across, is a marker: it is whole again where both parts of the slip are taken back.
+    What all older faults tell of all parts of a fault is added up.
+
+    Parameters
+    ----------
+    motions, nodes, areas, families, settings
+        As for :func:`order_faults`.
+
+    Returns
+    -------
+    list of StrikeSlip
+        One for each.
+    """
+    younger = order_faults(motions, nodes, areas, families, settings, sliding=True)
+    told = [StrikeSlip() for _ in motions]
+    for family in np.unique(families):
+        parts = np.flatnonzero(families == family).tolist()
+        along = motions[parts[0]].frame.along
+        turns = [1.0 if float((motions[n].frame.along * along).sum()) >= 0 else -1.0 for n in parts]
+        mended = np.zeros(len(_SHARES))
+        for n, turn in zip(parts, turns, strict=True):
+            for older in np.flatnonzero(younger[n]).tolist():
+                near = _across(motions[n], nodes[older], settings)
+                if near is not None:
+                    rough = _roughness_undone(motions[n], motions[older], near, turn * _SHARES)
+                    mended -= np.log(rough + _SMOOTH)
+        best = int(mended.argmax())
+        known = float(np.interp(turns[0] * motions[parts[0]].share, _SHARES, mended))
+        share = float(_SHARES[best])
+        if abs(share) < settings.least_share or mended[best] - known < settings.least_mend:
+            continue
+        aside = float(np.interp([share - _ASIDE, share + _ASIDE], _SHARES, mended).max())
+        certainty = float(-np.expm1(aside - mended[best]))
+        for n, turn in zip(parts, turns, strict=True):
+            told[n] = StrikeSlip(turn * share, certainty)
+    return told
 
 
 def are_one(
@@ -245,11 +334,15 @@ def _distances(places: Float64Array, others: Float64Array, reach: float) -> Floa
 
 
 def _gain(
-    one: FaultMotion, other: FaultMotion, nodes: Float64Array, others: Float64Array, settings: HistorySettings
-) -> float:
-    """Return the logarithm of how many times smoother both are if the first is the younger than if the other is."""
-    as_is, with_one = _roughness_across(one, other, others, settings)
-    other_as_is, with_other = _roughness_across(other, one, nodes, settings)
+    one: FaultMotion, other: FaultMotion, nodes: Float64Array, others: Float64Array, turns: Float64Array,
+    settings: HistorySettings,
+) -> float:  # fmt: skip
+    """Return the logarithm of how many times smoother both are if the first is the younger than if the other is.
+
+    Either may have moved along its strike by any of some `turns` more than is known, over its throw.
+    """
+    as_is, with_one = _roughness_across(one, other, others, turns, settings)
+    other_as_is, with_other = _roughness_across(other, one, nodes, turns, settings)
     together = np.log((as_is + with_other + _SMOOTH) / (with_one + other_as_is + _SMOOTH))
     each = np.log((as_is + _SMOOTH) / (with_one + _SMOOTH)) + np.log((with_other + _SMOOTH) / (other_as_is + _SMOOTH))
     # the rougher of the two decides the one, each as it is the other
@@ -257,14 +350,29 @@ def _gain(
 
 
 def _roughness_across(
-    motion: FaultMotion, other: FaultMotion, nodes: Float64Array, settings: HistorySettings
+    motion: FaultMotion, other: FaultMotion, nodes: Float64Array, turns: Float64Array, settings: HistorySettings
 ) -> tuple[float, float]:
     """Return how rough another fault, of which these are places, is across this one: as it is, and with this undone."""
+    near = _across(motion, nodes, settings)
+    if near is None:
+        return 0.0, 0.0
+    undone = _roughness_undone(motion, other, near, motion.share + turns) * (1.0 + _PRICE * np.abs(turns))
+    return _roughness(other.frame, near), float(undone.min())
+
+
+def _across(motion: FaultMotion, nodes: Float64Array, settings: HistorySettings) -> Float64Array | None:
+    """Return the places near a fault, on its two sides; None where either has too few."""
     near, side = motion.find_near(nodes, clear=settings.clear, reach=settings.reach, edge=settings.edge)
     beyond = int((side > 0).sum())
-    if min(beyond, len(near) - beyond) < settings.least_places:
-        return 0.0, 0.0
-    return _roughness(other.frame, nodes[near]), _roughness(other.frame, motion.undo(nodes[near]))
+    return nodes[near] if min(beyond, len(near) - beyond) >= settings.least_places else None
+
+
+def _roughness_undone(
+    motion: FaultMotion, other: FaultMotion, places: Float64Array, shares: Float64Array
+) -> Float64Array:
+    """Return how rough places of another fault are with this one undone, for each strike slip over throw."""
+    undone = (replace(motion, share=float(share)).undo(places) for share in shares)
+    return np.array([_roughness(other.frame, points) for points in undone])
 
 
 def _roughness(frame: Frame, points: Float64Array) -> float:

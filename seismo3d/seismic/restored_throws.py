@@ -11,7 +11,14 @@ from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_restore import spread
-from seismo3d.seismic.fault_ages import HistorySettings, are_one, find_families, order_faults
+from seismo3d.seismic.fault_ages import (
+    HistorySettings,
+    StrikeSlip,
+    are_one,
+    find_families,
+    order_faults,
+    tell_strike_slips,
+)
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, enlarge, find_motion, undo_parts
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import are_near, bounds_of
@@ -67,7 +74,8 @@ def restore_throws(
     places: what lies apart today is not what it threw. So the youngest fault is taken back first; the places of all
     that is known to be older move with its hanging wall, the less the farther off where the tilt of its layers says
     that slip dies away. What was read on the two sides of the next fault moves along; its parts come to lie on one
-    surface, are matched together, and it is taken back in turn.
+    surface, are matched together, and it is taken back in turn. Where it has offset older ones they tell how far it
+    moved along its strike.
 
     Parameters
     ----------
@@ -99,13 +107,15 @@ def restore_throws(
     families[known] = find_families(moved, places, areas, history)
     younger = np.zeros((len(sheets), len(sheets)), bool)
     younger[np.ix_(known, known)] = order_faults(moved, places, areas, families[known], history)
+    told = dict(zip(known, tell_strike_slips(moved, places, areas, families[known], history), strict=True))
     found, undone = list(throws), _Undone(parts, younger, families, history.reach)
     for group in _groups(parts, known, undone, history):
         read = cache(read_sides)  # of this group alone
-        if len(group) == 1 and not younger[:, group[0]].any():
-            motion = motions[group[0]]
-        else:
-            motion = _measure(group, parts, found, read, undone, settings, history)
+        first = group[0]
+        as_it_lies = len(group) == 1 and not younger[:, first].any()
+        motion = motions[first] if as_it_lies else None
+        if not as_it_lies or told[first].share is not None:
+            motion = _measure(group, parts, found, read, undone, settings, history, told[first]) or motion
         if motion is not None and younger[group].any():
             decay = find_decay([(throws[n], read(n), sheets[n].step) for n in group], history)
             undone.add(group, replace(motion, decay=decay))
@@ -224,6 +234,7 @@ def _measure(
     undone: _Undone,
     settings: ThrowSettings,
     history: HistorySettings,
+    told: StrikeSlip,
 ) -> FaultMotion | None:
     """Match the sides of a fault's parts as they lay when it moved; write their throws and return its motion.
 
@@ -252,7 +263,7 @@ def _measure(
     if not (seen[0].any() and seen[1].any()):
         return None
     slip = _best_slip(
-        sides_there, inside, sums[5] / np.maximum(sums[6], 1e-9), sums[6] / np.maximum(weight, 1e-9), settings
+        sides_there, inside, sums[5] / np.maximum(sums[6], 1e-9), sums[6] / np.maximum(weight, 1e-9), settings, told
     )
     fit = fit_of(slip)
     whole = [enlarge(values, inside.shape, settings.thin) for values in (slip.throw, fit)]
@@ -299,16 +310,17 @@ def _at_places(part: _Part, throw: SheetThrow) -> Float64Array:
 
 
 def _best_slip(
-    sides: Sides, inside: BoolArray, throw: Float64Array, fit: Float64Array, settings: ThrowSettings
+    sides: Sides, inside: BoolArray, throw: Float64Array, fit: Float64Array, settings: ThrowSettings, told: StrikeSlip
 ) -> SlipField:
     """Match two sides anew, and about what was found before; return the slip by which more of them match."""
     thin = settings.thin
     start, known = (values[::thin, ::thin].astype(np.float32) for values in (throw, fit))
     places = inside[::thin, ::thin]
-    refined = refine_free_slip(sides, start, known, places, thin=thin, settings=settings.slip)
+    refined = refine_free_slip(sides, start, known, places, thin=thin, settings=settings.slip, share=told.share)
     expected = float((start * known).sum() / known.sum()) if known.any() else None
-    anew = find_slip(sides, inside, settings=settings, about=expected)
-    return max((carry_on_slip(refined, places), anew), key=lambda slip: float(fit_of(slip)[places].sum()))
+    anew = find_slip(sides, inside, settings=settings, about=expected, share=told.share)
+    best = max((carry_on_slip(refined, places), anew), key=lambda slip: float(fit_of(slip)[places].sum()))
+    return best if told.share is None else replace(best, certainty=told.certainty)
 
 
 def _mean_sides(sums: Float64Array) -> tuple[Float32Array, Float32Array]:

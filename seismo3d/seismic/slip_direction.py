@@ -18,7 +18,14 @@ _EVERY, _LEAST_PLACES = 2, 80
 
 
 def refine_free_slip(
-    sides: Sides, throw: Float32Array, fit: Float32Array, inside: BoolArray, *, thin: int, settings: SlipSettings
+    sides: Sides,
+    throw: Float32Array,
+    fit: Float32Array,
+    inside: BoolArray,
+    *,
+    thin: int,
+    settings: SlipSettings,
+    share: float | None = None,
 ) -> SlipField:
     r"""Refine a throw, and find the slip along strike that goes with it.
 
@@ -32,28 +39,37 @@ def refine_free_slip(
     ----------
     sides, throw, fit, inside, thin, settings
         As for :func:`~seismo3d.seismic.slip_fields.refine_slip`.
+    share : float, optional
+        Strike slip over throw, where that is known: throws alone are refined then.
 
     Returns
     -------
     SlipField
-        With ``share`` 0 where slip down the dip alone explains what is seen as well.
+        With ``share`` 0 where slip down the dip alone explains what is seen as well, and the one given where it is
+        known.
     """
     straight = refine_slip(sides, throw, fit, inside, thin=thin, settings=settings)
-    if inside.shape[0] < 8:
+    if inside.shape[0] < 8 and share is None:
         return straight
     slopes = _layer_slopes(sides)
-    share, gain, certainty = _find_share(sides, straight, slopes, inside, thin, settings)
-    if abs(share) < settings.least_share or gain < settings.least_gain:
-        return SlipField(straight.throw, straight.misfit, 0.0, certainty)
-    for _ in range(2):
+
+    def turn(share: float) -> SlipField:
         field = straight.throw / (1.0 - share * _at_counterparts(slopes, straight, thin))
         known = np.where(np.isfinite(straight.misfit), np.maximum(1.0 - straight.misfit, 0.0), 0.0)
-        oblique = refine_slip(
+        return refine_slip(
             sides, field.astype(np.float32), known.astype(np.float32), inside, thin=thin, settings=settings, share=share
         )
+
+    if share is not None:
+        return turn(share)
+    found, gain, certainty = _find_share(sides, straight, slopes, inside, thin, settings)
+    if abs(found) < settings.least_share or gain < settings.least_gain:
+        return SlipField(straight.throw, straight.misfit, 0.0, certainty)
+    for _ in range(2):
+        oblique = turn(found)
         more, _, certainty = _find_share(sides, oblique, slopes, inside, thin, settings)
-        share = float(np.clip(share + more, -1.0, 1.0))
-    return SlipField(oblique.throw, oblique.misfit, share, certainty)
+        found = float(np.clip(found + more, -1.0, 1.0))
+    return SlipField(oblique.throw, oblique.misfit, found, certainty)
 
 
 def _layer_slopes(sides: Sides) -> Float64Array:

@@ -236,14 +236,21 @@ def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settin
     return SheetThrow(throw, fit, hanging_side, slip.share, slip.certainty)
 
 
-def find_slip(sides: Sides, inside: BoolArray, *, settings: ThrowSettings, about: float | None = None) -> SlipField:
+def find_slip(
+    sides: Sides,
+    inside: BoolArray,
+    *,
+    settings: ThrowSettings,
+    about: float | None = None,
+    share: float | None = None,
+) -> SlipField:
     """Match two sides read along a surface: throw, slip along strike and misfit at every `thin`-th place.
 
-    `about` is the throw that is expected, if any is.
+    `about` is the throw that is expected, if any is; `share` the strike slip over throw, if that is known.
     """
     rough, thin = _match(sides, inside, settings, about), settings.thin
     inside = inside[::thin, ::thin]
-    slip = refine_free_slip(sides, *rough, inside, thin=thin, settings=settings.slip)
+    slip = refine_free_slip(sides, *rough, inside, thin=thin, settings=settings.slip, share=share)
     found = np.clip(slip.throw, -settings.longest, settings.longest)
     return carry_on_slip(replace(slip, throw=found), inside)
 
