@@ -22,6 +22,8 @@ _SMOOTH = 0.03
 _TURNS, _PRICE = np.linspace(-0.6, 0.6, 13), 0.5
 # strike slips over throw among which the one is looked for that mends older faults, and how far aside is surely worse
 _SHARES, _ASIDE = np.linspace(-0.8, 0.8, 33), 0.2
+# mend from which on an older fault bears witness, and how many times clearer a single one must
+_WITNESS, _ALONE = 0.25, 1.6
 # traces within which surfaces that cover each other are the same, and distance along a surface that is still on it
 _SAME, _ON = 2.0, 1.5
 
@@ -44,7 +46,7 @@ class HistorySettings:
         The same, if either may have moved along its strike as well.
     least_share, least_mend : float
         Strike slip over throw, and logarithm of how many times smoother it must leave the older faults, all together,
-        from which on a fault's slip is oblique.
+        from which on a fault's slip is oblique; if but one tells it, more.
     least_area : float
         Smaller faults are not taken back for others' sake: their throw is too uncertain.
     stiffness : float
@@ -229,23 +231,35 @@ def tell_strike_slips(
         parts = np.flatnonzero(families == family).tolist()
         along = motions[parts[0]].frame.along
         turns = [1.0 if float((motions[n].frame.along * along).sum()) >= 0 else -1.0 for n in parts]
-        mended = np.zeros(len(_SHARES))
+        known = turns[0] * motions[parts[0]].share
+        mended = np.zeros((int(families.max()) + 1, len(_SHARES)))
         for n, turn in zip(parts, turns, strict=True):
             for older in np.flatnonzero(younger[n]).tolist():
                 near = _across(motions[n], nodes[older], settings)
                 if near is not None:
-                    rough = _roughness_undone(motions[n], motions[older], near, turn * _SHARES)
-                    mended -= np.log(rough + _SMOOTH)
-        best = int(mended.argmax())
-        known = float(np.interp(turns[0] * motions[parts[0]].share, _SHARES, mended))
-        share = float(_SHARES[best])
-        if abs(share) < settings.least_share or mended[best] - known < settings.least_mend:
-            continue
-        aside = float(np.interp([share - _ASIDE, share + _ASIDE], _SHARES, mended).max())
-        certainty = float(-np.expm1(aside - mended[best]))
-        for n, turn in zip(parts, turns, strict=True):
-            told[n] = StrikeSlip(turn * share, certainty)
+                    shares = turn * np.append(_SHARES, known)
+                    rough = np.log(_roughness_undone(motions[n], motions[older], near, shares) + _SMOOTH)
+                    mended[families[older]] += rough[-1] - rough[:-1]
+        share, certainty = _best_share(mended, settings)
+        if share is not None:
+            for n, turn in zip(parts, turns, strict=True):
+                told[n] = StrikeSlip(turn * share, certainty)
     return told
+
+
+def _best_share(mended: Float64Array, settings: HistorySettings) -> tuple[float | None, float]:
+    """Return the strike slip over throw that mends older faults most, and how sharply they tell it; None if none does.
+
+    `mended` is by how much each strike slip mends each older fault.
+    """
+    total = mended.sum(axis=0)
+    best = int(total.argmax())
+    share, witnesses = float(_SHARES[best]), int((mended[:, best] > _WITNESS).sum())
+    least = settings.least_mend * (1.0 if witnesses > 1 else _ALONE)
+    if abs(share) < settings.least_share or total[best] < least or best in (0, len(_SHARES) - 1):
+        return None, 0.0
+    aside = float(np.interp([share - _ASIDE, share + _ASIDE], _SHARES, total).max())
+    return share, float(-np.expm1(aside - total[best]))
 
 
 def are_one(
