@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seismo3d.seismic.fault_ages import HistorySettings, are_one, find_families, order_faults
+from seismo3d.seismic.fault_ages import (
+    HistorySettings,
+    _best_share,
+    are_one,
+    find_families,
+    order_faults,
+    tell_strike_slips,
+)
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, find_motion, undo_parts
 
 ALONG_INLINES = Frame(np.array([0.0, 32.0]), np.array([0.0, 1.0]))
@@ -69,14 +76,14 @@ def test_points_near_a_motion_are_those_that_its_distances_tell(cotangent):
     assert 100 < len(found) < 1500
 
 
-def crossing():
-    """A fault, and an older one whose surface it has offset."""
+def crossing(slid=0.0):
+    """A fault, and an older one whose surface it has offset; it slid along its strike by a share of its throw."""
     young = plane_motion(ALONG_CROSSLINES)
     whole = plane_motion(ALONG_INLINES, throw=12.0)
     inlines = -(whole.first[0] + np.arange(64.0))[:, None] * np.ones(80)
     samples = np.ones(64)[:, None] * np.arange(80.0)
     # in its hanging wall the older plane lies lower by its throw
-    offset = np.where(inlines > 32.0 + 0.4 * (samples - 40.0), -0.4 * 10.0, 0.0)
+    offset = np.where(inlines > 32.0 + 0.4 * (samples - 40.0), (slid - 0.4) * 10.0, 0.0)
     return young, plane_motion(ALONG_INLINES, throw=12.0, offset=offset)
 
 
@@ -87,6 +94,57 @@ def test_the_younger_fault_has_offset_the_older(turned):
     young = 1 if turned else 0
     assert younger[young, 1 - young]
     assert younger.sum() == 1
+
+
+def strike_slips(motions, families=None):
+    n = len(motions)
+    families = np.arange(n) if families is None else np.array(families)
+    return tell_strike_slips(motions, [places(m) for m in motions], [5000.0] * n, families, SETTINGS)
+
+
+@pytest.mark.parametrize("slid", [-0.4, -0.6])
+def test_an_older_fault_tells_how_far_the_younger_slid_along_its_strike(slid):
+    young, old = strike_slips(crossing(slid))
+    assert young.share == pytest.approx(slid, abs=0.06)
+    assert young.certainty > 0.5
+    assert old.share is None
+
+
+def test_a_fault_that_slid_down_its_dip_is_told_nothing():
+    assert [slip.share for slip in strike_slips(crossing())] == [None, None]
+
+
+def test_a_fault_that_slid_past_an_older_one_without_a_trace_tells_nothing():
+    # its slip lies in the older plane, which is whole: either may be the younger
+    motions = list(crossing(0.4))
+    nodes, areas = [places(m) for m in motions], [5000.0, 5000.0]
+    assert not order_faults(motions, nodes, areas, np.arange(2), SETTINGS, sliding=True).any()
+    assert [slip.share for slip in strike_slips(motions)] == [None, None]
+
+
+def test_all_parts_of_a_fault_slid_alike():
+    young, old = crossing(-0.4)
+    behind = replace(young, first=(young.first[0] + 90.0, 0.0))
+    turned = replace(behind, frame=Frame(young.frame.origin, -young.frame.across), hanging_side=-1)
+    slips = strike_slips([young, old, turned], [0, 1, 0])
+    assert slips[0].share == pytest.approx(-0.4, abs=0.06)
+    assert slips[2].share == -slips[0].share
+
+
+@pytest.mark.parametrize(("witnesses", "told"), [((2.0, 0.0), False), ((3.0, 0.0), True), ((1.2, 0.8), True)])
+def test_two_older_faults_together_tell_what_one_must_tell_clearly(witnesses, told):
+    shares = np.linspace(-0.8, 0.8, 33)
+    mended = np.array([clear * np.exp(-0.5 * ((shares - 0.4) / 0.1) ** 2) for clear in witnesses])
+    share, certainty = _best_share(mended, SETTINGS)
+    assert (share is not None) == told
+    if told:
+        assert share == pytest.approx(0.4)
+        assert 0.5 < certainty < 1.0
+
+
+def test_a_strike_slip_that_mends_the_more_the_larger_it_is_is_not_believed():
+    mended = np.linspace(-5.0, 5.0, 33)[None]
+    assert _best_share(mended, SETTINGS) == (None, 0.0)
 
 
 def test_faults_that_do_not_meet_have_no_order():

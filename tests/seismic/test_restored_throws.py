@@ -21,10 +21,11 @@ YOUNG = SyntheticFault((36, 36, 48), 90.0, 66.0, 13.0, trend=(0.0, 0.006))
 
 
 @cache
-def crossed():
+def crossed(rake=90.0):
     """Flat layers cut by an old fault along inlines, then by a young one along crosslines, and both as sheets."""
+    faults = OLD, replace(YOUNG, rake_deg=rake)
     cube = fault_cube(
-        "clean", seed=5, shape=SHAPE, population=None, faults=(OLD, YOUNG), fold_slope=(0.0, 0.0), tilt=(0.0, 0.0),
+        "clean", seed=5, shape=SHAPE, population=None, faults=faults, fold_slope=(0.0, 0.0), tilt=(0.0, 0.0),
         wavelength=(12.0, 12.0),
     )  # fmt: skip
     return cube, [sheet_of(cube.faults == number, axis) for number, axis in ((1, 1), (2, 0))]
@@ -45,8 +46,8 @@ def sheet_of(fault, axis, part=slice(None)):
     return Sheet(np.zeros(2), across, 0, 2, first, w, np.where(np.isfinite(w), 1.0, np.nan).astype(np.float32))
 
 
-def measured(sheets):
-    cube, _ = crossed()
+def measured(sheets, rake=90.0):
+    cube, _ = crossed(rake)
     volume, valid = cube.seismic, np.ones(SHAPE, bool)
     slopes = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.float32)
     sides = [gather_sides(volume, valid, slopes, sheet, settings=SETTINGS) for sheet in sheets]
@@ -75,6 +76,21 @@ def test_an_old_fault_is_measured_as_it_lay_before_the_young_one_moved():
     assert then < 0.6 * today
     # the young one lies as it did
     assert found[1] is throws[1]
+
+
+def test_the_offset_of_an_old_fault_tells_the_strike_slip_of_a_young_one():
+    """Flat layers show no slip along strike."""
+    cube, sheets = crossed(118.0)
+    throws, read = measured(sheets, 118.0)
+    assert throws[1].strike_share == 0.0
+    found = restore_throws(sheets, throws, read, settings=SETTINGS, history=HistorySettings())
+    slip = np.median(cube.slip[cube.faults[cube.faults > 0] == 2], axis=0)
+    truth = slip[:2] @ sheets[1].along / slip[2]
+    assert abs(truth) > 0.4
+    assert found[1].strike_share == pytest.approx(truth, abs=0.12)
+    assert found[1].slip_certainty > 0.3
+    inner = np.isfinite(found[1].throw) & (found[1].fit > 0.5)
+    assert np.abs(found[1].throw - throws[1].throw)[inner].mean() < 0.3
 
 
 def test_the_order_of_the_sheets_does_not_matter():
