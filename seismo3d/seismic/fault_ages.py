@@ -21,7 +21,7 @@ _SMOOTH = 0.03
 # strike slips over throw that are tried where ages are told, and what a trial costs that is so far off the known one
 _TURNS, _PRICE = np.linspace(-0.6, 0.6, 13), 0.5
 # strike slips over throw among which the one is looked for that mends older faults, and how far aside is surely worse
-_SHARES, _ASIDE = np.linspace(-0.8, 0.8, 33), 0.2
+_SHARES, _ASIDE = np.linspace(-0.8, 0.8, 17), 0.2
 # mend from which on an older fault bears witness, and how many times clearer a single one must
 _WITNESS, _ALONE = 0.25, 1.6
 # traces within which surfaces that cover each other are the same, and distance along a surface that is still on it
@@ -254,9 +254,13 @@ def _best_share(mended: Float64Array, settings: HistorySettings) -> tuple[float 
     """
     total = mended.sum(axis=0)
     best = int(total.argmax())
-    share, witnesses = float(_SHARES[best]), int((mended[:, best] > _WITNESS).sum())
+    witnesses = int((mended[:, best] > _WITNESS).sum())
     least = settings.least_mend * (1.0 if witnesses > 1 else _ALONE)
-    if abs(share) < settings.least_share or total[best] < least or best in (0, len(_SHARES) - 1):
+    if total[best] < least or best in (0, len(_SHARES) - 1):
+        return None, 0.0
+    before, here, after = total[best - 1 : best + 2]
+    share = float(_SHARES[best] + 0.5 * (_SHARES[1] - _SHARES[0]) * (before - after) / (before - 2.0 * here + after))
+    if abs(share) < settings.least_share:
         return None, 0.0
     aside = float(np.interp([share - _ASIDE, share + _ASIDE], _SHARES, total).max())
     return share, float(-np.expm1(aside - total[best]))

@@ -133,7 +133,7 @@ def test_all_parts_of_a_fault_slid_alike():
 
 @pytest.mark.parametrize(("witnesses", "told"), [((2.0, 0.0), False), ((3.0, 0.0), True), ((1.2, 0.8), True)])
 def test_two_older_faults_together_tell_what_one_must_tell_clearly(witnesses, told):
-    shares = np.linspace(-0.8, 0.8, 33)
+    shares = np.linspace(-0.8, 0.8, 17)
     mended = np.array([clear * np.exp(-0.5 * ((shares - 0.4) / 0.1) ** 2) for clear in witnesses])
     share, certainty = _best_share(mended, SETTINGS)
     assert (share is not None) == told
@@ -143,7 +143,7 @@ def test_two_older_faults_together_tell_what_one_must_tell_clearly(witnesses, to
 
 
 def test_a_strike_slip_that_mends_the_more_the_larger_it_is_is_not_believed():
-    mended = np.linspace(-5.0, 5.0, 33)[None]
+    mended = np.linspace(-5.0, 5.0, 17)[None]
     assert _best_share(mended, SETTINGS) == (None, 0.0)
 
 
