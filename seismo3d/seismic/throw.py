@@ -137,7 +137,7 @@ def measure_throw(
     of the two is averaged over a small window and divided by their energy. The quadratic trend over the whole surface
     that costs least tells repeated reflectors apart; then the cheapest paths along rows and columns are added up
     (semi-global matching [1]_) near the trend, which is fitted anew to what matched. Where the counterpart lies outside
-    the surface, as it does below the top of the cube, the throw is that of the trend around the nearest matches.
+    the surface, as it does below the top of the cube, the throw is that of the bell through what matches.
 
     Parameters
     ----------
