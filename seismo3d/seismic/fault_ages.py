@@ -102,6 +102,10 @@ class StrikeSlip:
     share: float | None = None
     certainty: float = 0.0
 
+    def of(self, motion: FaultMotion) -> FaultMotion:
+        """Return a motion that slides as it is told, or as it was where nothing is."""
+        return motion if self.share is None else replace(motion, share=self.share)
+
 
 def find_families(
     motions: list[FaultMotion], nodes: list[Float64Array], areas: list[float], settings: HistorySettings

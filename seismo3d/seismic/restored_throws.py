@@ -105,15 +105,17 @@ def restore_throws(
     places, areas = [parts[n].points(_EVERY) for n in known], [sheets[n].area for n in known]
     families = np.full(len(sheets), -1)
     families[known] = find_families(moved, places, areas, history)
+    slips = tell_strike_slips(moved, places, areas, families[known], history)
+    moved = [slip.of(motion) for slip, motion in zip(slips, moved, strict=True)]
     younger = np.zeros((len(sheets), len(sheets)), bool)
     younger[np.ix_(known, known)] = order_faults(moved, places, areas, families[known], history)
-    told = dict(zip(known, tell_strike_slips(moved, places, areas, families[known], history), strict=True))
+    told, today = dict(zip(known, slips, strict=True)), dict(zip(known, moved, strict=True))
     found, undone = list(throws), _Undone(parts, younger, families, history.reach)
     for group in _groups(parts, known, undone, history):
         read = cache(read_sides)  # of this group alone
         first = group[0]
         as_it_lies = len(group) == 1 and not younger[:, first].any()
-        motion = motions[first] if as_it_lies else None
+        motion = today[first] if as_it_lies else None
         if not as_it_lies or told[first].share is not None:
             motion = _measure(group, parts, found, read, undone, settings, history, told[first]) or motion
         if motion is not None and younger[group].any():
