@@ -43,7 +43,7 @@ class HistorySettings:
     least_gain : float
         Logarithm of how many times smoother two faults must be in one order than in the other.
     least_free : float
-        The same, if either may have moved along its strike as well.
+        The same, if either may have moved along its strike as well, where strike slips are told by that order.
     least_share, least_mend : float
         Strike slip over throw, and logarithm of how many times smoother it must leave the older faults, all together,
         from which on a fault's slip is oblique; if but one tells it, more.
@@ -263,7 +263,8 @@ def _best_share(mended: Float64Array, settings: HistorySettings) -> tuple[float 
     if total[best] < least or best in (0, len(_SHARES) - 1):
         return None, 0.0
     before, here, after = total[best - 1 : best + 2]
-    share = float(_SHARES[best] + 0.5 * (_SHARES[1] - _SHARES[0]) * (before - after) / (before - 2.0 * here + after))
+    bend = min(before - 2.0 * here + after, -1e-9)
+    share = float(_SHARES[best] + 0.5 * (_SHARES[1] - _SHARES[0]) * (before - after) / bend)
     if abs(share) < settings.least_share:
         return None, 0.0
     aside = float(np.interp([share - _ASIDE, share + _ASIDE], _SHARES, total).max())

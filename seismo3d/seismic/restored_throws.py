@@ -93,7 +93,8 @@ def restore_throws(
     Returns
     -------
     list of SheetThrow
-        In their order; as they were where a fault lies as it did when it moved, or that is not known.
+        In their order; as they were where a fault lies as it did when it moved, or that is not known, and no older one
+        tells that it moved along its strike.
     """
     parts = [_lay_out(sheet, throw) for sheet, throw in zip(sheets, throws, strict=True)]
     motions = [
