@@ -187,15 +187,14 @@ def order_faults(
             meetings.setdefault((int(families[one]), int(families[other])), []).append((one, other))
     told = []
     for pair, parts in meetings.items():
-
-        def gain(turns: Float64Array, parts: list[tuple[int, int]] = parts) -> float:
-            return sum(_gain(motions[i], motions[j], nodes[i], nodes[j], turns, settings) for i, j in parts)
-
-        straight = gain(np.zeros(1))
-        if abs(straight) <= settings.least_gain:
+        gain = _gain_of_parts(parts, motions, nodes, np.zeros(1), settings)
+        if abs(gain) <= settings.least_gain:
             continue
-        if not sliding or np.sign(straight) * gain(_TURNS) > settings.least_free:
-            told.append((abs(straight), *(pair if straight > 0 else pair[::-1])))
+        if sliding:
+            free = _gain_of_parts(parts, motions, nodes, _TURNS, settings)
+            if np.sign(gain) * free <= settings.least_free:
+                continue
+        told.append((abs(gain), *(pair if gain > 0 else pair[::-1])))
     n_families = int(families.max()) + 1 if len(motions) else 0
     area = np.bincount(families, areas, n_families)
     younger = np.zeros((n_families, n_families), bool)
@@ -354,6 +353,14 @@ def _distances(places: Float64Array, others: Float64Array, reach: float) -> Floa
         tree = cKDTree(others[within_box(others, bounds_of(places[near]), reach)])
         distances[near] = tree.query(places[near], distance_upper_bound=reach)[0]
     return distances
+
+
+def _gain_of_parts(
+    parts: list[tuple[int, int]], motions: list[FaultMotion], nodes: list[Float64Array], turns: Float64Array,
+    settings: HistorySettings,
+) -> float:  # fmt: skip
+    """Return the sum of the gains of pairs of parts, the first of each of the one fault, the other of the other."""
+    return sum(_gain(motions[i], motions[j], nodes[i], nodes[j], turns, settings) for i, j in parts)
 
 
 def _gain(
