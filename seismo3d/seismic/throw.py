@@ -49,7 +49,7 @@ class ThrowSettings:
     beside : int
         Traces beside a surface that are left out where these slopes are estimated.
     longest : int
-        Largest throw looked for, either way.
+        Largest throw looked for, either way; one that is carried on to where nothing matches may be larger.
     thin : int
         Throws are found at every so many traces and samples, and interpolated.
     along_strike, down : float
