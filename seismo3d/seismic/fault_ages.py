@@ -46,7 +46,8 @@ class HistorySettings:
         The same, if either may have moved along its strike as well, where strike slips are told by that order.
     least_share, least_mend : float
         Strike slip over throw, and logarithm of how many times smoother it must leave the older faults, all together,
-        from which on a fault's slip is oblique; if but one tells it, more.
+        from which on a fault's slip is oblique; if but one tells it, more. Less than 15 degrees off the dip line older
+        faults do not tell it from none.
     least_area : float
         Smaller faults are not taken back for others' sake: their throw is too uncertain.
     stiffness : float
@@ -71,7 +72,7 @@ class HistorySettings:
     least_places: int = 60
     least_gain: float = 0.65
     least_free: float = 0.1
-    least_share: float = 0.15
+    least_share: float = 0.27
     least_mend: float = 1.6
     least_area: float = 1500.0
     stiffness: float = 300.0

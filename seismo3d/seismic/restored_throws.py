@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from scipy import ndimage
@@ -118,7 +118,7 @@ def restore_throws(
         as_it_lies = len(group) == 1 and not younger[:, first].any()
         motion = today[first] if as_it_lies else None
         if not as_it_lies or told[first].share is not None:
-            motion = _measure(group, parts, found, read, undone, settings, history, told[first]) or motion
+            motion = _measure(group, parts, found, today, read, undone, settings, history, told[first]) or motion
         if motion is not None and younger[group].any():
             decay = find_decay([(throws[n], read(n), sheets[n].step) for n in group], history)
             undone.add(group, replace(motion, decay=decay))
@@ -153,9 +153,8 @@ class _Undone:
         """Return the bounds of these places."""
         return self._follow(number)[1]
 
-    def all_places(self, number: int) -> Float64Array:
-        """Return where all places of a fault lay before what is taken back."""
-        points = self._parts[number].points()
+    def take_back(self, number: int, points: Float64Array) -> Float64Array:
+        """Return where points beside a fault lay before what is taken back of it."""
         for motions in self._follow(number)[2]:
             points = undo_parts(motions, points)
         return points
@@ -233,6 +232,7 @@ def _measure(
     group: list[int],
     parts: list[_Part],
     found: list[SheetThrow],
+    today: dict[int, FaultMotion],
     read_sides: Callable[[int], SheetSides],
     undone: _Undone,
     settings: ThrowSettings,
@@ -244,7 +244,7 @@ def _measure(
     Where they match worse than they do today something was not taken back as it moved: None, and nothing is written.
     """
     first = parts[group[0]]
-    laid = [first.frame.lay(undone.all_places(n)) for n in group]
+    laid = [first.frame.lay(undone.take_back(n, parts[n].points())) for n in group]
     low = [float(np.floor(min(at[axis].min() for at in laid))) - 1.0 for axis in (0, 1)]
     high = [max(float(at[axis].max()) for at in laid) for axis in (0, 1)]
     sums = np.zeros((7, int(high[0] - low[0]) + 3, int(high[1] - low[1]) + 3))
@@ -255,8 +255,8 @@ def _measure(
         if _turned(part, first) < 0:
             sides, known = sides[::-1], known[::-1]
         sides, known = (values[:, part.rows, part.columns] for values in (sides, known))
-        start = _at_places(part, found[n]) if n == group[0] else np.zeros((2, len(w)))
-        values = np.concatenate([sides * known, known, w[None], start])
+        lay_apart, match = _laid_apart(part, found[n], today[n], partial(undone.take_back, n))
+        values = np.concatenate([sides * known, known, [w, lay_apart * match, match]])
         spread(s - low[0], samples - low[1], values, sums, weight)
     inside = weight > _COVERED
     both, seen = _mean_sides(sums)
@@ -304,18 +304,25 @@ def _matched(throws: Iterable[SheetThrow]) -> float:
     return float(sum(throw.fit[np.isfinite(throw.throw)].sum(dtype=np.float64) for throw in throws))
 
 
-def _at_places(part: _Part, throw: SheetThrow) -> Float64Array:
-    """Return throw times fit, and fit, at every place of a part."""
-    fit = np.where(np.isfinite(throw.throw), throw.fit, 0.0).astype(np.float64)
-    both = np.stack([np.where(fit > 0, throw.throw, 0.0) * fit, fit])
-    columns = np.minimum(np.rint(part.columns / part.sheet.step).astype(np.int64), fit.shape[1] - 1)
-    return np.asarray(both[:, part.rows, columns])
+def _laid_apart(
+    part: _Part, throw: SheetThrow, motion: FaultMotion, take_back: Callable[[Float64Array], Float64Array]
+) -> tuple[Float64Array, Float64Array]:
+    """Return how far apart the two places lay that match today, and how well they match, at every place of a part."""
+    columns = np.minimum(np.rint(part.columns / part.sheet.step).astype(np.int64), throw.throw.shape[1] - 1)
+    thrown, fit = (values[part.rows, columns].astype(np.float64) for values in (throw.throw, throw.fit))
+    fit[~np.isfinite(thrown)] = 0.0
+    thrown[fit == 0.0] = 0.0
+    hanging = part.points()
+    s, samples, _ = part.frame.lay(hanging)
+    s, samples = s - motion.share * thrown, samples - thrown
+    foot = part.frame.place(s, samples, motion.height_at(s, samples))
+    return take_back(hanging)[:, 2] - take_back(foot)[:, 2], fit
 
 
 def _best_slip(
     sides: Sides, inside: BoolArray, throw: Float64Array, fit: Float64Array, settings: ThrowSettings, told: StrikeSlip
 ) -> SlipField:
-    """Match two sides anew, and about what was found before; return the slip by which more of them match."""
+    """Match two sides anew, and about the throws expected; return the slip by which more of them match."""
     thin = settings.thin
     start, known = (values[::thin, ::thin].astype(np.float32) for values in (throw, fit))
     places = inside[::thin, ::thin]

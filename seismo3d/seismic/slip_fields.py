@@ -16,8 +16,9 @@ from seismo3d.seismic._kernels_slip import add_bending, add_places, find_in_view
 _COARSE, _RIDGE = 4, 1e-3
 # shifts tried to either side of a field
 _REACH = 8
-# misfit ratio beyond which the sides do not match
-_MISMATCH = 0.6
+# misfit ratio beyond which the sides do not match, in the strongest noise; without noise; and how it grows from there
+# with what a quarter of the places leave at most
+_MISMATCH, _CHANCE, _NOISE = 0.6, 0.2, 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -246,5 +247,17 @@ def _pull(
     """Return the best shifts near a field, and weights by their match and sharpness, the latter `least` or more."""
     shift, misfit, rise = (np.empty(cost.shape[:2], np.float32) for _ in range(3))
     pull_shifts(cost, known, field, np.float32(0.5 / leeway**2), shift, misfit, rise)
-    weight = np.clip(1.0 - misfit / _MISMATCH, 0.0, 1.0) ** 2 * np.clip(rise / 0.3, least, 1.0)
+    weight = np.clip(1.0 - misfit / _mismatch(misfit[known]), 0.0, 1.0) ** 2 * np.clip(rise / 0.3, least, 1.0)
     return shift, np.where(known, weight, 0.0).astype(np.float32)
+
+
+def _mismatch(misfits: Float32Array) -> float:
+    """Return the misfit ratio beyond which sides do not match that match as well as these at their best.
+
+    Without noise places that belong together leave next to nothing, and what leaves a third does so by chance; in
+    strong noise the right ones leave as much.
+    """
+    found = misfits[np.isfinite(misfits)]
+    if not found.size:
+        return _MISMATCH
+    return min(_CHANCE + _NOISE * float(np.percentile(found, 25.0)), _MISMATCH)

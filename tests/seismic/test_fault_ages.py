@@ -142,6 +142,14 @@ def test_two_older_faults_together_tell_what_one_must_tell_clearly(witnesses, to
         assert 0.5 < certainty < 1.0
 
 
+def test_slip_hardly_off_the_dip_line_is_not_told():
+    """Older faults tell 11 degrees no better than none."""
+    shares = np.linspace(-0.8, 0.8, 17)
+    for true, told in ((0.2, False), (0.4, True)):
+        share, _ = _best_share(4.0 * np.exp(-0.5 * ((shares - true) / 0.1) ** 2)[None], SETTINGS)
+        assert (share is not None) == told
+
+
 def test_a_strike_slip_that_mends_the_more_the_larger_it_is_is_not_believed():
     mended = np.linspace(-5.0, 5.0, 17)[None]
     assert _best_share(mended, SETTINGS) == (None, 0.0)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from seismo3d.seismic import restored_throws
 from seismo3d.seismic._kernels_restore import read_between, spread
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.linking import Sheet
@@ -91,6 +92,22 @@ def test_the_offset_of_an_old_fault_tells_the_strike_slip_of_a_young_one():
     assert found[1].slip_certainty > 0.3
     inner = np.isfinite(found[1].throw) & (found[1].fit > 0.5)
     assert np.abs(found[1].throw - throws[1].throw)[inner].mean() < 0.3
+
+
+def test_places_that_match_today_lay_apart_by_what_is_not_taken_back():
+    """Depths shrink by a tenth where what is taken back has stretched them; so do the throws."""
+    _, sheets = crossed()
+    throws, _ = measured(sheets)
+    part = restored_throws._lay_out(sheets[0], throws[0])
+    motion = restored_throws._present_motion(part, throws[0], HistorySettings())
+    lay_apart, match = restored_throws._laid_apart(
+        part, throws[0], motion, lambda points: points * np.array([1.0, 1.0, 0.9])
+    )
+    columns = np.minimum(np.rint(part.columns / 2).astype(int), sheets[0].w.shape[1] - 1)
+    thrown = throws[0].throw[part.rows, columns]
+    assert (match > 0.5).mean() > 0.3
+    np.testing.assert_allclose(lay_apart[match > 0], 0.9 * thrown[match > 0], rtol=1e-6)
+    np.testing.assert_array_equal(lay_apart[match == 0], 0.0)
 
 
 def test_the_order_of_the_sheets_does_not_matter():

@@ -7,7 +7,7 @@ from scipy.linalg import solveh_banded
 from seismo3d.seismic import _kernels_slip as kernels
 from seismo3d.seismic.dip import DipSettings
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.slip_fields import Sides, SlipSettings, refine_slip, smooth_field
+from seismo3d.seismic.slip_fields import Sides, SlipSettings, _pull, refine_slip, smooth_field
 from seismo3d.seismic.throw import ThrowSettings, measure_throw, slopes_beside
 from seismo3d.synthetic import CubeRecipe, SyntheticFault, make_cube
 
@@ -207,3 +207,21 @@ def test_banded_systems_are_solved_as_lapack_does(rng, n, width):
     wanted = solveh_banded(bands, right)
     kernels.solve_bands(bands, right)
     np.testing.assert_allclose(right, wanted, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize(("rest", "counts"), [(0.02, False), (0.3, True)])
+def test_what_leaves_a_third_of_the_energy_counts_only_where_the_rest_leaves_as_much(rest, counts):
+    """Without noise right places leave next to nothing, and the others match by chance."""
+    cost = np.full((10, 10, 17), 1.0, np.float32)
+    cost[..., 8] = rest
+    cost[4, 4, 8], cost[4, 4, 11] = 1.0, 0.35
+    shift, weight = _pull(cost, np.ones((10, 10), bool), np.zeros((10, 10), np.float32), 4.0, 0.0)
+    assert shift[4, 4] == pytest.approx(3.0, abs=0.5)
+    assert (weight[4, 4] > 0.05) == counts
+    assert weight[0, 0] > 0.1
+
+
+def test_where_nothing_is_known_nothing_counts():
+    cost = np.full((4, 4, 17), np.inf, np.float32)
+    _, weight = _pull(cost, np.zeros((4, 4), bool), np.zeros((4, 4), np.float32), 4.0, 0.0)
+    np.testing.assert_array_equal(weight, 0.0)
