@@ -180,7 +180,7 @@ def trace_faults(
     is_section = 1 in amplitudes.shape[:2]
     settings = settings or (FaultSettings.for_section() if is_section else FaultSettings())
     settings = _with_evidence(settings, evidence)
-    volume, valid, _ = clean_volume(amplitudes)
+    volume, valid, *_ = clean_volume(amplitudes)
     report("dip", 0.0)
     slopes = estimate_slopes(volume, valid, settings=settings.dip)
     report("misfit", 0.0)

@@ -45,6 +45,8 @@ class LayerModel:
     spectrum : ndarray of shape (n,), float64, or None
         Amplitude spectrum of the wavelet, at frequencies evenly spread from 0 to half a cycle a sample; None where it
         is not known.
+    level : float
+        What the cube's own amplitudes lie about: 0, or some 128 where they are unsigned bytes.
     """
 
     times: Float32Array
@@ -56,6 +58,7 @@ class LayerModel:
     rejected: float
     closure: LoopClosure
     spectrum: Float64Array | None = None
+    level: float = 0.0
 
     def increasing(self, settings: LayerTimeSettings | None = None) -> Float32Array:
         """Return the nearest layer time that grows down every trace across faults too."""
@@ -149,7 +152,7 @@ def model_layers(
     report = progress or _unheard
     check_cube(cube, faults)
     amplitudes, _, (_, unit) = as_volume(cube)
-    volume, valid, spectrum = clean_volume(amplitudes, carried=True)
+    volume, valid, spectrum, level = clean_volume(amplitudes, carried=True)
     cuts = np.zeros(volume.shape, np.uint8)
     grids = [grid_surface(s, beyond=settings.links.beyond) for s in (faults.surfaces if faults is not None else ())]
     for grid in grids:
@@ -159,7 +162,7 @@ def model_layers(
     if not live.any():
         raise ShapeError("cube has no live trace. Give a cube with data.")
     times += _datum(times, live)
-    layers = LayerModel(times, cuts, volume, valid, live, unit, rejected, closure, spectrum)
+    layers = LayerModel(times, cuts, volume, valid, live, unit, rejected, closure, spectrum, level)
     if grids:
         report("levels", 0.0)
         found = dict(find_level_moves(layers, settings))

@@ -74,7 +74,7 @@ def loop_closure(
     """
     settings = settings or LayerTimeSettings()
     check_cube(cube, faults)
-    volume, valid, _ = clean_volume(as_volume(cube)[0], carried=True)
+    volume, valid, *_ = clean_volume(as_volume(cube)[0], carried=True)
     cuts = np.zeros(volume.shape, np.uint8)
     for surface in faults.surfaces if faults is not None else ():
         cut_grid(grid_surface(surface, beyond=settings.links.beyond), cuts)

@@ -70,7 +70,7 @@ def describe_volume(cube: Any) -> tuple[float, str]:
 
 def clean_volume(
     amplitudes: Float32Array, *, carried: bool = False
-) -> tuple[Float32Array, BoolArray, Float64Array | None]:
+) -> tuple[Float32Array, BoolArray, Float64Array | None, float]:
     """Mark where there are data, put zero elsewhere, take off what all amplitudes share, clip spikes, and whiten.
 
     Parameters
@@ -88,12 +88,15 @@ def clean_volume(
         Where there are: NaN, constant runs and repeated traces are none.
     spectrum : ndarray of shape (n,), float64, or None
         As in :class:`~seismo3d.seismic.whitening.Whitening`.
+    level : float
+        What was taken off.
     """
     valid = find_valid(amplitudes)
     step = sampling_step(amplitudes.size)
-    scale_amplitudes(amplitudes, valid, find_scale(amplitudes.ravel()[::step][valid.ravel()[::step]]))
+    scale = find_scale(amplitudes.ravel()[::step][valid.ravel()[::step]])
+    scale_amplitudes(amplitudes, valid, scale)
     white, whitening = whiten(amplitudes, valid, carried=carried)
-    return white, valid, whitening.spectrum
+    return white, valid, whitening.spectrum, scale.level
 
 
 def find_valid(amplitudes: Float32Array) -> BoolArray:

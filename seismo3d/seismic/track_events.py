@@ -9,7 +9,8 @@ import numpy as np
 from seismo3d._typing import AnyArray, Float32Array, Float64Array
 from seismo3d.errors import ParameterError
 from seismo3d.seismic._kernels_tracks import read_waveforms
-from seismo3d.seismic.layer_pieces import LayerVolumes, layer_pieces
+from seismo3d.seismic.layer_pieces import layer_pieces
+from seismo3d.seismic.layer_time import LayerModel
 
 EVENTS = ("peak", "trough", "zero")
 # samples within which an event is looked for: of where a track runs, and of its seeds
@@ -24,15 +25,15 @@ def check_event(event: str | None) -> None:
         )
 
 
-def seed_events(cube: Any, layers: LayerVolumes, index: Float64Array, event: str) -> tuple[Float64Array, float]:
+def seed_events(cube: Any, layers: LayerModel, index: Float64Array, event: str) -> tuple[Float64Array, float]:
     """Find the events nearest to seeds.
 
     Parameters
     ----------
     cube : DataArray or array_like
         Whose amplitudes tell the events.
-    layers : LayerVolumes
-        Of this cube: they tell where it holds data.
+    layers : LayerModel
+        Of this cube: it tells where that holds data, and the level that peaks lie above.
     index : ndarray of shape (n, 3), float64
         Seeds, as fractional indices.
     event : str
@@ -47,7 +48,7 @@ def seed_events(cube: Any, layers: LayerVolumes, index: Float64Array, event: str
     """
     traces = np.rint(index[:, :2]).astype(int)
     values = _values_of(cube)
-    volume = np.stack([np.asarray(values[i, j], dtype=np.float32) for i, j in traces])[None]
+    volume = np.stack([_about(layers.level, values[i, j]) for i, j in traces])[None]
     valid = np.stack([np.asarray(layers.valid[int(i), int(j)]) for i, j in traces])[None]
     waves = np.empty((1, len(index), 2 * _SEED_REACH + 3), np.float32)
     read_waveforms(volume, valid, index[None, :, 2], _SEED_REACH + 1, waves)
@@ -61,8 +62,10 @@ def seed_events(cube: Any, layers: LayerVolumes, index: Float64Array, event: str
     return moved, slope
 
 
-def snap_to_events(cube: Any, layers: LayerVolumes, depth: Float64Array, event: str, slope: float) -> Float64Array:
+def snap_to_events(cube: Any, layers: LayerModel, depth: Float64Array, event: str, slope: float) -> Float64Array:
     """Move every trace of a track to its nearest event, at sub-sample precision; NaN where there is none near.
+
+    None lies outside the cube.
 
     Parameters are those of :func:`seed_events`, the track's fractional samples of shape (inline, crossline), and the
     slope that zero crossings have.
@@ -70,8 +73,15 @@ def snap_to_events(cube: Any, layers: LayerVolumes, depth: Float64Array, event: 
     values = _values_of(cube)
     waves = np.empty((*depth.shape, 2 * _REACH + 3), np.float32)
     for at, (valid,) in layer_pieces(layers, "valid"):
-        read_waveforms(np.asarray(values[at], dtype=np.float32), valid, depth[at], _REACH + 1, waves[at])
-    return depth + _nearest(waves, event, slope)[0]
+        read_waveforms(_about(layers.level, values[at]), valid, depth[at], _REACH + 1, waves[at])
+    moved = depth + _nearest(waves, event, slope)[0]
+    return np.where((moved >= 0.0) & (moved <= layers.times.shape[2] - 1.0), moved, np.nan)
+
+
+def _about(level: float, values: Any) -> Float32Array:
+    """Amplitudes about the level of the whole cube: of unsigned bytes none is below zero."""
+    amplitudes = np.asarray(values, dtype=np.float32)
+    return amplitudes - np.float32(level) if level else amplitudes
 
 
 def _values_of(cube: Any) -> Any:

@@ -23,6 +23,8 @@ _SCRAP, _AROUND = 16, 4
 _CONFIDENT = 0.7
 # how far below or above a seed a part may pass there
 _PASSING = 6.0
+# samples by which a depth may miss the cube by rounding alone
+_ROUNDED = 1e-3
 
 
 def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) -> tuple[Float64Array, Float32Array]:
@@ -51,8 +53,15 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
         refined = _refine(layers, horizon, inner, settings)
     depth, confidence = refined
     depth = bend_to_seeds(depth, horizon.parts, np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth), index)
-    kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
+    depth = _within_cube(depth, layers.times.shape[2] - 1)
+    kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece) & np.isfinite(depth)
     return np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
+
+
+def _within_cube(depth: Float64Array, last: int) -> Float64Array:
+    """Return depths with NaN for those above the first sample and below the last: nothing there shows a horizon."""
+    inside = (depth >= -_ROUNDED) & (depth <= last + _ROUNDED)
+    return np.where(inside, np.clip(depth, 0.0, last), np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -68,7 +68,9 @@ def trace_tracks(
     unlike their neighbours, is compared with the parts that the seeds lie on over a long window of layers, which ends
     at faults, and moved to where it fits, or left out where it fits nowhere; then each trace is aligned with that
     waveform at sub-sample precision. Where a reverse fault lays a horizon over itself the track is the upper one, on
-    the part of the seeds their own. A track passes through its seeds.
+    the part of the seeds their own. A track passes through its seeds; of several those do not count that lie more than
+    three samples from where the others lead, and of two side by side it passes between. It ends where it leaves the
+    cube.
 
     Parameters
     ----------
@@ -107,7 +109,7 @@ def trace_tracks(
         If the cube has neither two nor three axes, or a seed not as many numbers.
     ParameterError
         If a seed lies outside the cube, on a trace without data or far from any `event`, `event` is not known, seeds
-        of one track contradict each other, `layers` is given for a section or beside what it takes the place of, or
+        of one track lie on one trace, apart, `layers` is given for a section or beside what it takes the place of, or
         work in blocks is refused as by :func:`layer_time`.
     """
     settings = settings or TrackSettings()

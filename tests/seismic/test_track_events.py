@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,8 @@ import seismo3d as s3
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.loop_closure import LoopClosure
-from seismo3d.seismic.track_events import _nearest
+from seismo3d.seismic.track_events import _nearest, snap_to_events
+from seismo3d.synthetic import fault_cube
 
 PERIOD, SHAPE = 16.0, (12, 14, 96)
 PEAK, TROUGH, RISE, FALL = 32.0, 40.0, 28.0, 36.0
@@ -48,6 +51,51 @@ def test_all_of_a_track_is_on_the_event_next_to_its_seed(
     assert known.mean() > 0.95
     expected = np.broadcast_to(found + 0.1 * np.arange(SHAPE[1]), SHAPE[:2])
     np.testing.assert_allclose(track.depth[known], expected[known], atol=0.35)
+
+
+@pytest.mark.parametrize("event", ["peak", "trough", "zero"])
+def test_events_lie_about_the_level_of_the_amplitudes(level: tuple[np.ndarray, LayerModel], event: str) -> None:
+    """Of unsigned bytes no sample is below zero, and troughs lie below 128."""
+    volume, layers = level
+    (expected,) = s3.trace_tracks(volume, [(5, 0, 37.0)], event=event, layers=layers)
+    raised = replace(layers, level=128.0)
+    (found,) = s3.trace_tracks(50.0 * volume + 128.0, [(5, 0, 37.0)], event=event, layers=raised)
+    np.testing.assert_allclose(found.depth, expected.depth, atol=1e-3)
+
+
+def test_unsigned_bytes_have_troughs() -> None:
+    cube = fault_cube("clean", shape=(24, 24, 64), seed=3, population=None)
+    amplitudes = cube.seismic / np.abs(cube.seismic).max()
+    seeds = [(12, 12, 30.0)]
+    (expected,) = s3.trace_tracks(amplitudes, seeds, event="trough")
+    (found,) = s3.trace_tracks(np.rint(127.0 * amplitudes + 128.0).astype(np.uint8), seeds, event="trough")
+    both = np.isfinite(found.depth) & np.isfinite(expected.depth)
+    assert both.mean() > 0.9
+    assert np.abs(found.depth - expected.depth)[both].max() < 0.5
+
+
+@pytest.mark.parametrize("event", [None, "zero"])
+@pytest.mark.parametrize("bottom", [False, True])
+def test_a_track_ends_where_it_leaves_the_cube(
+    level: tuple[np.ndarray, LayerModel], event: str | None, bottom: bool
+) -> None:
+    volume, layers = level
+    last = SHAPE[2] - 1
+    seed = (5, 2, last - 0.2) if bottom else (5, 11, 0.4)
+    expected = seed[2] + 0.1 * (np.arange(SHAPE[1]) - seed[1])
+    if event is None:
+        (track,) = s3.trace_tracks(volume, [seed], layers=layers)
+        outside = (expected < -0.4) | (expected > last + 0.4)
+        assert outside.any()
+        assert np.isnan(track.depth[:, outside]).all()
+        assert np.isnan(track.confidence[:, outside]).all()
+        assert np.isfinite(track.depth[seed[:2]])
+    else:
+        depth = snap_to_events(volume, layers, np.broadcast_to(expected, SHAPE[:2]).copy(), event, 0.0)
+        track = s3.Track(depth, depth, np.zeros((1, 3)))
+    known = np.isfinite(track.depth)
+    assert track.depth[known].min(initial=0.0) >= 0.0
+    assert track.depth[known].max(initial=0.0) <= last
 
 
 def test_traces_without_the_event_are_left_out(level: tuple[np.ndarray, LayerModel]) -> None:
