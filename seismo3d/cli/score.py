@@ -46,7 +46,7 @@ def run(
     if columns is not None and is_faults:
         raise ParameterError("--columns is given for fault sticks; it is for XYZ horizons. Leave it out.")
     final = folder / "score" if out is None else out
-    check_run_folder(final, inputs=[folder / "run.json", *picks], overwrite=overwrite)
+    check_run_folder(final, command="score", inputs=[folder, *picks], overwrite=overwrite)
     with written_aside(final, folder=True) as aside:
         aside.mkdir()
         if is_faults:
@@ -57,7 +57,7 @@ def run(
         write_record(aside / "score.json", {"scores": scores})
         asked = {"picks": picks, "tolerance": tolerance, "columns": columns}
         source = folder / ("faultset.npz" if is_faults else "tracks.csv")
-        write_record(aside / RECORD, describe_run(source, options=asked))
+        write_record(aside / RECORD, describe_run(source, command="score", options=asked))
     _say(final, scores, as_json=json)
 
 

@@ -77,7 +77,7 @@ def run(
     if columns is not None and not horizon:
         raise ParameterError("--columns is given without --horizon; it says what its file holds. Leave it out.")
     picked = [read_horizon(file, columns=as_columns(columns)) for file in horizon]
-    check_run_folder(out, inputs=[cube, *horizon, *([faults] if faults else [])], overwrite=overwrite)
+    check_run_folder(out, command="tracks", inputs=[cube, *horizon, *([faults] if faults else [])], overwrite=overwrite)
     is_bounded = memory is not None or scheduler is not None
     opened = open_cube(cube, **reading, lazy=True if is_bounded else None)
     in_blocks = is_bounded and _asks_for_blocks(opened, memory, scheduler, out)
@@ -116,7 +116,11 @@ def run(
         }
         asked |= {"memory": memory, "scheduler": scheduler}
         timings = clock.stop()
-        record = {**describe_run(cube, options=asked), "loops": tabulate_loops(closure), "timings_s": timings}
+        record = {
+            **describe_run(cube, command="tracks", options=asked),
+            "loops": tabulate_loops(closure),
+            "timings_s": timings,
+        }
         title = f"Horizons in {cube.name}"
         page = tracks_page(tracks, opened, title=title, pictures=pictures, run=record, closure=closure)
         write_page(aside / "report.html", page)
