@@ -50,8 +50,9 @@ def run(
     """Follow horizons from seeds through a cube or line and across its faults: points, grids, table and pictures.
 
     The folder gets each track as XYZ, Charisma and IRAP classic text, tracks.csv, a depth map of each track, sections
-    with all of them, report.html and run.json; of a 2D line XYZ, table, section and report. It appears when all is
-    done, or not at all.
+    with all of them, report.html and run.json; of a 2D line XYZ, table, section and report. IRAP is left out where the
+    survey's lines do not meet at right angles, which it cannot hold. The folder appears when all is done, or not at
+    all.
 
     Work in blocks (--memory, --scheduler) goes on in a folder beside it, whose name ends in .unfinished: after a
     crash the same command goes on where it was. Layer time is kept as Zarr then: layer_time.zarr.
@@ -70,7 +71,7 @@ def run(
     from seismo3d.seismic.loop_closure import tabulate_loops
     from seismo3d.seismic.picks import horizon_seeds
     from seismo3d.seismic.track_events import check_event
-    from seismo3d.seismic.track_exports import tabulate_tracks, write_tracks
+    from seismo3d.seismic.track_exports import irap_note, tabulate_tracks, write_tracks
     from seismo3d.seismic.tracks import index_seeds, trace_tracks
 
     points: list[Any] = [_as_seed(text) for text in seed]
@@ -130,6 +131,9 @@ def run(
         print_json({**found, "timings_s": timings})
     else:
         _say(out, tracks, closure)
+    note = irap_note(opened)
+    if note is not None:
+        typer.echo(f"seismo3d: {note}", err=True)
     say_timings(timings)
 
 

@@ -202,6 +202,36 @@ def write_charisma_horizon(path: str | Path, horizon: HorizonGrid) -> None:
             file.write(f"INLINE :{i:>8d} XLINE :{j:>8d} {x:>15.2f} {y:>15.2f} {z:>14.4f}\n".encode())
 
 
+def why_no_irap(x: Float64Array, y: Float64Array) -> str | None:
+    """Tell what keeps the traces at these places out of an IRAP classic grid.
+
+    Parameters
+    ----------
+    x, y : ndarray of shape (inline, crossline), float64
+        Map coordinates of the traces.
+
+    Returns
+    -------
+    str or None
+        What they are, and what the grid needs; None where it can hold them.
+    """
+    if min(x.shape) < 2:
+        return f"{x.shape} traces; an IRAP grid needs two lines each way"
+    along, across = _steps(x, y)
+    step = np.hypot(*along), np.hypot(*across)
+    if min(step) <= 0 or abs(along @ across) > 1e-3 * step[0] * step[1]:
+        return "lines that do not meet at right angles; an IRAP grid needs them to"
+    return None
+
+
+def _steps(x: Float64Array, y: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Return the mean step from trace to trace along the first axis and along the second."""
+    n, m = x.shape
+    along = np.array([x[-1, 0] - x[0, 0], y[-1, 0] - y[0, 0]]) / (n - 1)
+    across = np.array([x[0, -1] - x[0, 0], y[0, -1] - y[0, 0]]) / (m - 1)
+    return along, across
+
+
 def write_irap_classic(path: str | Path, horizon: HorizonGrid) -> None:
     """Write an IRAP classic grid: a header with origin, steps and rotation, then six values a row.
 
@@ -219,16 +249,14 @@ def write_irap_classic(path: str | Path, horizon: HorizonGrid) -> None:
     FileAccessError
         If the folder cannot be written to.
     """
+    reason = why_no_irap(horizon.x, horizon.y)
+    if reason is not None:
+        raise GeometryError(f"horizon has {reason}. Write XYZ.")
     x, y, z = horizon.x, horizon.y, horizon.z
-    if min(z.shape) < 2:
-        raise GeometryError(f"horizon has {z.shape} traces; an IRAP grid needs two lines each way. Write XYZ.")
-    along = np.array([x[-1, 0] - x[0, 0], y[-1, 0] - y[0, 0]]) / (z.shape[0] - 1)
-    across = np.array([x[0, -1] - x[0, 0], y[0, -1] - y[0, 0]]) / (z.shape[1] - 1)
+    along, across = _steps(x, y)
     if along[0] * across[1] - along[1] * across[0] < 0:  # columns must lie to the left of rows
         x, y, z, along, across = x.T, y.T, z.T, across, along
     step = np.hypot(*along), np.hypot(*across)
-    if min(step) <= 0 or abs(along @ across) > 1e-3 * step[0] * step[1]:
-        raise GeometryError("horizon's lines do not meet at right angles; an IRAP grid cannot hold it. Write XYZ.")
     rotation = np.degrees(np.arctan2(along[1], along[0]))
     n, m = z.shape
     ends = x[0, 0] + step[0] * (n - 1), y[0, 0] + step[1] * (m - 1)

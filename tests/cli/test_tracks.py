@@ -50,6 +50,26 @@ def test_run_writes_tracks_in_map_coordinates(
     assert row["unit"] == "ms"
 
 
+def test_sheared_survey_gets_all_but_irap(
+    folded: SyntheticCube, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cube = folded.to_dataarray()
+    sheared = cube.assign_coords(cdp_x=cube["cdp_x"] + 0.25 * (cube["cdp_y"] - cube["cdp_y"][0, 0]))
+    sheared.attrs.pop("survey", None)
+    write_segy(tmp_path / "cube.sgy", sheared)
+    seed = f"1012,2014,{600 + 4 * folded.horizons[2][12, 14]:.3f}"
+    out = tmp_path / "out"
+    assert _run(["tracks", str(tmp_path / "cube.sgy"), "--seed", seed, "-o", str(out)], debug=True) == 0
+    assert "without IRAP grids: the survey has lines that do not meet at right angles" in capsys.readouterr().err
+    assert {path.name for path in out.iterdir() if path.suffix in (".txt", ".xyz", ".csv")} == {
+        "track_01.xyz", "track_01.charisma.txt", "tracks.csv",
+    }  # fmt: skip
+    # a row of the track lies where the sheared survey puts its trace
+    words = (out / "track_01.charisma.txt").read_text().splitlines()[-1].split()
+    i, j = int(words[2]) - 1001, int(words[5]) - 2001
+    assert float(words[6]) == pytest.approx(float(sheared["cdp_x"].values[i, j]), abs=0.6)
+
+
 def check_irap(path: Path, table: np.ndarray) -> None:
     """Rebuild the places of the grid's values from its header; they must be those of the table."""
     words = path.read_text().split()
