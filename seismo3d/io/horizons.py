@@ -17,11 +17,15 @@ from seismo3d._typing import Float64Array
 from seismo3d._validate import freeze
 from seismo3d.errors import FormatError, GeometryError, ParameterError
 from seismo3d.io._files import written_aside
-from seismo3d.io._pick_lines import numbers_of, read_lines, refuse_line, rows_of
+from seismo3d.io._pick_lines import (
+    UNKNOWN,
+    has_value,
+    numbers_of,
+    read_lines,
+    refuse_line,
+    rows_of,
+)
 
-_UNKNOWN = 9999900.0
-_NULLS = (_UNKNOWN, -999.25, -9999.0, -99999.0)
-"""Values that stand for none: in IRAP, and what other programs write."""
 _END_OF_PART = 999.0
 """An IRAP classic file of points ends its parts by a line of three of these."""
 _CHARISMA = re.compile(r"^INLINE\s*:\s*(\S+)\s+(?:XLINE|CROSSLINE|TRACE)\s*:\s*(\S+)\s+(.*)$", re.IGNORECASE)
@@ -103,7 +107,7 @@ def read_horizon(path: str | Path, *, columns: Sequence[int] | None = None) -> H
         table, form = _read_columns(path, lines, columns), "XYZ"
     if columns is not None and form != "XYZ":
         raise ParameterError(f"columns is given, but {path} is in {form} form, which tells them. Leave it out.")
-    known = (np.abs(table[:, 2]) < 1e29) & ~np.isin(table[:, 2], _NULLS)
+    known = has_value(table[:, 2])
     if not known.any():
         raise FormatError(f"{path} holds no point with a value. Check the export.")
     table = table[known]
@@ -114,11 +118,13 @@ def _read_charisma(path: str | Path, lines: list[tuple[int, str]]) -> Float64Arr
     rows = []
     for number, line in lines:
         match = _CHARISMA.match(line)
-        values = numbers_of([*match.group(3).split(), match.group(1), match.group(2)]) if match else None
+        if match and _lacks_value(match.group(3), 2):
+            continue
+        values = numbers_of([*match.group(3).split(), *match.group(1, 2)]) if match else None
         if values is None or len(values) != 5:
             refuse_line(path, number, line, "'INLINE : n XLINE : m x y z' with finite numbers")
         rows.append(values)
-    return np.array(rows, dtype=np.float64)
+    return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 
 def _read_columns(path: str | Path, lines: list[tuple[int, str]], columns: Sequence[int] | None) -> Float64Array:
@@ -159,7 +165,7 @@ def _read_irap_grid(path: str | Path, lines: list[tuple[int, str]]) -> Float64Ar
     turn, x0, y0 = np.radians(header[9]), header[10], header[11]
     body = []
     for number, line in lines[end:]:
-        values = numbers_of(line.split())
+        values = numbers_of([str(UNKNOWN) if word.lower() == "nan" else word for word in line.split()])
         if values is None:
             refuse_line(path, number, line, "finite numbers")
         body += values
@@ -264,7 +270,7 @@ def write_irap_classic(path: str | Path, horizon: HorizonGrid) -> None:
         f"-996 {m} {step[0]:.6f} {step[1]:.6f}\n{x[0, 0]:.6f} {ends[0]:.6f} {y[0, 0]:.6f} {ends[1]:.6f}\n"
         f"{n} {rotation:.6f} {x[0, 0]:.6f} {y[0, 0]:.6f}\n0 0 0 0 0 0 0\n"
     )
-    values = np.where(np.isfinite(z), z, _UNKNOWN).T.ravel()
+    values = np.where(np.isfinite(z), z, UNKNOWN).T.ravel()
     rows = (" ".join(f"{v:.4f}" for v in values[k : k + 6]) for k in range(0, len(values), 6))
     with written_aside(path) as aside, aside.open("wb") as file:
         file.write((header + "\n".join(rows) + "\n").encode())
