@@ -161,8 +161,7 @@ def score_sticks(
     nodes = np.concatenate(list(placed.values())) if placed else np.zeros((0, 3))
     outside = 1.0 - float(_inside(nodes, shape).mean()) if len(nodes) else 1.0
     names = list(dict.fromkeys(stick.fault for stick in sticks))
-    lines = {name: [_dense(placed[id(stick)]) for stick in sticks if stick.fault == name] for name in names}
-    lines = {name: [part[_inside(part, shape)] for part in parts] for name, parts in lines.items()}
+    lines = {name: [_dense_in(placed[id(stick)], shape) for stick in sticks if stick.fault == name] for name in names}
     lines = {name: parts for name, parts in lines.items() if sum(map(len, parts))}
     if not lines:
         raise GeometryError(
@@ -258,6 +257,37 @@ def _flat(
 
 def _inside(points: Float64Array, shape: Any) -> BoolArray:
     return np.asarray(((points > -0.5) & (points < shape - 0.5)).all(axis=1))
+
+
+def _dense_in(nodes: Float64Array, shape: Any) -> Float64Array:
+    """Points along a polyline, no more than a voxel apart, where it lies in a cube; its nodes may lie anywhere."""
+    if len(nodes) < 2:
+        return nodes[_inside(nodes, shape)]
+    chains: list[list[Float64Array]] = []
+    for first, last in pairwise(nodes):
+        ends = _clipped(first, last, shape)
+        if ends is None:
+            continue
+        if chains and np.array_equal(chains[-1][-1], ends[0]):
+            chains[-1].append(ends[1])
+        else:
+            chains.append([*ends])
+    points = np.concatenate([np.zeros((0, 3)), *(_dense(np.stack(chain)) for chain in chains)])
+    return points[_inside(points, shape)]
+
+
+def _clipped(first: Float64Array, last: Float64Array, shape: Any) -> tuple[Float64Array, Float64Array] | None:
+    """Return the ends of the part of a segment that lies in a cube; None where it misses the cube."""
+    level = last == first
+    if (level & ((first <= -0.5) | (first >= shape - 0.5))).any():
+        return None
+    way = np.where(level, 1.0, last - first)
+    crossed = np.stack([-0.5 - first, shape - 0.5 - first]) / way
+    enter = max(0.0, float(np.where(level, 0.0, crossed.min(axis=0)).max()))
+    leave = min(1.0, float(np.where(level, 1.0, crossed.max(axis=0)).min()))
+    if enter > leave:
+        return None
+    return first + enter * (last - first), last if leave == 1.0 else first + leave * (last - first)
 
 
 def _dense(nodes: Float64Array, step: float = 1.0) -> Float64Array:
