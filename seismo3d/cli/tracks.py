@@ -69,6 +69,7 @@ def run(
     from seismo3d.seismic.faultset import FaultSet
     from seismo3d.seismic.horizon_search import find_horizons
     from seismo3d.seismic.loop_closure import tabulate_loops
+    from seismo3d.seismic.pick_scores import sample_extent
     from seismo3d.seismic.picks import horizon_seeds
     from seismo3d.seismic.track_events import check_event
     from seismo3d.seismic.track_exports import irap_note, tabulate_tracks, write_tracks
@@ -119,6 +120,7 @@ def run(
         timings = clock.stop()
         record = {
             **describe_run(cube, command="tracks", options=asked),
+            "extent": sample_extent(opened),
             "loops": tabulate_loops(closure),
             "timings_s": timings,
         }

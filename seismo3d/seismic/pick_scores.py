@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d._validate import as_number
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.io.fault_sticks import FaultStick
 from seismo3d.io.horizons import HorizonPoints
@@ -23,6 +24,8 @@ from seismo3d.seismic.picks import place_horizon, place_stick
 _HALF = 0.5
 # line numbers, or indices, that differ by no more are of one trace
 _ONE_TRACE = 0.5
+# so are x and y, in metres, unless the traces lie closer
+_ONE_PLACE = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +190,13 @@ def score_sticks(
 
 
 def score_horizon(
-    tracks: Sequence[HorizonPoints], picks: HorizonPoints, *, tolerance: float, cube: Any = None, apart: float = 1.0
+    tracks: Sequence[HorizonPoints],
+    picks: HorizonPoints,
+    *,
+    tolerance: float,
+    cube: Any = None,
+    apart: float | None = None,
+    extent: tuple[float, float] | None = None,
 ) -> HorizonScore:
     """Score traced horizons against a picked one; the traced one with the smallest median distance counts.
 
@@ -202,8 +211,10 @@ def score_horizon(
     cube : DataArray, optional
         The cube that both are of: then traces are compared. By default line numbers where both files have them, else
         x and y to within `apart`.
-    apart : float
-        Largest distance in x and y at which two points are of one trace.
+    apart : float, optional
+        Largest distance in x and y at which two points are of one trace. [default: :func:`same_trace_distance`]
+    extent : (float, float), optional
+        Between which times or depths a pick lies in the cube. [default: those of `cube` where it is given]
 
     Returns
     -------
@@ -214,17 +225,23 @@ def score_horizon(
     ParameterError
         If there is no track.
     GeometryError
-        If no pick lies on a place of any track.
+        If no pick lies on a place of any track, or none that does lies in the cube's times or depths: they are then of
+        another unit or sign.
     """
     if not tracks:
         raise ParameterError("tracks is empty; expected at least one. Trace horizons first.")
-    limit, reach = as_number(tolerance, "tolerance", low=0.0), as_number(apart, "apart", low=0.0)
+    limit = as_number(tolerance, "tolerance", low=0.0)
+    reach = same_trace_distance(tracks) if apart is None else as_number(apart, "apart", low=0.0)
+    low, high = sample_extent(cube) if extent is None and cube is not None else extent or (-np.inf, np.inf)
+    is_inside = (picks.points[:, 2] > low) & (picks.points[:, 2] < high)
+    n_common = 0
     best: tuple[float, HorizonScore] | None = None
     for track in tracks:
         here, there, farthest = _flat(picks, track, cube, reach)
         distance, near = cKDTree(there).query(here, distance_upper_bound=farthest + 1e-9)
         common: BoolArray = np.asarray(np.isfinite(distance))
-        if not common.any():
+        n_common += int(common.sum())
+        if not (common & is_inside).any():
             continue
         down = track.points[np.asarray(near)[common], 2] - picks.points[common, 2]
         n_new = len(there) - len(np.unique(np.asarray(near)[common]))
@@ -236,12 +253,42 @@ def score_horizon(
         )  # fmt: skip
         if best is None or score.median < best[0]:
             best = score.median, score
+    if best is None and n_common:
+        z = picks.points[:, 2]
+        raise GeometryError(
+            f"{picks.name} has z from {z.min():g} to {z.max():g} and no pick on a trace of a track "
+            f"between {low:g} and {high:g}, where the cube lies; expected its own unit, growing downwards. "
+            "Check the export's unit and sign."
+        )
     if best is None:
         raise GeometryError(
             f"no pick of {picks.name} lies on a trace of a track; expected the same survey in the same coordinates. "
             "Check the export's coordinate system."
         )
     return best[1]
+
+
+def same_trace_distance(tracks: Sequence[HorizonPoints]) -> float:
+    """Return how far apart in x and y two points of one trace may lie: half the traces' spacing, but no more than 1.
+
+    Without map coordinates x and y are line numbers, so that one apart is the next trace.
+    """
+    spacing = np.inf
+    for track in tracks:
+        distance = np.asarray(cKDTree(track.points[:, :2]).query(track.points[:, :2], k=2)[0])[:, 1]
+        apart = distance[(distance > 0) & np.isfinite(distance)]
+        if len(apart):
+            # not the least: a crooked line may all but meet itself
+            spacing = min(spacing, float(np.percentile(apart, 5.0)))
+    return min(_ONE_PLACE, _ONE_TRACE * spacing)
+
+
+def sample_extent(cube: Any) -> tuple[float, float]:
+    """Return the times or depths between which points lie in a cube or section: half a sample beyond its ends."""
+    geometry = SectionGeometry if np.ndim(cube) == 2 else SurveyGeometry
+    axis = geometry.from_cube(cube).sample
+    ends = float(axis.coordinate(-0.5)), float(axis.coordinate(axis.n - 0.5))
+    return min(ends), max(ends)
 
 
 def _flat(

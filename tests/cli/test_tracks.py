@@ -152,9 +152,24 @@ def test_line_is_tracked_by_the_same_command(tmp_path: Path, capsys: pytest.Capt
     }  # fmt: skip
     points = np.loadtxt(out / "track_01.xyz")
     assert len(points) > 50
+    check_line_is_scored(out, points, capsys)
     assert _run([*words, "--seed", "1,2031,800", "--overwrite"], debug=False) == 2
     assert "expected TRACE,TIME" in capsys.readouterr().err
     picks = tmp_path / "top.xyz"
     picks.write_text("1 2 3\n")
     assert _run([*words, "--horizon", str(picks), "--overwrite"], debug=False) == 2
     assert "it is for cubes" in capsys.readouterr().err
+
+
+def check_line_is_scored(out: Path, points: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
+    """Picks 2 ms above the line's track, on its first 40 points, must give that; in seconds they are refused."""
+    picks = out.parent / "picks.xyz"
+    np.savetxt(picks, points[:40] - [0.0, 0.0, 2.0], fmt="%.4f")
+    assert _run(["score", str(out), str(picks)], debug=True) == 0
+    capsys.readouterr()
+    (score,) = json.loads((out / "score" / "score.json").read_text())["scores"]
+    assert (score["track"], score["n_common"], score["new"]) == ("track_01", 40, len(points) - 40)
+    assert (score["bias"], score["missed"]) == (pytest.approx(2.0, abs=1e-3), 0.0)
+    np.savetxt(picks, points[:40] * [1.0, 1.0, 1e-3], fmt="%.4f")
+    assert _run(["score", str(out), str(picks), "--overwrite"], debug=False) == 2
+    assert "Check the export's unit and sign" in capsys.readouterr().err
