@@ -94,7 +94,7 @@ def _command_of(folder: Path) -> str | None:
     if isinstance(record, dict) and isinstance(record.get("command"), str):
         return str(record["command"])
     found = [command for command, name in _MARKS.items() if (folder / name).is_file()]
-    if {"faults", "tracks"} <= set(found):
+    if {"faults", "tracks", "network"} <= set(found):
         return "paper f3"
     return found[0] if found else None
 

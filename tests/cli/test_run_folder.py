@@ -78,6 +78,7 @@ def test_links_inside_the_folder_are_inputs_in_it(tmp_path: Path) -> None:
         ("{}", ("faultset.npz",), "faults"),
         ('{"input": {}}', ("tracks.csv",), "tracks"),
         ("{}", ("faultset.npz", "tracks.csv", "network.graphml"), "paper f3"),
+        ("{}", ("faultset.npz", "tracks.csv"), "faults"),  # tracks that the viewer saved beside the faults
     ],
 )
 def test_only_runs_of_the_same_command_are_replaced(
