@@ -14,37 +14,89 @@ import numpy as np
 from seismo3d.errors import FileAccessError
 
 RECORD = "run.json"
+_MARKS = {
+    "faults": "faultset.npz",
+    "tracks": "tracks.csv",
+    "network": "network.graphml",
+    "score": "score.json",
+    "timelapse": "shift_std.sgy",
+    "map": "trajectory.txt",
+    "lineaments": "lineaments.geojson",
+    "compare": "change.png",
+}
+"""A file that every run of a command has; tells the command where a record does not name it."""
 _PACKAGES = ("numpy", "scipy", "numba", "xarray", "segyio", "scikit-image", "matplotlib", "pyvista", "vtk")
 
 
-def check_run_folder(folder: Path, *, inputs: Iterable[Path], overwrite: bool) -> None:
+def check_run_folder(folder: Path, *, command: str, inputs: Iterable[Path], overwrite: bool) -> None:
     """Refuse a folder that a run must not write.
 
     Parameters
     ----------
     folder : Path
         Where the results are to go.
+    command : str
+        The command that makes the run: it replaces only runs of its own.
     inputs : iterable of Path
-        Files that the run reads: they must not lie in the folder.
+        Every file and folder that the run reads: none of them may be the folder or lie in it.
     overwrite : bool
         Whether an earlier run there may be replaced.
 
     Raises
     ------
     FileAccessError
-        If the folder is there and may not be replaced. Only a folder that is empty or holds a run is ever replaced.
+        If the folder is there and may not be replaced. Only a folder that is empty or holds a run of the same command
+        is ever replaced.
     """
     if not folder.exists() and not folder.is_symlink():
         return
     if not folder.is_dir() or folder.is_symlink():
         raise FileAccessError(f"{folder} is a file or a link; expected a new folder. Choose another name.")
+    place = folder.resolve()
+    for path in inputs:
+        if _lies_in(Path(path), place):
+            raise FileAccessError(
+                f"{folder} is or holds the input {path}: it is not replaced. Choose another folder for the results."
+            )
+    if place in (Path.cwd(), *Path.cwd().parents):
+        raise FileAccessError(f"{folder} is the current folder or holds it: it is not replaced. Choose another.")
     if not overwrite:
         raise FileAccessError(f"{folder} exists already. Choose another folder, or replace it with --overwrite.")
-    place = folder.resolve()
-    if any(place in Path(path).resolve().parents for path in inputs) or place in (Path.cwd(), *Path.cwd().parents):
-        raise FileAccessError(f"{folder} holds the input or is the current folder: it is not replaced. Choose another.")
-    if any(folder.iterdir()) and not (folder / RECORD).is_file():
+    if any(folder.iterdir()):
+        _check_own_run(folder, command)
+
+
+def _lies_in(path: Path, place: Path) -> bool:
+    """Tell whether a path, or the file that it links to, is a folder or lies in it."""
+    found = path.resolve(), path.parent.resolve() / path.name
+    return any(place in (entry, *entry.parents) for entry in found)
+
+
+def _check_own_run(folder: Path, command: str) -> None:
+    if not (folder / RECORD).is_file():
         raise FileAccessError(f"{folder} holds no {RECORD}: it is no earlier run and is not replaced. Choose another.")
+    made_by = _command_of(folder)
+    if made_by is None:
+        raise FileAccessError(f"{folder} holds a {RECORD} of no known command: it is not replaced. Choose another.")
+    if made_by != command:
+        raise FileAccessError(
+            f"{folder} holds a run of seismo3d {made_by}; seismo3d {command} replaces only runs of its own. Choose "
+            "another folder, or remove this one first."
+        )
+
+
+def _command_of(folder: Path) -> str | None:
+    """Return the command that made a run: as its record says, else as its files tell; None where neither does."""
+    try:
+        record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if isinstance(record, dict) and isinstance(record.get("command"), str):
+        return str(record["command"])
+    found = [command for command, name in _MARKS.items() if (folder / name).is_file()]
+    if {"faults", "tracks", "network"} <= set(found):
+        return "paper f3"
+    return found[0] if found else None
 
 
 @contextmanager
@@ -76,13 +128,15 @@ def find_versions() -> dict[str, str]:
     return found | {package: version(package) for package in _PACKAGES}
 
 
-def describe_run(*paths: Path, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what every record begins with: the inputs' fingerprints, the time, the options given, the versions.
+def describe_run(*paths: Path, command: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what every record begins with: command, the inputs' fingerprints, time, the options given, versions.
 
     Parameters
     ----------
     *paths : Path
         The inputs; the record has ``input`` where there is one, and the list ``inputs`` where there are several.
+    command : str
+        The command that made the run.
     options : mapping
         The options; those that are None were not given, and are left out.
     """
@@ -92,6 +146,7 @@ def describe_run(*paths: Path, options: Mapping[str, Any]) -> dict[str, Any]:
 
     found = [fingerprint(path) for path in paths]
     return {
+        "command": command,
         **({"input": found[0]} if len(found) == 1 else {"inputs": found}),
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         "options": {name: value for name, value in options.items() if value is not None},

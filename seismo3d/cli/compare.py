@@ -47,7 +47,7 @@ def run(
     from seismo3d.terrain.alignment import register
     from seismo3d.terrain.change import compare
 
-    check_run_folder(out, inputs=[before, after], overwrite=overwrite)
+    check_run_folder(out, command="compare", inputs=[before, after], overwrite=overwrite)
     first, second = read_elevation(before), read_elevation(after)
     ending = "tif" if find_spec("rasterio") is not None else "npz"
     with written_aside(out, folder=True) as aside, shown_progress() as show:
@@ -68,7 +68,7 @@ def run(
         plt.close(ax.figure)
         asked = {"align": align, "vertical": vertical, "sigma_before": sigma_before, "sigma_after": sigma_after}
         facts, timings = _facts(change, registration), clock.stop()
-        record = describe_run(before, after, options={**asked, "confidence": confidence})
+        record = describe_run(before, after, command="compare", options={**asked, "confidence": confidence})
         write_record(aside / RECORD, {**record, **facts, "timings_s": timings})
     if json:
         print_json({"folder": out, **facts, "timings_s": timings})

@@ -15,6 +15,7 @@ EXAMPLES = ("seismo3d convert f3.sgy f3.zarr", "seismo3d convert f3.zarr f3-agai
 def run(
     cube: Cube,
     out: Path = typer.Argument(help="File or folder to write: .sgy, .segy, .zarr or .npy tells the format."),
+    overwrite: bool = typer.Option(False, "--overwrite", help="Replace the file or folder where it is there already."),
     json: Json = False,
     *,
     reading: Reading,
@@ -28,7 +29,7 @@ def run(
     with shown_progress() as show:
         clock = StageClock(show)
         clock("open", 0.0)
-        written = convert_cube(cube, out, progress=clock, **reading)
+        written = convert_cube(cube, out, overwrite=overwrite, progress=clock, **reading)
         timings = clock.stop()
     if json:
         print_json({"file": written, "timings_s": timings})

@@ -70,7 +70,7 @@ def run(
         check_evidence(evidence)
     if smooth_tv is not None and not attributes:
         raise ParameterError("--smooth-tv is given without --attributes; it smooths those. Add --attributes.")
-    check_run_folder(out, inputs=[cube], overwrite=overwrite)
+    check_run_folder(out, command="faults", inputs=[cube], overwrite=overwrite)
     is_bounded = memory is not None or scheduler is not None
     opened = open_cube(cube, **reading, lazy=True if is_bounded else None)
     if unfault and opened.ndim != 3:
@@ -171,7 +171,7 @@ def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, ask
 
     pictures = save_pictures(folder, cube, faults=faults, progress=clock)
     clock("report", 0.0)
-    record = describe_run(path, options=asked)
+    record = describe_run(path, command="faults", options=asked)
     settings, timings = faults.settings, clock.stop()
     write_report(
         folder / "report.html",

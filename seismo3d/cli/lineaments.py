@@ -37,7 +37,7 @@ def run(
     from seismo3d.terrain.lineament_search import LineamentSettings, lineaments
     from seismo3d.terrain.scarp_profiles import scarps
 
-    check_run_folder(out, inputs=[dem], overwrite=overwrite)
+    check_run_folder(out, command="lineaments", inputs=[dem], overwrite=overwrite)
     elevation = read_elevation(dem)
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
@@ -51,7 +51,7 @@ def run(
         _draw(aside, elevation, found)
         timings = clock.stop()
         counts = {"n_lineaments": len(found), "n_scarps": len(steps)}
-        record = describe_run(dem, options={"length": length, "levels": levels})
+        record = describe_run(dem, command="lineaments", options={"length": length, "levels": levels})
         write_record(aside / RECORD, {**record, "settings": found.settings, **counts, "timings_s": timings})
     if json:
         print_json({"folder": out, **counts, "lineaments": _tabulate(found, steps), "timings_s": timings})

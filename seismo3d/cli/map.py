@@ -55,7 +55,7 @@ def run(
     from seismo3d.robot.results import MapperSettings
     from seismo3d.robot.sequence import read_sequence
 
-    check_run_folder(out, inputs=[sequence], overwrite=overwrite)
+    check_run_folder(out, command="map", inputs=[sequence], overwrite=overwrite)
     opened = read_sequence(sequence, max_difference=max_difference)
     settings = MapperSettings(
         voxel_size=voxel_size, measure=MeasureSettings(far=far, total_variation=total_variation), n_threads=threads
@@ -80,6 +80,7 @@ def run(
         timings = clock.stop()
         options = {"voxel_size": voxel_size, "far": far, "total_variation": total_variation, "cell": cell}
         record = {
+            "command": "map",
             "input": str(sequence),
             "options": options,
             **facts,

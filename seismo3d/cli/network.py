@@ -51,7 +51,8 @@ def run(
     final = folder / "network" if out is None else out
     faults = FaultSet.load(folder)
     source = folder / "faultset.npz"
-    check_run_folder(final, inputs=[source], overwrite=overwrite)
+    read = [folder, *(Path(word) for word in (start, end) if word is not None)]
+    check_run_folder(final, command="network", inputs=read, overwrite=overwrite)
     ends = None if start is None or end is None else [_as_end(word, faults.labels) for word in (start, end)]
     with written_aside(final, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
@@ -67,7 +68,10 @@ def run(
         clock("pictures", 0.0)
         pictures = save_network_pictures(aside, network, faults, path=path)
         asked = {"cell": cell, "reach": reach, "set_angle": set_angle, "from": start, "to": end, "contrast": contrast}
-        record: dict[str, Any] = {**describe_run(source, options=asked), "network": summarise_network(network)}
+        record: dict[str, Any] = {
+            **describe_run(source, command="network", options=asked),
+            "network": summarise_network(network),
+        }
         if path is not None:
             names = ("resistance", "length", "share_on_faults", "surfaces", "straight")
             record["flow_path"] = {name: getattr(path, name) for name in names}

@@ -51,6 +51,9 @@ def run(
     angles: str | None = typer.Option(
         None, "--angles", help=f"For table1: rotations in whole degrees, with commas. [default: {_ANGLES}]"
     ),
+    overwrite: bool = typer.Option(
+        False, "--overwrite", help="For f3: replace the results of an earlier run in the folder."
+    ),
 ) -> None:
     """Measure a table or the figure of the paper again, beside the methods that the paper compares with.
 
@@ -58,8 +61,10 @@ def run(
     """
     if experiment == "f3":
         _check_given({"--images": images, "--frames": frames, "--angles": angles}, ("f3",), ())
-        _run_block(data, Path("f3") if output is None else output)
+        _run_block(data, Path("f3") if output is None else output, overwrite=overwrite)
         return
+    if overwrite:
+        raise ParameterError(f"--overwrite is given with {experiment}; it serves f3. Leave it out.")
     if experiment != "all" and experiment not in _EXPERIMENTS:
         raise ParameterError(f"experiment is {experiment!r}; expected one of {', '.join(_EXPERIMENTS)}, f3 or all.")
     chosen = _EXPERIMENTS if experiment == "all" else (experiment,)
@@ -109,7 +114,7 @@ def _measure_registration(
         typer.echo(str(draw_figure(made, folder / "figure3.png")))
 
 
-def _run_block(path: Path | None, out: Path) -> None:
+def _run_block(path: Path | None, out: Path, *, overwrite: bool) -> None:
     """Trace everything in a cube, and write it with a report."""
     from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
@@ -117,21 +122,25 @@ def _run_block(path: Path | None, out: Path) -> None:
     from seismo3d.experiments.f3 import run_block
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
+    from seismo3d.seismic.track_exports import irap_note
 
     if path is None:
         raise ParameterError("f3 is given no cube; expected a SEG-Y file, as in: seismo3d paper f3 F3.sgy.")
-    check_run_folder(out, inputs=[path], overwrite=False)
+    check_run_folder(out, command="paper f3", inputs=[path], overwrite=overwrite)
     cube = open_cube(path).load()
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
-        record = describe_run(path, options={})
+        record = describe_run(path, command="paper f3", options={})
         found = run_block(cube, aside, name=path.name, record=record, progress=clock)
         write_record(aside / RECORD, {**record, "found": found, "timings_s": clock.stop()})
     for name, value in found.items():
         shown = "unknown" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
         typer.echo(f"{name:<26}{shown}")
     typer.echo(str(out / "report.html"))
+    note = irap_note(cube)
+    if note is not None:
+        typer.echo(f"seismo3d: {note}", err=True)
 
 
 def _measure_matching(name: str, n_images: int | None, output: Path | None) -> None:

@@ -34,6 +34,8 @@ def run(
 ) -> None:
     """Compare a run with existing picks: distances, what was missed, what is new.
 
+    Picks of horizons are in the cube's own unit, growing downwards; those on a 2D line meet its traces by x and y.
+
     The folder gets score.json, a picture a file of picks, and run.json. It appears when all is done, or not at all.
     """
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
@@ -46,7 +48,7 @@ def run(
     if columns is not None and is_faults:
         raise ParameterError("--columns is given for fault sticks; it is for XYZ horizons. Leave it out.")
     final = folder / "score" if out is None else out
-    check_run_folder(final, inputs=[folder / "run.json", *picks], overwrite=overwrite)
+    check_run_folder(final, command="score", inputs=[folder, *picks], overwrite=overwrite)
     with written_aside(final, folder=True) as aside:
         aside.mkdir()
         if is_faults:
@@ -57,7 +59,7 @@ def run(
         write_record(aside / "score.json", {"scores": scores})
         asked = {"picks": picks, "tolerance": tolerance, "columns": columns}
         source = folder / ("faultset.npz" if is_faults else "tracks.csv")
-        write_record(aside / RECORD, describe_run(source, options=asked))
+        write_record(aside / RECORD, describe_run(source, command="score", options=asked))
     _say(final, scores, as_json=json)
 
 
@@ -92,19 +94,21 @@ def _score_tracks(
 
     from seismo3d.io.horizons import read_horizon
     from seismo3d.plot.pick_pictures import pick_distance_map
-    from seismo3d.seismic.pick_scores import score_horizon
+    from seismo3d.seismic.pick_scores import same_trace_distance, score_horizon
 
-    files = sorted(folder.glob("track_*.charisma.txt"))
+    # a 2D line has no inlines and crosslines, and so no Charisma: x and y tell its traces
+    files = sorted(folder.glob("track_*.charisma.txt")) or sorted(folder.glob("track_*.xyz"))
     tracks = [replace(read_horizon(file), name=file.name.split(".")[0]) for file in files]
-    unit = _unit_of(folder)
+    unit, extent = _unit_of(folder), _extent_of(folder)
+    apart = same_trace_distance(tracks)
     scores = []
     for number, file in enumerate(picks, start=1):
         horizon = read_horizon(file, columns=columns)
-        score = score_horizon(tracks, horizon, tolerance=tolerance)
+        score = score_horizon(tracks, horizon, tolerance=tolerance, apart=apart, extent=extent)
         scores.append({"picks": file.name, "unit": unit, **asdict(score)})
         figure = Figure(figsize=(7.5, 6.5), layout="constrained")
         track = next(track for track in tracks if track.name == score.track)
-        pick_distance_map(track, horizon, unit=unit, ax=figure.add_subplot())
+        pick_distance_map(track, horizon, unit=unit, apart=apart, ax=figure.add_subplot())
         figure.savefig(aside / f"score_{number:02d}.png", dpi=130)
     return scores
 
@@ -114,6 +118,19 @@ def _unit_of(folder: Path) -> str:
 
     with (folder / "tracks.csv").open(encoding="utf-8") as file:
         return next((row["unit"] for row in csv.DictReader(file)), "samples")
+
+
+def _extent_of(folder: Path) -> tuple[float, float] | None:
+    """Return the times or depths of a run's cube; None where its record does not tell them."""
+    import json
+
+    from seismo3d.cli._run_folder import RECORD
+
+    try:
+        low, high = json.loads((folder / RECORD).read_text(encoding="utf-8"))["extent"]
+        return float(low), float(high)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def _say(out: Path, scores: list[dict[str, Any]], *, as_json: bool) -> None:

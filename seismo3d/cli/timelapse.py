@@ -34,7 +34,7 @@ def run(
     from seismo3d.io.segy import write_segy
     from seismo3d.seismic.time_lapse import align_cubes
 
-    check_run_folder(out, inputs=[base, monitor], overwrite=overwrite)
+    check_run_folder(out, command="timelapse", inputs=[base, monitor], overwrite=overwrite)
     first, second = (open_cube(path, domain=domain).load() for path in (base, monitor))
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
@@ -54,7 +54,10 @@ def run(
             "shift_95_percent": np.percentile(values[known], 95.0),
             "shift_std_median": np.median(spread[known]),
         }
-        record: dict[str, Any] = {**describe_run(base, monitor, options={"domain": domain}), "alignment": facts}
+        record: dict[str, Any] = {
+            **describe_run(base, monitor, command="timelapse", options={"domain": domain}),
+            "alignment": facts,
+        }
         write_record(aside / RECORD, {**record, "timings_s": clock.stop()})
     unit = {"time": "ms", "depth": "m"}.get(str(first.dims[2]), "samples")
     typer.echo(

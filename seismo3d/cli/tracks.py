@@ -50,8 +50,9 @@ def run(
     """Follow horizons from seeds through a cube or line and across its faults: points, grids, table and pictures.
 
     The folder gets each track as XYZ, Charisma and IRAP classic text, tracks.csv, a depth map of each track, sections
-    with all of them, report.html and run.json; of a 2D line XYZ, table, section and report. It appears when all is
-    done, or not at all.
+    with all of them, report.html and run.json; of a 2D line XYZ, table, section and report. IRAP is left out where the
+    survey's lines do not meet at right angles, which it cannot hold. The folder appears when all is done, or not at
+    all.
 
     Work in blocks (--memory, --scheduler) goes on in a folder beside it, whose name ends in .unfinished: after a
     crash the same command goes on where it was. Layer time is kept as Zarr then: layer_time.zarr.
@@ -68,16 +69,17 @@ def run(
     from seismo3d.seismic.faultset import FaultSet
     from seismo3d.seismic.horizon_search import find_horizons
     from seismo3d.seismic.loop_closure import tabulate_loops
+    from seismo3d.seismic.pick_scores import sample_extent
     from seismo3d.seismic.picks import horizon_seeds
     from seismo3d.seismic.track_events import check_event
-    from seismo3d.seismic.track_exports import tabulate_tracks, write_tracks
+    from seismo3d.seismic.track_exports import irap_note, tabulate_tracks, write_tracks
     from seismo3d.seismic.tracks import index_seeds, trace_tracks
 
     points: list[Any] = [_as_seed(text) for text in seed]
     if columns is not None and not horizon:
         raise ParameterError("--columns is given without --horizon; it says what its file holds. Leave it out.")
     picked = [read_horizon(file, columns=as_columns(columns)) for file in horizon]
-    check_run_folder(out, inputs=[cube, *horizon, *([faults] if faults else [])], overwrite=overwrite)
+    check_run_folder(out, command="tracks", inputs=[cube, *horizon, *([faults] if faults else [])], overwrite=overwrite)
     is_bounded = memory is not None or scheduler is not None
     opened = open_cube(cube, **reading, lazy=True if is_bounded else None)
     in_blocks = is_bounded and _asks_for_blocks(opened, memory, scheduler, out)
@@ -116,7 +118,12 @@ def run(
         }
         asked |= {"memory": memory, "scheduler": scheduler}
         timings = clock.stop()
-        record = {**describe_run(cube, options=asked), "loops": tabulate_loops(closure), "timings_s": timings}
+        record = {
+            **describe_run(cube, command="tracks", options=asked),
+            "extent": sample_extent(opened),
+            "loops": tabulate_loops(closure),
+            "timings_s": timings,
+        }
         title = f"Horizons in {cube.name}"
         page = tracks_page(tracks, opened, title=title, pictures=pictures, run=record, closure=closure)
         write_page(aside / "report.html", page)
@@ -126,6 +133,9 @@ def run(
         print_json({**found, "timings_s": timings})
     else:
         _say(out, tracks, closure)
+    note = irap_note(opened)
+    if note is not None:
+        typer.echo(f"seismo3d: {note}", err=True)
     say_timings(timings)
 
 

@@ -7,10 +7,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
+import numpy as np
+
+from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.errors import FormatError
 from seismo3d.io._files import as_readable_file, refuse_os_errors
 
 _COMMENTS = ("#", "!")
+UNKNOWN = 9999900.0
+"""What an IRAP grid holds where it has no value."""
+_NULLS = (UNKNOWN, -999.25, -9999.0, -99999.0)
+_LARGEST = 1e29
+"""Values that stand for none: the nulls above, what is larger (1e30 in OpendTect) and NaN."""
 
 
 def read_lines(path: str | Path) -> list[tuple[int, str]]:
@@ -46,6 +54,11 @@ def numbers_of(words: list[str]) -> list[float] | None:
     except ValueError:
         return None
     return values if all(math.isfinite(value) for value in values) else None
+
+
+def has_value(z: Float64Array) -> BoolArray:
+    """Tell which times or depths of picks are values, and none of those that programs write in place of one."""
+    return np.asarray((np.abs(z) < _LARGEST) & ~np.isin(z, _NULLS))
 
 
 def leading_numbers(words: list[str]) -> int:

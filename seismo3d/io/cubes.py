@@ -9,7 +9,7 @@ import numpy as np
 
 from seismo3d._typing import Progress
 from seismo3d._validate import as_number
-from seismo3d.errors import FormatError, ParameterError
+from seismo3d.errors import FileAccessError, FormatError, ParameterError
 from seismo3d.io._as_cube import as_cube
 from seismo3d.io._files import refuse_os_errors, written_aside
 from seismo3d.io.numpy_files import list_npz, read_npy, read_npz
@@ -104,13 +104,17 @@ def open_cube(
     )
 
 
-def convert_cube(source: Any, target: Any, *, progress: Progress | None = None, **options: Any) -> Path:
+def convert_cube(
+    source: Any, target: Any, *, overwrite: bool = False, progress: Progress | None = None, **options: Any
+) -> Path:
     """Convert between SEG-Y, Zarr and NPY, a block of inlines at a time.
 
     Parameters
     ----------
     source, target : path
         The target's suffix tells its format: ``.sgy`` or ``.segy``, ``.zarr``, ``.npy``.
+    overwrite : bool
+        Whether a target that is there may be replaced; the source never is.
     progress : callable, optional
         Called with "write" and the share done.
     **options
@@ -120,6 +124,13 @@ def convert_cube(source: Any, target: Any, *, progress: Progress | None = None, 
     -------
     Path
         The target.
+
+    Raises
+    ------
+    ParameterError
+        If the target's suffix is another, or the target is the source, holds it or lies in it.
+    FileAccessError
+        If the target is there and is not to be replaced, or a file cannot be read or written.
     """
     out = Path(target)
     suffix = out.suffix.lower()
@@ -127,8 +138,9 @@ def convert_cube(source: Any, target: Any, *, progress: Progress | None = None, 
         raise ParameterError(
             f"{out} has the suffix {suffix!r}; expected .sgy, .segy, .zarr or .npy, which tells the format."
         )
-    if out.exists() and Path(source).exists() and out.samefile(source):
-        raise ParameterError(f"{out} is the input too; expected another name for the result.")
+    _check_apart(Path(source), out)
+    if out.exists() and not overwrite:
+        raise FileAccessError(f"{out} exists already. Choose another name, or replace it with --overwrite.")
     cube = open_cube(source, **({"lazy": True} | options))
     if suffix == ".zarr":
         from seismo3d.io.zarr_store import write_zarr
@@ -139,6 +151,15 @@ def convert_cube(source: Any, target: Any, *, progress: Progress | None = None, 
     from seismo3d.io.segy import write_segy
 
     return write_segy(out, cube, progress=progress)
+
+
+def _check_apart(source: Path, out: Path) -> None:
+    """Refuse a target that is the source, holds it, or lies in it."""
+    if out.exists() and source.exists() and out.samefile(source):
+        raise ParameterError(f"{out} is the input too; expected another name for the result.")
+    read, made = source.resolve(), out.resolve()
+    if made in read.parents or read in made.parents:
+        raise ParameterError(f"{out} and the input {source} lie in each other; expected a place of its own.")
 
 
 def write_npy(path: Any, cube: Any, *, progress: Progress | None = None) -> Path:

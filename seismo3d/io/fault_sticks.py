@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d.errors import FormatError
 from seismo3d.io._files import written_aside
-from seismo3d.io._pick_lines import leading_numbers, numbers_of, read_lines, refuse_line
+from seismo3d.io._pick_lines import has_value, leading_numbers, numbers_of, read_lines, refuse_line
 
 _LINE_WORDS = ("INLINE-", "CROSSLINE-", "XLINE-", "TRACE-")
 _CHARISMA = "'INLINE- [inline crossline] x y z fault_name stick_number' with finite numbers"
@@ -100,7 +101,8 @@ def read_sticks(path: str | Path) -> list[FaultStick]:
     The form is told by the lines: Charisma's begin with ``INLINE-`` (or ``CROSSLINE-``, ``XLINE-``, ``TRACE-``).
     OpendTect's may lack the fault name and the node index. The file's name then stands for the fault's; where sticks or
     nodes are counted anew, another fault begins, whose name ends in ``_2`` and so on. Lines that are blank or begin
-    with ``#`` or ``!`` are passed over. Names may hold blanks.
+    with ``#`` or ``!`` are passed over. Names may hold blanks. Nodes without a value are left out, and sticks without a
+    node: z of 1e30, 9999900, -999.25, -9999 or -99999, as in :func:`seismo3d.io.horizons.read_horizon`.
 
     Parameters
     ----------
@@ -117,7 +119,7 @@ def read_sticks(path: str | Path) -> list[FaultStick]:
     FileAccessError
         If the file cannot be read.
     FormatError
-        If it is not text or holds no pick, or a line has another form: the message names the line.
+        If it is not text or holds no pick with a value, or a line has another form: the message names the line.
     """
     lines = read_lines(path)
     charisma = lines[0][1].upper().startswith(_LINE_WORDS)
@@ -131,7 +133,11 @@ def read_sticks(path: str | Path) -> list[FaultStick]:
         fault, stick, order, place = found
         node = nodes.setdefault((fault or nameless.name_of(stick, order), stick), [])
         node.append((order if order is not None else len(node), *place))
-    return [_as_stick(fault, stick, rows) for (fault, stick), rows in nodes.items()]
+    sticks = [_as_stick(fault, stick, rows) for (fault, stick), rows in nodes.items()]
+    sticks = [stick for stick in sticks if len(stick.points)]
+    if not sticks:
+        raise FormatError(f"{path} holds no node with a value. Check the export.")
+    return sticks
 
 
 class _Nameless:
@@ -160,6 +166,7 @@ _Node = tuple[str, int, float | None, tuple[float, ...]]
 
 def _as_stick(fault: str, number: int, rows: list[tuple[float, ...]]) -> FaultStick:
     table = np.array(sorted(rows, key=lambda row: row[0]), dtype=np.float64)
+    table = table[has_value(table[:, 3])]
     return FaultStick(fault, number, table[:, 1:4].copy(), table[:, 4:6].copy())
 
 

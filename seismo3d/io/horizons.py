@@ -17,11 +17,15 @@ from seismo3d._typing import Float64Array
 from seismo3d._validate import freeze
 from seismo3d.errors import FormatError, GeometryError, ParameterError
 from seismo3d.io._files import written_aside
-from seismo3d.io._pick_lines import numbers_of, read_lines, refuse_line, rows_of
+from seismo3d.io._pick_lines import (
+    UNKNOWN,
+    has_value,
+    numbers_of,
+    read_lines,
+    refuse_line,
+    rows_of,
+)
 
-_UNKNOWN = 9999900.0
-_NULLS = (_UNKNOWN, -999.25, -9999.0, -99999.0)
-"""Values that stand for none: in IRAP, and what other programs write."""
 _END_OF_PART = 999.0
 """An IRAP classic file of points ends its parts by a line of three of these."""
 _CHARISMA = re.compile(r"^INLINE\s*:\s*(\S+)\s+(?:XLINE|CROSSLINE|TRACE)\s*:\s*(\S+)\s+(.*)$", re.IGNORECASE)
@@ -103,7 +107,7 @@ def read_horizon(path: str | Path, *, columns: Sequence[int] | None = None) -> H
         table, form = _read_columns(path, lines, columns), "XYZ"
     if columns is not None and form != "XYZ":
         raise ParameterError(f"columns is given, but {path} is in {form} form, which tells them. Leave it out.")
-    known = (np.abs(table[:, 2]) < 1e29) & ~np.isin(table[:, 2], _NULLS)
+    known = has_value(table[:, 2])
     if not known.any():
         raise FormatError(f"{path} holds no point with a value. Check the export.")
     table = table[known]
@@ -114,11 +118,13 @@ def _read_charisma(path: str | Path, lines: list[tuple[int, str]]) -> Float64Arr
     rows = []
     for number, line in lines:
         match = _CHARISMA.match(line)
-        values = numbers_of([*match.group(3).split(), match.group(1), match.group(2)]) if match else None
+        if match and _lacks_value(match.group(3), 2):
+            continue
+        values = numbers_of([*match.group(3).split(), *match.group(1, 2)]) if match else None
         if values is None or len(values) != 5:
             refuse_line(path, number, line, "'INLINE : n XLINE : m x y z' with finite numbers")
         rows.append(values)
-    return np.array(rows, dtype=np.float64)
+    return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 
 def _read_columns(path: str | Path, lines: list[tuple[int, str]], columns: Sequence[int] | None) -> Float64Array:
@@ -159,7 +165,7 @@ def _read_irap_grid(path: str | Path, lines: list[tuple[int, str]]) -> Float64Ar
     turn, x0, y0 = np.radians(header[9]), header[10], header[11]
     body = []
     for number, line in lines[end:]:
-        values = numbers_of(line.split())
+        values = numbers_of([str(UNKNOWN) if word.lower() == "nan" else word for word in line.split()])
         if values is None:
             refuse_line(path, number, line, "finite numbers")
         body += values
@@ -202,6 +208,36 @@ def write_charisma_horizon(path: str | Path, horizon: HorizonGrid) -> None:
             file.write(f"INLINE :{i:>8d} XLINE :{j:>8d} {x:>15.2f} {y:>15.2f} {z:>14.4f}\n".encode())
 
 
+def why_no_irap(x: Float64Array, y: Float64Array) -> str | None:
+    """Tell what keeps the traces at these places out of an IRAP classic grid.
+
+    Parameters
+    ----------
+    x, y : ndarray of shape (inline, crossline), float64
+        Map coordinates of the traces.
+
+    Returns
+    -------
+    str or None
+        What they are, and what the grid needs; None where it can hold them.
+    """
+    if min(x.shape) < 2:
+        return f"{x.shape} traces; an IRAP grid needs two lines each way"
+    along, across = _steps(x, y)
+    step = np.hypot(*along), np.hypot(*across)
+    if min(step) <= 0 or abs(along @ across) > 1e-3 * step[0] * step[1]:
+        return "lines that do not meet at right angles; an IRAP grid needs them to"
+    return None
+
+
+def _steps(x: Float64Array, y: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Return the mean step from trace to trace along the first axis and along the second."""
+    n, m = x.shape
+    along = np.array([x[-1, 0] - x[0, 0], y[-1, 0] - y[0, 0]]) / (n - 1)
+    across = np.array([x[0, -1] - x[0, 0], y[0, -1] - y[0, 0]]) / (m - 1)
+    return along, across
+
+
 def write_irap_classic(path: str | Path, horizon: HorizonGrid) -> None:
     """Write an IRAP classic grid: a header with origin, steps and rotation, then six values a row.
 
@@ -219,16 +255,14 @@ def write_irap_classic(path: str | Path, horizon: HorizonGrid) -> None:
     FileAccessError
         If the folder cannot be written to.
     """
+    reason = why_no_irap(horizon.x, horizon.y)
+    if reason is not None:
+        raise GeometryError(f"horizon has {reason}. Write XYZ.")
     x, y, z = horizon.x, horizon.y, horizon.z
-    if min(z.shape) < 2:
-        raise GeometryError(f"horizon has {z.shape} traces; an IRAP grid needs two lines each way. Write XYZ.")
-    along = np.array([x[-1, 0] - x[0, 0], y[-1, 0] - y[0, 0]]) / (z.shape[0] - 1)
-    across = np.array([x[0, -1] - x[0, 0], y[0, -1] - y[0, 0]]) / (z.shape[1] - 1)
+    along, across = _steps(x, y)
     if along[0] * across[1] - along[1] * across[0] < 0:  # columns must lie to the left of rows
         x, y, z, along, across = x.T, y.T, z.T, across, along
     step = np.hypot(*along), np.hypot(*across)
-    if min(step) <= 0 or abs(along @ across) > 1e-3 * step[0] * step[1]:
-        raise GeometryError("horizon's lines do not meet at right angles; an IRAP grid cannot hold it. Write XYZ.")
     rotation = np.degrees(np.arctan2(along[1], along[0]))
     n, m = z.shape
     ends = x[0, 0] + step[0] * (n - 1), y[0, 0] + step[1] * (m - 1)
@@ -236,7 +270,7 @@ def write_irap_classic(path: str | Path, horizon: HorizonGrid) -> None:
         f"-996 {m} {step[0]:.6f} {step[1]:.6f}\n{x[0, 0]:.6f} {ends[0]:.6f} {y[0, 0]:.6f} {ends[1]:.6f}\n"
         f"{n} {rotation:.6f} {x[0, 0]:.6f} {y[0, 0]:.6f}\n0 0 0 0 0 0 0\n"
     )
-    values = np.where(np.isfinite(z), z, _UNKNOWN).T.ravel()
+    values = np.where(np.isfinite(z), z, UNKNOWN).T.ravel()
     rows = (" ".join(f"{v:.4f}" for v in values[k : k + 6]) for k in range(0, len(values), 6))
     with written_aside(path) as aside, aside.open("wb") as file:
         file.write((header + "\n".join(rows) + "\n").encode())

@@ -62,7 +62,7 @@ def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any
     return ax
 
 
-def pick_distance_map(track: Any, picks: Any, *, unit: str, ax: Any = None) -> Any:
+def pick_distance_map(track: Any, picks: Any, *, unit: str, apart: float | None = None, ax: Any = None) -> Any:
     """Draw how far below the picks a track lies, at the picks.
 
     Parameters
@@ -71,6 +71,8 @@ def pick_distance_map(track: Any, picks: Any, *, unit: str, ax: Any = None) -> A
         What was traced, and what was picked.
     unit : str
         Of their times or depths.
+    apart : float, optional
+        Largest distance in x and y at which two points are of one trace. [default: from the track's traces]
     ax : matplotlib Axes, optional
         Where to draw; a new pyplot figure by default.
 
@@ -81,10 +83,13 @@ def pick_distance_map(track: Any, picks: Any, *, unit: str, ax: Any = None) -> A
     """
     from scipy.spatial import cKDTree
 
+    from seismo3d.seismic.pick_scores import same_trace_distance
+
     ax = new_axes(7.5, 6.5) if ax is None else ax
     by_lines = bool(np.isfinite(picks.lines).all() and np.isfinite(track.lines).all())
     here, there = (h.lines if by_lines else h.points[:, :2] for h in (picks, track))
-    distance, near = cKDTree(there).query(here, distance_upper_bound=1.0 + 1e-9)
+    reach = 0.5 if by_lines else same_trace_distance([track]) if apart is None else apart
+    distance, near = cKDTree(there).query(here, distance_upper_bound=reach + 1e-9)
     common = np.isfinite(distance)
     down = track.points[np.asarray(near)[common], 2] - picks.points[common, 2]
     limit = float(np.percentile(np.abs(down), 95.0)) or 1.0 if len(down) else 1.0

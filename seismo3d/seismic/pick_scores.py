@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d._validate import as_number
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.io.fault_sticks import FaultStick
 from seismo3d.io.horizons import HorizonPoints
@@ -23,6 +24,8 @@ from seismo3d.seismic.picks import place_horizon, place_stick
 _HALF = 0.5
 # line numbers, or indices, that differ by no more are of one trace
 _ONE_TRACE = 0.5
+# so are x and y, in metres, unless the traces lie closer
+_ONE_PLACE = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,8 +164,7 @@ def score_sticks(
     nodes = np.concatenate(list(placed.values())) if placed else np.zeros((0, 3))
     outside = 1.0 - float(_inside(nodes, shape).mean()) if len(nodes) else 1.0
     names = list(dict.fromkeys(stick.fault for stick in sticks))
-    lines = {name: [_dense(placed[id(stick)]) for stick in sticks if stick.fault == name] for name in names}
-    lines = {name: [part[_inside(part, shape)] for part in parts] for name, parts in lines.items()}
+    lines = {name: [_dense_in(placed[id(stick)], shape) for stick in sticks if stick.fault == name] for name in names}
     lines = {name: parts for name, parts in lines.items() if sum(map(len, parts))}
     if not lines:
         raise GeometryError(
@@ -188,7 +190,13 @@ def score_sticks(
 
 
 def score_horizon(
-    tracks: Sequence[HorizonPoints], picks: HorizonPoints, *, tolerance: float, cube: Any = None, apart: float = 1.0
+    tracks: Sequence[HorizonPoints],
+    picks: HorizonPoints,
+    *,
+    tolerance: float,
+    cube: Any = None,
+    apart: float | None = None,
+    extent: tuple[float, float] | None = None,
 ) -> HorizonScore:
     """Score traced horizons against a picked one; the traced one with the smallest median distance counts.
 
@@ -203,8 +211,10 @@ def score_horizon(
     cube : DataArray, optional
         The cube that both are of: then traces are compared. By default line numbers where both files have them, else
         x and y to within `apart`.
-    apart : float
-        Largest distance in x and y at which two points are of one trace.
+    apart : float, optional
+        Largest distance in x and y at which two points are of one trace. [default: :func:`same_trace_distance`]
+    extent : (float, float), optional
+        Between which times or depths a pick lies in the cube. [default: those of `cube` where it is given]
 
     Returns
     -------
@@ -215,17 +225,23 @@ def score_horizon(
     ParameterError
         If there is no track.
     GeometryError
-        If no pick lies on a place of any track.
+        If no pick lies on a place of any track, or none that does lies in the cube's times or depths: they are then of
+        another unit or sign.
     """
     if not tracks:
         raise ParameterError("tracks is empty; expected at least one. Trace horizons first.")
-    limit, reach = as_number(tolerance, "tolerance", low=0.0), as_number(apart, "apart", low=0.0)
+    limit = as_number(tolerance, "tolerance", low=0.0)
+    reach = same_trace_distance(tracks) if apart is None else as_number(apart, "apart", low=0.0)
+    low, high = sample_extent(cube) if extent is None and cube is not None else extent or (-np.inf, np.inf)
+    is_inside = (picks.points[:, 2] > low) & (picks.points[:, 2] < high)
+    n_common = 0
     best: tuple[float, HorizonScore] | None = None
     for track in tracks:
         here, there, farthest = _flat(picks, track, cube, reach)
         distance, near = cKDTree(there).query(here, distance_upper_bound=farthest + 1e-9)
         common: BoolArray = np.asarray(np.isfinite(distance))
-        if not common.any():
+        n_common += int(common.sum())
+        if not (common & is_inside).any():
             continue
         down = track.points[np.asarray(near)[common], 2] - picks.points[common, 2]
         n_new = len(there) - len(np.unique(np.asarray(near)[common]))
@@ -237,12 +253,42 @@ def score_horizon(
         )  # fmt: skip
         if best is None or score.median < best[0]:
             best = score.median, score
+    if best is None and n_common:
+        z = picks.points[:, 2]
+        raise GeometryError(
+            f"{picks.name} has z from {z.min():g} to {z.max():g} and no pick on a trace of a track "
+            f"between {low:g} and {high:g}, where the cube lies; expected its own unit, growing downwards. "
+            "Check the export's unit and sign."
+        )
     if best is None:
         raise GeometryError(
             f"no pick of {picks.name} lies on a trace of a track; expected the same survey in the same coordinates. "
             "Check the export's coordinate system."
         )
     return best[1]
+
+
+def same_trace_distance(tracks: Sequence[HorizonPoints]) -> float:
+    """Return how far apart in x and y two points of one trace may lie: half the traces' spacing, but no more than 1.
+
+    Without map coordinates x and y are line numbers, so that one apart is the next trace.
+    """
+    spacing = np.inf
+    for track in tracks:
+        distance = np.asarray(cKDTree(track.points[:, :2]).query(track.points[:, :2], k=2)[0])[:, 1]
+        apart = distance[(distance > 0) & np.isfinite(distance)]
+        if len(apart):
+            # not the least: a crooked line may all but meet itself
+            spacing = min(spacing, float(np.percentile(apart, 5.0)))
+    return min(_ONE_PLACE, _ONE_TRACE * spacing)
+
+
+def sample_extent(cube: Any) -> tuple[float, float]:
+    """Return the times or depths between which points lie in a cube or section: half a sample beyond its ends."""
+    geometry = SectionGeometry if np.ndim(cube) == 2 else SurveyGeometry
+    axis = geometry.from_cube(cube).sample
+    ends = float(axis.coordinate(-0.5)), float(axis.coordinate(axis.n - 0.5))
+    return min(ends), max(ends)
 
 
 def _flat(
@@ -258,6 +304,37 @@ def _flat(
 
 def _inside(points: Float64Array, shape: Any) -> BoolArray:
     return np.asarray(((points > -0.5) & (points < shape - 0.5)).all(axis=1))
+
+
+def _dense_in(nodes: Float64Array, shape: Any) -> Float64Array:
+    """Points along a polyline, no more than a voxel apart, where it lies in a cube; its nodes may lie anywhere."""
+    if len(nodes) < 2:
+        return nodes[_inside(nodes, shape)]
+    chains: list[list[Float64Array]] = []
+    for first, last in pairwise(nodes):
+        ends = _clipped(first, last, shape)
+        if ends is None:
+            continue
+        if chains and np.array_equal(chains[-1][-1], ends[0]):
+            chains[-1].append(ends[1])
+        else:
+            chains.append([*ends])
+    points = np.concatenate([np.zeros((0, 3)), *(_dense(np.stack(chain)) for chain in chains)])
+    return points[_inside(points, shape)]
+
+
+def _clipped(first: Float64Array, last: Float64Array, shape: Any) -> tuple[Float64Array, Float64Array] | None:
+    """Return the ends of the part of a segment that lies in a cube; None where it misses the cube."""
+    level = last == first
+    if (level & ((first <= -0.5) | (first >= shape - 0.5))).any():
+        return None
+    way = np.where(level, 1.0, last - first)
+    crossed = np.stack([-0.5 - first, shape - 0.5 - first]) / way
+    enter = max(0.0, float(np.where(level, 0.0, crossed.min(axis=0)).max()))
+    leave = min(1.0, float(np.where(level, 1.0, crossed.max(axis=0)).min()))
+    if enter > leave:
+        return None
+    return first + enter * (last - first), last if leave == 1.0 else first + leave * (last - first)
 
 
 def _dense(nodes: Float64Array, step: float = 1.0) -> Float64Array:

@@ -8,9 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._typing import Float64Array
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
-from seismo3d.io.horizons import HorizonGrid, write_charisma_horizon, write_irap_classic, write_xyz_horizon
+from seismo3d.io.horizons import (
+    HorizonGrid,
+    why_no_irap,
+    write_charisma_horizon,
+    write_irap_classic,
+    write_xyz_horizon,
+)
 from seismo3d.io.tables import write_csv
 from seismo3d.seismic.tracks import Track
 
@@ -21,8 +28,8 @@ def write_tracks(tracks: Sequence[Track], cube: Any, *, directory: str | Path) -
     """Write tracks as horizons in every exchange format, and a table.
 
     ``track_01.xyz``, ``track_01.charisma.txt`` and ``track_01.irap.txt`` (IRAP classic) for the first, and so on, and
-    ``tracks.csv``; of a section the first and the last alone. Coordinates are metres on the map where the cube knows
-    them, else line numbers; z is time or depth, positive downwards.
+    ``tracks.csv``; of a section the first and the last alone, and no IRAP where :func:`irap_note` says why. Coordinates
+    are metres on the map where the cube knows them, else line numbers; z is time or depth, positive downwards.
 
     Parameters
     ----------
@@ -47,14 +54,29 @@ def write_tracks(tracks: Sequence[Track], cube: Any, *, directory: str | Path) -
     """
     directory = Path(directory)
     files = []
-    forms = [("xyz", write_xyz_horizon), ("charisma.txt", write_charisma_horizon), ("irap.txt", write_irap_classic)]
+    forms = [("xyz", write_xyz_horizon)]
+    if np.ndim(cube) == 3:
+        forms.append(("charisma.txt", write_charisma_horizon))
+        if irap_note(cube) is None:
+            forms.append(("irap.txt", write_irap_classic))
     for number, track in enumerate(tracks, start=1):
         horizon = _grid(track, cube)
-        for ending, write in forms if np.ndim(cube) == 3 else forms[:1]:
+        for ending, write in forms:
             files.append(directory / f"track_{number:02d}.{ending}")
             write(files[-1], horizon)
     write_csv(directory / "tracks.csv", tabulate_tracks(tracks), columns=_COLUMNS)
     return [*files, directory / "tracks.csv"]
+
+
+def irap_note(cube: Any) -> str | None:
+    """Say why tracks of a cube are written without IRAP grids; None where they are written, and of a section.
+
+    IRAP classic holds rectangular grids alone; a survey may be sheared, or one line wide.
+    """
+    if np.ndim(cube) != 3:
+        return None
+    reason = why_no_irap(*_places(cube))
+    return None if reason is None else f"tracks are written without IRAP grids: the survey has {reason}"
 
 
 def tabulate_tracks(tracks: Sequence[Track]) -> list[dict[str, Any]]:
@@ -71,12 +93,18 @@ def _grid(track: Track, cube: Any) -> HorizonGrid:
         x, y = line.index_to_map(np.column_stack([np.arange(shape[0]), np.zeros(shape[0])]))[:, :2].T
         return HorizonGrid(x, y, track.depth.astype(np.float64), np.zeros(1), np.arange(float(shape[0])))
     survey = SurveyGeometry.from_cube(cube)
-    rows, columns = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
-    places = survey.index_to_map(np.stack([rows.ravel(), columns.ravel(), np.zeros(rows.size)], axis=1))
-    x, y = places[:, 0].reshape(shape), places[:, 1].reshape(shape)
     return HorizonGrid(
-        x, y, track.depth.astype(np.float64), survey.inline.coordinates(), survey.crossline.coordinates()
+        *_places(cube), track.depth.astype(np.float64), survey.inline.coordinates(), survey.crossline.coordinates()
     )
+
+
+def _places(cube: Any) -> tuple[Float64Array, Float64Array]:
+    """Return x and y of a cube's traces, each of shape (inline, crossline)."""
+    shape = tuple(np.shape(cube)[:2])
+    rows, columns = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
+    indices = np.stack([rows.ravel(), columns.ravel(), np.zeros(rows.size)], axis=1)
+    places = SurveyGeometry.from_cube(cube).index_to_map(indices)
+    return places[:, 0].reshape(shape), places[:, 1].reshape(shape)
 
 
 def _row(number: int, track: Track) -> dict[str, Any]:

@@ -79,6 +79,18 @@ def test_convert_there_and_back(run, segy, tmp_path):
     assert run("info", tmp_path / "a.zarr")[0] == 0
 
 
+def test_convert_replaces_on_request_alone(run, segy, tmp_path):
+    (tmp_path / "a.npy").write_text("precious")
+    code, _, err = run("convert", segy, tmp_path / "a.npy")
+    assert code == 2
+    assert (
+        err == f"seismo3d: {tmp_path / 'a.npy'} exists already. Choose another name, or replace it with --overwrite.\n"
+    )
+    assert (tmp_path / "a.npy").read_text() == "precious"
+    assert run("convert", segy, tmp_path / "a.npy", "--overwrite")[0] == 0
+    assert np.load(tmp_path / "a.npy").ndim == 3
+
+
 def test_convert_as_json_and_its_time(run, segy, tmp_path):
     code, out, err = run("convert", segy, tmp_path / "a.npy", "--json")
     assert code == 0

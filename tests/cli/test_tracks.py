@@ -50,6 +50,26 @@ def test_run_writes_tracks_in_map_coordinates(
     assert row["unit"] == "ms"
 
 
+def test_sheared_survey_gets_all_but_irap(
+    folded: SyntheticCube, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cube = folded.to_dataarray()
+    sheared = cube.assign_coords(cdp_x=cube["cdp_x"] + 0.25 * (cube["cdp_y"] - cube["cdp_y"][0, 0]))
+    sheared.attrs.pop("survey", None)
+    write_segy(tmp_path / "cube.sgy", sheared)
+    seed = f"1012,2014,{600 + 4 * folded.horizons[2][12, 14]:.3f}"
+    out = tmp_path / "out"
+    assert _run(["tracks", str(tmp_path / "cube.sgy"), "--seed", seed, "-o", str(out)], debug=True) == 0
+    assert "without IRAP grids: the survey has lines that do not meet at right angles" in capsys.readouterr().err
+    assert {path.name for path in out.iterdir() if path.suffix in (".txt", ".xyz", ".csv")} == {
+        "track_01.xyz", "track_01.charisma.txt", "tracks.csv",
+    }  # fmt: skip
+    # a row of the track lies where the sheared survey puts its trace
+    words = (out / "track_01.charisma.txt").read_text().splitlines()[-1].split()
+    i, j = int(words[2]) - 1001, int(words[5]) - 2001
+    assert float(words[6]) == pytest.approx(float(sheared["cdp_x"].values[i, j]), abs=0.6)
+
+
 def check_irap(path: Path, table: np.ndarray) -> None:
     """Rebuild the places of the grid's values from its header; they must be those of the table."""
     words = path.read_text().split()
@@ -132,9 +152,24 @@ def test_line_is_tracked_by_the_same_command(tmp_path: Path, capsys: pytest.Capt
     }  # fmt: skip
     points = np.loadtxt(out / "track_01.xyz")
     assert len(points) > 50
+    check_line_is_scored(out, points, capsys)
     assert _run([*words, "--seed", "1,2031,800", "--overwrite"], debug=False) == 2
     assert "expected TRACE,TIME" in capsys.readouterr().err
     picks = tmp_path / "top.xyz"
     picks.write_text("1 2 3\n")
     assert _run([*words, "--horizon", str(picks), "--overwrite"], debug=False) == 2
     assert "it is for cubes" in capsys.readouterr().err
+
+
+def check_line_is_scored(out: Path, points: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
+    """Picks 2 ms above the line's track, on its first 40 points, must give that; in seconds they are refused."""
+    picks = out.parent / "picks.xyz"
+    np.savetxt(picks, points[:40] - [0.0, 0.0, 2.0], fmt="%.4f")
+    assert _run(["score", str(out), str(picks)], debug=True) == 0
+    capsys.readouterr()
+    (score,) = json.loads((out / "score" / "score.json").read_text())["scores"]
+    assert (score["track"], score["n_common"], score["new"]) == ("track_01", 40, len(points) - 40)
+    assert (score["bias"], score["missed"]) == (pytest.approx(2.0, abs=1e-3), 0.0)
+    np.savetxt(picks, points[:40] * [1.0, 1.0, 1e-3], fmt="%.4f")
+    assert _run(["score", str(out), str(picks), "--overwrite"], debug=False) == 2
+    assert "Check the export's unit and sign" in capsys.readouterr().err

@@ -32,7 +32,11 @@ def test_faulted_cube_gets_everything_and_one_report(tmp_path: Path, capsys: pyt
         assert f"<h2>{heading}</h2>" in page
     assert str(out / "report.html") in capsys.readouterr().out
     assert run("paper", "f3", tmp_path / "block.sgy", "-o", out) == 2
-    assert "exists already" in capsys.readouterr().err
+    assert "replace it with --overwrite" in capsys.readouterr().err
+    (out / "old.txt").write_text("of the earlier run")
+    assert run("paper", "f3", tmp_path / "block.sgy", "-o", out, "--overwrite") == 0
+    assert not (out / "old.txt").exists()
+    assert json.loads((out / "run.json").read_text())["command"] == "paper f3"
 
 
 def test_what_f3_does_not_take_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

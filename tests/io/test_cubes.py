@@ -183,6 +183,36 @@ def test_a_full_disk_leaves_nothing(segy, tmp_path, suffix):
     assert [p.name for p in tmp_path.iterdir()] == ["in.sgy"]
 
 
+@pytest.mark.parametrize("suffix", [".zarr", ".npy", ".sgy"])
+def test_what_is_there_is_replaced_only_on_request(segy, tmp_path, suffix):
+    target = convert_cube(segy, tmp_path / f"out{suffix}")
+    before = s3.open_cube(target).values
+    write_npy(tmp_path / "other.npy", np.ones((2, 3, 8), np.float32))
+    with pytest.raises(FileAccessError, match="exists already"):
+        convert_cube(tmp_path / "other.npy", target)
+    np.testing.assert_array_equal(s3.open_cube(target).values, before)
+    convert_cube(tmp_path / "other.npy", target, overwrite=True)
+    assert (s3.open_cube(target).values == 1.0).all()
+
+
+def test_source_is_never_the_target(segy, tmp_path):
+    store = convert_cube(segy, tmp_path / "a.zarr")
+    (tmp_path / "b.zarr").symlink_to(store)
+    before = s3.open_cube(store).values
+    for target, words in (
+        (store, "is the input too"),
+        (tmp_path / "b.zarr", "is the input too"),
+        (store / "c.zarr", "lie in each other"),
+    ):
+        with pytest.raises(ParameterError, match=words):
+            convert_cube(store, target, overwrite=True)
+    inner = convert_cube(segy, store / "inner.npy")
+    with pytest.raises(ParameterError, match="lie in each other"):
+        convert_cube(inner, store, overwrite=True)
+    inner.unlink()
+    np.testing.assert_array_equal(s3.open_cube(store).values, before)
+
+
 def test_convert_refuses_what_it_cannot_do(segy, tmp_path):
     with pytest.raises(ParameterError, match=r"expected \.sgy, \.segy, \.zarr or \.npy"):
         convert_cube(segy, tmp_path / "a.txt")

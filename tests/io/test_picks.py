@@ -171,6 +171,32 @@ def test_xyz_dialects(tmp_path: Path) -> None:
         read_horizon(tmp_path / "c.txt", columns=(1, 2, 3))
 
 
+def test_nan_stands_for_no_value_in_every_form(tmp_path: Path) -> None:
+    charisma = "INLINE : 1 XLINE : 2 3 4 NaN\nINLINE : 1 XLINE : 3 30 40 800\n"
+    found = read_horizon(text(tmp_path, charisma))
+    assert (found.points.tolist(), found.lines.tolist()) == ([[30, 40, 800]], [[1, 3]])
+    head = "-996 2 25 25\n0 25 0 25\n2 0 0 0\n0 0 0 0 0 0 0\n"
+    assert read_horizon(text(tmp_path, head + "1 nan 3 NaN\n")).points.tolist() == [[0, 0, 1], [0, 25, 3]]
+    assert read_horizon(text(tmp_path, "1 2 800\nnan nan nan\n")).points.tolist() == [[1, 2, 800]]
+    for empty in ("INLINE : 1 XLINE : 2 3 4 nan\n", head + "nan nan nan nan\n", "1 2 nan\n"):
+        with pytest.raises(FormatError, match="no point with a value"):
+            read_horizon(text(tmp_path, empty))
+
+
+@pytest.mark.parametrize("null", ["1e30", "1e+30", "-999.25", "-9999", "-99999", "9999900"])
+def test_nodes_of_sticks_without_a_value_are_left_out(tmp_path: Path, null: str) -> None:
+    rows = ("F1 1 2 800 1 1", f"F1 3 4 {null} 1 2", "F1 5 6 900 1 3", f"F1 1 2 {null} 2 1", f"F2 1 2 {null} 1 1")
+    first, single = read_sticks(text(tmp_path, "\n".join((*rows, "F1 7 8 910 2 2", ""))))
+    assert (first.fault, first.number, first.points.tolist()) == ("F1", 1, [[1, 2, 800], [5, 6, 900]])
+    # one node left is a stick, as one node picked is
+    assert (single.fault, single.number, single.points.tolist()) == ("F1", 2, [[7, 8, 910]])
+    charisma = f"INLINE- 1 2 10 20 {null} F 1\nINLINE- 1 3 10 30 700 F 1\n"
+    (stick,) = read_sticks(text(tmp_path, charisma))
+    assert (stick.points.tolist(), stick.lines.tolist()) == ([[10, 30, 700]], [[1, 3]])
+    with pytest.raises(FormatError, match="no node with a value"):
+        read_sticks(text(tmp_path, f"F1 1 2 {null} 1 1\n"))
+
+
 @pytest.mark.parametrize(
     ("content", "line"),
     [

@@ -9,7 +9,7 @@ from fake_faults import make_cube, make_faults, make_section
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.io.fault_sticks import FaultStick
 from seismo3d.io.horizons import HorizonPoints
-from seismo3d.seismic.pick_scores import score_horizon, score_sticks
+from seismo3d.seismic.pick_scores import _dense_in, same_trace_distance, sample_extent, score_horizon, score_sticks
 from seismo3d.seismic.picks import grid_horizon, horizon_seeds, place_stick
 from seismo3d.seismic.sticks import cut_sticks
 
@@ -66,6 +66,37 @@ def test_no_traced_fault_at_all() -> None:
     assert score.within == 0.0
     assert np.isnan(score.median)
     assert score.missed == ("fault_001", "fault_002")
+
+
+@pytest.mark.parametrize("far", [1e7, 1e9, 1e30])
+def test_wild_nodes_count_only_where_their_stick_is_in_the_cube(far: float) -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    own = cut_sticks(faults, cube)
+    wild = [replace(own[0], points=np.vstack([own[0].points, [*own[0].points[-1, :2], far]])), *own[1:]]
+    score, known = score_sticks(faults, wild), score_sticks(faults, own)
+    # the stick goes on straight down to the floor of the cube, beside its dipping fault
+    assert known.within == 1.0
+    assert 0.5 < score.within <= 1.0
+    assert score.outside == pytest.approx(1.0 / sum(len(stick.points) for stick in wild))
+    apart = [moved(own[0], (far, 0.0, 0.0)), *own]
+    assert score_sticks(faults, apart).median == pytest.approx(known.median, abs=1e-6)
+
+
+def test_segments_are_clipped_to_the_cube() -> None:
+    shape = np.array([10, 10, 10])
+    through = _dense_in(np.array([[4.0, 4.0, -1e6], [4.0, 4.0, 1e6]]), shape)
+    assert through[:, 2].min() == pytest.approx(-0.5, abs=1.0)
+    assert through[:, 2].max() == pytest.approx(9.5, abs=1.0)
+    assert np.diff(through[:, 2]).max() <= 1.0 + 1e-6
+    assert len(_dense_in(np.array([[20.0, 4.0, 0.0], [20.0, 4.0, 9.0]]), shape)) == 0
+    assert len(_dense_in(np.array([[-5.0, 12.0, 5.0], [5.0, 22.0, 5.0]]), shape)) == 0
+    # nodes closer than voxels weigh no more than their length
+    fine = np.column_stack([np.ones(41), np.ones(41), np.linspace(1.0, 5.0, 41)])
+    np.testing.assert_allclose(_dense_in(fine, shape)[:, 2], [1.0, 2.0, 3.0, 4.0, 5.0])
+    np.testing.assert_allclose(
+        _dense_in(np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 4.0]]), shape)[:, 2], [1.0, 2.0, 3.0, 4.0], atol=1e-12
+    )
 
 
 def test_sticks_elsewhere_are_refused() -> None:
@@ -141,3 +172,37 @@ def test_line_numbers_side_by_side_are_two_traces() -> None:
         score_horizon([track], picks, tolerance=4.0)
     every = replace(flat(800.0), lines=lines)
     assert score_horizon([track], every, tolerance=4.0).missed == pytest.approx(0.5)
+
+
+def test_picks_over_holes_score_alike_by_line_numbers_and_by_places_that_are_line_numbers() -> None:
+    lines = np.argwhere(np.ones((10, 10))).astype(float)
+    traced = (lines % 3 != 1).all(axis=1)
+    points = np.column_stack([lines, 800.0 + 5.0 * lines[:, 0]])
+    picks = HorizonPoints("top", points, lines)
+    track = HorizonPoints("track_01", points[traced] + [0.0, 0.0, 1.0], lines[traced])
+    by_lines = score_horizon([track], picks, tolerance=4.0)
+    by_places = score_horizon([track], replace(picks, lines=np.full_like(lines, np.nan)), tolerance=4.0)
+    assert by_lines == by_places
+    assert (by_lines.n_common, by_lines.p90) == (int(traced.sum()), 1.0)
+    assert same_trace_distance([track]) == 0.5
+    assert same_trace_distance([flat(800.0)]) == 1.0
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-3, 0.0), (-1.0, 0.0), (1.0, 5000.0)])
+def test_picks_in_another_unit_or_sign_are_refused(scale: float, shift: float) -> None:
+    picks = flat(800.0)
+    other = replace(picks, points=picks.points * [1.0, 1.0, scale] + [0.0, 0.0, shift])
+    assert score_horizon([flat(803.0)], picks, tolerance=4.0, extent=(598.0, 1402.0)).median == 3.0
+    with pytest.raises(GeometryError, match="between 598 and 1402, where the cube lies; expected its own unit"):
+        score_horizon([flat(803.0)], other, tolerance=4.0, extent=(598.0, 1402.0))
+    # one pick inside is enough, as for seeds
+    mixed = replace(other, points=np.vstack([other.points[:-1], picks.points[-1:]]))
+    assert score_horizon([flat(803.0)], mixed, tolerance=4.0, extent=(598.0, 1402.0)).n_common == 100
+
+
+def test_extent_reaches_half_a_sample_beyond_the_ends() -> None:
+    cube = make_cube()
+    z = cube[cube.dims[2]].values
+    half = 0.5 * (z[1] - z[0])
+    assert sample_extent(cube) == (z[0] - half, z[-1] + half)
+    assert sample_extent(np.zeros((4, 9))) == (-0.5, 8.5)
