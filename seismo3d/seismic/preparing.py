@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array, Int64Array
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic._kernels_valid import mark_valid, same_as_next
@@ -103,7 +103,7 @@ def clean_volume(
 def find_valid(amplitudes: Float32Array) -> BoolArray:
     """Mark where there are data in a whole cube, and put zero elsewhere."""
     valid, repeated = mark_data(amplitudes)
-    if repeated.any() and not repeats_itself(print_traces(amplitudes), valid.any(axis=2)):
+    if repeated.any() and not repeats_itself(print_traces(amplitudes), np.any(valid, axis=2)):
         leave_out(amplitudes, valid, repeated)
     return valid
 
@@ -131,9 +131,9 @@ def print_traces(amplitudes: Float32Array) -> Int64Array:
     return np.stack([line.astype(np.uint64) @ odd for line in bits]).view(np.int64)
 
 
-def repeats_itself(prints: Int64Array, live: BoolArray) -> bool:
+def repeats_itself(prints: Int64Array, live: AnyArray) -> bool:
     """Tell from all traces of a cube whether they repeat by themselves, so that repeated ones are no padding."""
-    return len(np.unique(prints[live])) < _LEAST_UNLIKE * np.count_nonzero(live)
+    return len(np.unique(prints[live])) < _LEAST_UNLIKE * int(np.count_nonzero(live))
 
 
 def sampling_step(size: int) -> int:

@@ -14,6 +14,7 @@ from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
 from seismo3d.seismic.cube_checks import check_order, differing_axis
+from seismo3d.seismic.index_frame import settle_places
 from seismo3d.seismic.preparing import find_scale, scale_amplitudes
 
 # how many times as like a monitor is with its sign changed where its polarity is reversed, and how like it must be
@@ -315,12 +316,11 @@ def _carry(volume: Float32Array, known: BoolArray, shift: Float32Array) -> tuple
     weights = ndimage.spline_filter(volume, order=3, output=np.float32, mode="mirror")
     out, weight = np.empty_like(volume), np.empty_like(volume)
     rest = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in volume.shape[1:]), indexing="ij")
-    far = np.array(volume.shape, dtype=np.float32)[:, None, None] - 1
     marks = None if known.all() else known.astype(np.float32)
     for i in range(len(out)):
         at = shift[:, i] + np.stack([np.full_like(rest[0], i), *rest])
+        at, weight[i] = settle_places(at, volume.shape)
         out[i] = ndimage.map_coordinates(weights, at, order=3, mode="mirror", prefilter=False)
-        weight[i] = ((at >= 0) & (at <= far)).all(axis=0)
         if marks is not None:
             weight[i] *= ndimage.map_coordinates(marks, at, order=1, mode="nearest") > 0.99
     return out, weight
