@@ -11,6 +11,7 @@ from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int64Array
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.seismic.cube_checks import check_faults
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.index_frame import IndexFrame
 
@@ -82,6 +83,7 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
     """
     from skimage.graph import MCP_Geometric
 
+    check_faults(faults)
     if np.ndim(faults.labels) != 3:
         raise ShapeError(f"faults are of a section of shape {np.shape(faults.labels)}; expected those of a cube.")
     factor = as_number(contrast, "contrast", low=1.0, high=1e9)

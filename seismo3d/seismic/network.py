@@ -12,6 +12,7 @@ from seismo3d._typing import Float32Array, Float64Array, Progress
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.seismic.cube_checks import check_faults
 from seismo3d.seismic.fault_table import tabulate_faults
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.index_frame import IndexFrame
@@ -151,6 +152,7 @@ def fracture_network(
     ----------
     .. [1] W. S. Dershowitz, H. H. Herda, Proc. 33rd U.S. Symposium on Rock Mechanics, 757-766, 1992.
     """
+    check_faults(faults)
     if np.ndim(faults.labels) != 3:
         raise ShapeError(
             f"faults are of a section of shape {np.shape(faults.labels)}; expected those of a cube. Trace a cube."

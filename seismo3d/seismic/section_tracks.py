@@ -10,6 +10,7 @@ import numpy as np
 from seismo3d._typing import Float64Array
 from seismo3d._validate import freeze
 from seismo3d.errors import ShapeError
+from seismo3d.seismic.cube_checks import check_faults_of, check_order
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 
 _THICK = 9
@@ -36,13 +37,12 @@ def thicken(section: Any, faults: FaultSet | None) -> tuple[Any, FaultSet | None
     Raises
     ------
     ShapeError
-        If the faults are of another section.
+        If the section's axes are in another order, or the faults are of a section of another shape.
+    GeometryError
+        If the faults are of a section elsewhere.
     """
-    if faults is not None and np.shape(faults.labels) != np.shape(section):
-        raise ShapeError(
-            f"faults are of a section of shape {np.shape(faults.labels)}; section has shape {np.shape(section)}. "
-            "Give the section that they were traced in."
-        )
+    check_order(section, "section")
+    check_faults_of(section, faults, "section")
     values = np.asarray(getattr(section, "values", section))
     cube: Any = np.broadcast_to(values, (_THICK, *values.shape))
     if hasattr(section, "dims"):

@@ -11,7 +11,7 @@ from scipy import fft, ndimage
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import ShapeError
-from seismo3d.seismic.cube_checks import check_cube
+from seismo3d.seismic.cube_checks import check_cube, check_faults
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_surface
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.index_frame import settle_places
@@ -145,6 +145,7 @@ def find_slip_field(
     .. [2] X. Wu, S. Luo, D. Hale, Geophysics 81(2), IM25-IM33, 2016. :doi:`10.1190/geo2015-0381.1`
     """
     settings = settings or UnfaultSettings()
+    check_faults(faults)
     shape = np.shape(faults.labels)
     if len(shape) != 3:
         raise ShapeError(f"faults are of a section of shape {shape}; expected those of a cube.")

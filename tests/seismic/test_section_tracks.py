@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fake_faults import make_section
 
-from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.seismic.horizon_search import find_horizons
 from seismo3d.seismic.section_tracks import thicken
 from seismo3d.seismic.tracks import trace_tracks
@@ -68,6 +68,15 @@ def test_refusals() -> None:
         trace_tracks(section, [(11, 4000.0)])
     with pytest.raises(ParameterError, match="layers is given for a section"):
         trace_tracks(section, [(11, 40.0)], layers=object())  # type: ignore[arg-type]
+
+
+def test_lines_elsewhere_or_on_their_side_are_refused() -> None:
+    section, faults = stepped()
+    other = section.assign_coords({section.dims[0]: section[section.dims[0]] + 5000})
+    with pytest.raises(GeometryError, match="faults are of a section with other"):
+        trace_tracks(other, [(5011, 40.0)], faults=faults)
+    with pytest.raises(ShapeError, match=r"Give section\.transpose\("):
+        trace_tracks(section.T, count=1)
 
 
 def test_best_horizons_are_found_apart_and_right() -> None:
