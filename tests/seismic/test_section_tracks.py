@@ -60,12 +60,13 @@ def test_thickened_faults_are_sheets_across_the_line() -> None:
 
 def test_refusals() -> None:
     section, faults = stepped()
-    with pytest.raises(ShapeError, match=r"seeds\[0\] has shape \(3,\); expected a point \(trace"):
-        trace_tracks(section, [(1, 11, 40.0)])
+    for seed in ((1, 11, 40.0), [(20, 36.0), (3,)], "a"):
+        with pytest.raises(ShapeError, match=r"seeds\[0\] is .*; expected a point \(trace"):
+            trace_tracks(section, [seed])
     with pytest.raises(ShapeError, match="faults are of a section"):
         trace_tracks(section[:30], [(11, 40.0)], faults=faults)
-    with pytest.raises(ParameterError, match="lies outside the cube"):
-        trace_tracks(section, [(11, 4000.0)])
+    with pytest.raises(ParameterError, match=r"seeds\[1\] \(11, 4000\) lies outside the section"):
+        trace_tracks(section, [(11, 40.0), (11, 4000.0)])
     with pytest.raises(ParameterError, match="layers is given for a section"):
         trace_tracks(section, [(11, 40.0)], layers=object())  # type: ignore[arg-type]
 
