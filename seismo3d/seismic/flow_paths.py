@@ -124,11 +124,18 @@ def _resistance(likelihood: AnyArray, labels: AnyArray, contrast: float) -> Floa
 
 def _as_voxels(entry: Any, name: str, geometry: SurveyGeometry, shape: tuple[int, ...]) -> Int64Array:
     """Voxels of a point or a horizon."""
-    values = np.asarray(entry, dtype=np.float64)
+    try:
+        values = np.asarray(entry, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ShapeError(
+            f"{name} is {entry!r:.60}; expected a point (inline, crossline, time or depth) or a horizon, of numbers."
+        ) from error
     if values.shape == (3,):
+        if not np.isfinite(values).all():
+            raise ParameterError(f"{name} is {tuple(values.tolist())}; expected finite numbers.")
         at = np.rint(geometry.lines_to_index(values[None]))
         if not ((at >= 0) & (at < shape)).all():
-            raise ParameterError(f"{name} {tuple(values)} lies outside the cube. Give its coordinates.")
+            raise ParameterError(f"{name} {tuple(values.tolist())} lies outside the cube. Give its coordinates.")
         return at.astype(np.int64)
     if values.shape != tuple(shape[:2]):
         raise ShapeError(

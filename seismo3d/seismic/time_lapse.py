@@ -109,9 +109,9 @@ def align_cubes(
     Raises
     ------
     ShapeError
-        If they are not cubes of one shape.
+        If they are not cubes of real numbers of one shape.
     GeometryError
-        If their coordinates differ, or no trace is live in both.
+        If their coordinates or places on the map differ, or no trace is live in both.
     ParameterError
         If the monitor's polarity is reversed.
 
@@ -157,6 +157,10 @@ def _check(base: Any, monitor: Any) -> None:
             f"base has shape {np.shape(base)} and monitor {np.shape(monitor)}; expected two cubes of one shape. Cut or "
             "interpolate the monitor onto the base's traces and samples."
         )
+    for name, cube in (("base", base), ("monitor", monitor)):
+        kind = cube.dtype if hasattr(cube, "dtype") else np.asarray(cube).dtype
+        if kind.kind not in "fiub":
+            raise ShapeError(f"{name} has elements of type {kind}; expected real numbers. Convert it first.")
     if min(np.shape(base)) < 8:
         raise ShapeError(f"base has shape {np.shape(base)}; expected at least 8 traces each way and 8 samples.")
     axis = differing_axis(base, monitor)

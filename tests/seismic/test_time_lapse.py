@@ -160,6 +160,8 @@ def test_refusals(folded: SyntheticCube) -> None:
         align_cubes(base, base[:, :, :-1])
     with pytest.raises(ShapeError, match="at least 8 traces"):
         align_cubes(base[:4], base[:4])
+    with pytest.raises(ShapeError, match="monitor has elements of type complex64; expected real"):
+        align_cubes(base, base.astype(np.complex64))
     moved = base.assign_coords(inline=base["inline"] + 1)
     with pytest.raises(GeometryError, match="differ in their inline"):
         align_cubes(base, moved)
