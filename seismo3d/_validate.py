@@ -26,6 +26,16 @@ def as_number(value: Any, name: str, *, low: float = -math.inf, high: float = ma
     return number
 
 
+def as_whole_number(value: Any, name: str, *, low: float = -math.inf, high: float = math.inf) -> int:
+    """Return a whole number within bounds, or refuse it by name."""
+    if isinstance(value, (str, bytes)):
+        raise ParameterError(f"{name} is {value!r}; expected a whole number.")
+    number = as_number(value, name, low=low, high=high)
+    if number != int(number):
+        raise ParameterError(f"{name} is {number:g}; expected a whole number.")
+    return int(number)
+
+
 def as_real_array(values: ArrayLike, name: str, *, ndim: int | tuple[int, ...]) -> AnyArray:
     """Return a real numeric array with one of the wanted numbers of axes and at least one element."""
     array = np.asarray(values)

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import ArrayLike, Float64Array, FloatArray
+from seismo3d._typing import AnyArray, ArrayLike, Float64Array, FloatArray
 from seismo3d._validate import as_points
 from seismo3d.errors import GeometryError
 from seismo3d.geometry.axis import Axis
@@ -26,6 +26,9 @@ from seismo3d.geometry.map_fit import MapFit, fit_map
 from seismo3d.geometry.section import SectionGeometry
 
 __all__ = ["Axis", "MapFit", "SectionGeometry", "SurveyGeometry", "fit_map"]
+
+# how far coordinates may lie from a map that is theirs, root mean square: in steps of it, and in its own misfit
+_ROUNDING, _CROOKED = 0.01, 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,19 +219,37 @@ def _degrees(east: FloatArray, north: FloatArray) -> Float64Array:
 
 def _map_of(cube: Any, axes: list[Axis]) -> MapFit | None:
     """Take the fit made when the cube was opened where it still applies, else fit the cube's own coordinates."""
-    stored = cube.attrs.get("survey") or {}
-    if "map" in stored:
-        (il0, dil, _), (xl0, dxl, _) = stored["inline"], stored["crossline"]
-        kept = stored["map"]
-        M = np.array([kept["inline_step"], kept["crossline_step"]], dtype=np.float64).T / [dil, dxl]
-        origin = np.array(kept["origin"]) + M @ [axes[0].first - il0, axes[1].first - xl0]
-        u, v = M[:, 0] * axes[0].step, M[:, 1] * axes[1].step
-        pairs = [(float(a), float(b)) for a, b in (origin, u, v)]
-        return MapFit(pairs[0], pairs[1], pairs[2], float(kept["rms"]))
+    stored = _stored_map(cube, axes)
     if "cdp_x" not in cube.coords or "cdp_y" not in cube.coords:
-        return None
+        return stored
     # a few hundred lines each way pin an affine map; the ends are among them
     rows, columns = (np.unique(np.linspace(0, n - 1, min(n, 300)).astype(int)) for n in cube.shape[:2])
-    corner = cube.coords["cdp_x"][rows, columns].values, cube.coords["cdp_y"][rows, columns].values
+    x, y = (cube.coords[name][rows, columns].values.astype(np.float64).ravel() for name in ("cdp_x", "cdp_y"))
     ij = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
-    return fit_map(ij, np.stack([corner[0].ravel(), corner[1].ravel()], axis=1))
+    xy = np.stack([x, y], axis=1)
+    return stored if stored is not None and _agrees(stored, ij, xy) else fit_map(ij, xy)
+
+
+def _stored_map(cube: Any, axes: list[Axis]) -> MapFit | None:
+    """Return the fit of the file's lines, on the cube's."""
+    stored = cube.attrs.get("survey") or {}
+    if "map" not in stored:
+        return None
+    (il0, dil, _), (xl0, dxl, _) = stored["inline"], stored["crossline"]
+    kept = stored["map"]
+    M = np.array([kept["inline_step"], kept["crossline_step"]], dtype=np.float64).T / [dil, dxl]
+    origin = np.array(kept["origin"]) + M @ [axes[0].first - il0, axes[1].first - xl0]
+    u, v = M[:, 0] * axes[0].step, M[:, 1] * axes[1].step
+    pairs = [(float(a), float(b)) for a, b in (origin, u, v)]
+    return MapFit(pairs[0], pairs[1], pairs[2], float(kept["rms"]))
+
+
+def _agrees(fit: MapFit, indices: AnyArray, xy: Float64Array) -> bool:
+    """Tell whether a map gives the coordinates of the traces that have any, as far as it gave the file's."""
+    known = np.isfinite(xy).all(axis=1)
+    if not known.any():
+        return True
+    off = indices[known] @ fit.matrix.T + np.array(fit.origin) - xy[known]
+    step = min(np.hypot(*fit.inline_step), np.hypot(*fit.crossline_step))
+    # the mean square, so that a part of a crooked survey has no more than its share of the misfit
+    return float(np.sqrt((off**2).sum(axis=1).mean())) <= max(_ROUNDING * step, _CROOKED * fit.rms)

@@ -7,14 +7,15 @@ classic grid (ROXAR text) has no line numbers; places without a value hold 99999
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import freeze
+from seismo3d._validate import as_whole_number, freeze
 from seismo3d.errors import FormatError, GeometryError, ParameterError
 from seismo3d.io._files import written_aside
 from seismo3d.io._pick_lines import (
@@ -95,8 +96,8 @@ def read_horizon(path: str | Path, *, columns: Sequence[int] | None = None) -> H
     ParameterError
         If `columns` are not three different numbers from 1, or are given for another form than XYZ.
     """
-    if columns is not None and (len(set(columns)) != 3 or len(columns) != 3 or min(columns) < 1):
-        raise ParameterError(f"columns is {tuple(columns)}; expected three different numbers, from 1.")
+    if columns is not None:
+        columns = _as_columns(columns)
     lines = read_lines(path)
     first = lines[0][1]
     if first.upper().startswith("INLINE"):
@@ -112,6 +113,15 @@ def read_horizon(path: str | Path, *, columns: Sequence[int] | None = None) -> H
         raise FormatError(f"{path} holds no point with a value. Check the export.")
     table = table[known]
     return HorizonPoints(Path(path).stem, freeze(table[:, :3].copy()), freeze(table[:, 3:].copy()))
+
+
+def _as_columns(columns: Any) -> tuple[int, ...]:
+    if not isinstance(columns, Iterable) or isinstance(columns, str):
+        raise ParameterError(f"columns is {columns!r}; expected three different numbers, from 1.")
+    chosen = tuple(as_whole_number(column, f"columns[{k}]") for k, column in enumerate(columns))
+    if len(chosen) != 3 or len(set(chosen)) != 3 or min(chosen) < 1:
+        raise ParameterError(f"columns is {chosen}; expected three different numbers, from 1.")
+    return chosen
 
 
 def _read_charisma(path: str | Path, lines: list[tuple[int, str]]) -> Float64Array:

@@ -6,11 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.errors import GeometryError, ShapeError
+from seismo3d._typing import Float64Array
+from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 
 _ORDER = ("inline", "crossline", "trace", "time", "depth")
 # share of a step by which coordinates that are the same may differ
 _SAME = 0.01
+# share of the distance between traces by which their places on the map may: fits to rounded coordinates do
+_SAME_PLACE = 0.25
 
 
 def check_order(cube: Any, name: str = "cube") -> None:
@@ -31,33 +35,72 @@ def check_cube(cube: Any, faults: Any) -> None:
     check_faults_of(cube, faults)
 
 
-def check_faults_of(cube: Any, faults: Any) -> None:
-    """Refuse faults of a cube of another shape, or of the same shape elsewhere; None is fine."""
+def check_faults(faults: Any) -> None:
+    """Refuse what is no set of faults."""
+    if not (hasattr(faults, "labels") and hasattr(faults, "surfaces")):
+        raise ParameterError(f"faults is {faults!r:.60}; expected a FaultSet. Give what trace_faults returned.")
+
+
+def check_faults_of(cube: Any, faults: Any, name: str = "cube") -> None:
+    """Refuse faults of a cube or section of another shape, or of the same shape elsewhere; None is fine."""
     if faults is None:
         return
+    check_faults(faults)
     if np.shape(faults.labels) != np.shape(cube):
         raise ShapeError(
-            f"faults are of a cube of shape {np.shape(faults.labels)}; cube has shape {np.shape(cube)}. "
-            "Give the cube that they were traced in."
+            f"faults are of a {name} of shape {np.shape(faults.labels)}; {name} has shape {np.shape(cube)}. "
+            f"Give the {name} that they were traced in."
         )
     axis = differing_axis(faults.labels, cube)
     if axis is not None:
         raise GeometryError(
-            f"faults are of a cube with other {axis} coordinates than cube has. Give the cube that they were traced in."
+            f"faults are of a {name} with other {axis} coordinates than {name} has. Give the {name} that they were "
+            "traced in."
         )
 
 
 def differing_axis(one: Any, other: Any) -> str | None:
-    """Return an axis along which the coordinates of two cubes of one shape differ; None for bare arrays."""
+    """Return in which coordinates two cubes or sections of one shape differ; None for bare arrays.
+
+    That is an axis, the line that both are cut from, or "map" where both have one and their traces lie elsewhere on it.
+    """
     if not (hasattr(one, "dims") and hasattr(other, "dims")):
         return None
-    for name in one.dims:
+    cut = [name for name in _ORDER if all(name in a.coords and a[name].ndim == 0 for a in (one, other))]
+    for name in (*one.dims, *cut):
         if name not in one.coords:
             continue
         if name not in other.coords:
             return str(name)
-        first, second = (np.asarray(a[name].values, dtype=np.float64) for a in (one, other))
+        first, second = (np.atleast_1d(np.asarray(a[name].values, dtype=np.float64)) for a in (one, other))
         step = float(np.min(np.abs(np.diff(first)))) if len(first) > 1 else 1.0
         if first.shape != second.shape or np.abs(first - second).max(initial=0.0) > _SAME * step:
             return str(name)
-    return None
+    return "map" if _lies_elsewhere(one, other) else None
+
+
+def _lies_elsewhere(one: Any, other: Any) -> bool:
+    """Tell whether traces of two cubes or sections lie apart on the map."""
+    first, second = (_places(a) for a in (one, other))
+    if first is None or second is None:
+        return False
+    apart = np.linalg.norm(first - second, axis=-1)
+    # neighbours along either axis; a section has one
+    steps = np.concatenate([np.linalg.norm(np.diff(first, axis=k), axis=-1).ravel() for k in range(first.ndim - 1)])
+    step = float(np.min(steps[steps > 0.0], initial=np.inf))
+    return bool(np.nanmax(apart, initial=0.0) > _SAME_PLACE * step)
+
+
+def _places(cube: Any) -> Float64Array | None:
+    """Map coordinates of a section's traces, or of a cube's first and last ones of each line: x and y come last."""
+    if len(cube.dims) == 2:
+        return SectionGeometry.from_cube(cube).xy
+    try:
+        geometry = SurveyGeometry.from_cube(cube)
+    except GeometryError:  # lines that are not evenly spaced have no affine map
+        return None
+    if not geometry.has_map:
+        return None
+    ends = [[0.0, 1.0, float(n - 1)] for n in cube.shape[:2]]
+    corners = np.stack(np.meshgrid(*ends, [0.0], indexing="ij"), axis=-1)
+    return geometry.index_to_map(corners.reshape(-1, 3))[:, :2].reshape(3, 3, 2)

@@ -11,6 +11,7 @@ from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int64Array
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.seismic.cube_checks import check_faults
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.index_frame import IndexFrame
 
@@ -82,6 +83,7 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
     """
     from skimage.graph import MCP_Geometric
 
+    check_faults(faults)
     if np.ndim(faults.labels) != 3:
         raise ShapeError(f"faults are of a section of shape {np.shape(faults.labels)}; expected those of a cube.")
     factor = as_number(contrast, "contrast", low=1.0, high=1e9)
@@ -122,11 +124,18 @@ def _resistance(likelihood: AnyArray, labels: AnyArray, contrast: float) -> Floa
 
 def _as_voxels(entry: Any, name: str, geometry: SurveyGeometry, shape: tuple[int, ...]) -> Int64Array:
     """Voxels of a point or a horizon."""
-    values = np.asarray(entry, dtype=np.float64)
+    try:
+        values = np.asarray(entry, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ShapeError(
+            f"{name} is {entry!r:.60}; expected a point (inline, crossline, time or depth) or a horizon, of numbers."
+        ) from error
     if values.shape == (3,):
+        if not np.isfinite(values).all():
+            raise ParameterError(f"{name} is {tuple(values.tolist())}; expected finite numbers.")
         at = np.rint(geometry.lines_to_index(values[None]))
         if not ((at >= 0) & (at < shape)).all():
-            raise ParameterError(f"{name} {tuple(values)} lies outside the cube. Give its coordinates.")
+            raise ParameterError(f"{name} {tuple(values.tolist())} lies outside the cube. Give its coordinates.")
         return at.astype(np.int64)
     if values.shape != tuple(shape[:2]):
         raise ShapeError(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array, Progress
-from seismo3d._validate import as_number
+from seismo3d._validate import as_whole_number
 from seismo3d.errors import ParameterError
 from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
 from seismo3d.seismic.layer_pieces import layer_pieces
@@ -65,7 +65,7 @@ def find_horizons(
     ParameterError
         If `count` is not a positive number, or `layers` is given for a section.
     """
-    wanted = int(as_number(count, "count", low=1))
+    wanted = as_whole_number(count, "count", low=1)
     check_event(event)
     settings = settings or TrackSettings()
     is_section = np.ndim(cube) == 2

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float64Array
+from seismo3d._typing import AnyArray, BoolArray, Float64Array
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.geometry.triangles import measure_cells
 
@@ -61,3 +61,25 @@ class IndexFrame:
     def areas(self, vertices: AnyArray, cells: AnyArray) -> Float64Array:
         """Area of each triangle of a mesh in index coordinates."""
         return measure_cells(self.carry(vertices), cells)
+
+
+def settle_places(places: AnyArray, shape: tuple[int, ...]) -> tuple[AnyArray, BoolArray]:
+    """Put places off a cube's outer traces and samples, but in their cells, onto them, and tell which lie in the cube.
+
+    Parameters
+    ----------
+    places : ndarray of shape (3, ...)
+        Fractional indices.
+    shape : tuple of int
+        The cube's.
+
+    Returns
+    -------
+    places : ndarray of the same shape
+        Within the outer traces and samples, those outside the cube too.
+    inside : ndarray of shape (...), bool
+        Whether a place lies in some trace's cell, which reaches half a step to either side of it.
+    """
+    last = (np.array(shape, dtype=places.dtype) - 1).reshape(-1, *(1,) * (places.ndim - 1))
+    settled = np.clip(places, 0, last)
+    return settled, np.asarray((np.abs(places - settled) <= 0.5).all(axis=0))

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Progress
-from seismo3d._validate import as_number, freeze
+from seismo3d._validate import as_whole_number, freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.seismic.cube_checks import check_faults
 from seismo3d.seismic.fault_table import tabulate_faults
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.index_frame import IndexFrame
@@ -141,7 +142,7 @@ def fracture_network(
     ShapeError
         If the faults are of a section: its lines do not tell how surfaces meet.
     ParameterError
-        If a cell has no whole positive size, or `reach` is negative.
+        If `faults` is no set of faults, a cell has no whole positive size, or `reach` is no whole number from 0.
 
     Notes
     -----
@@ -151,6 +152,7 @@ def fracture_network(
     ----------
     .. [1] W. S. Dershowitz, H. H. Herda, Proc. 33rd U.S. Symposium on Rock Mechanics, 757-766, 1992.
     """
+    check_faults(faults)
     if np.ndim(faults.labels) != 3:
         raise ShapeError(
             f"faults are of a section of shape {np.shape(faults.labels)}; expected those of a cube. Trace a cube."
@@ -160,7 +162,7 @@ def fracture_network(
     home = faults.labels if cube is None else cube
     frame = IndexFrame.of(home)
     report("intersections", 0.0)
-    lines = find_intersections(faults.surfaces, frame=frame, reach=int(as_number(reach, "reach", low=0)))
+    lines = find_intersections(faults.surfaces, frame=frame, reach=as_whole_number(reach, "reach", low=0))
     poles = find_poles(faults, frame)
     graph = _graph(faults, home, poles, lines, frame.unit)
     zones = _zones(faults, graph, frame)
@@ -185,7 +187,7 @@ def _as_cell(cell: int | tuple[int, int, int]) -> tuple[int, int, int]:
     sizes = (cell,) * 3 if np.ndim(cell) == 0 else tuple(cell)  # type: ignore[arg-type]
     if len(sizes) != 3:
         raise ShapeError(f"cell is {cell!r}; expected one size, or three: inline, crossline, sample.")
-    a, b, c = (int(as_number(size, "cell", low=1)) for size in sizes)
+    a, b, c = (as_whole_number(size, "cell", low=1) for size in sizes)
     return a, b, c
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic._kernels_valid import mark_valid, same_as_next
@@ -17,6 +17,9 @@ from seismo3d.seismic.whitening import whiten
 # samples of one value, and traces of the same values, from which on they are no data
 _LONGEST_RUN = 12
 _LEAST_REPEATS = 4
+# share of the live traces that are unlike each other below which repeating is the cube's own: padding seldom doubles
+# a survey, and layers drawn without noise have but one trace for a whole line, or a few for all of them
+_LEAST_UNLIKE = 0.5
 # how many times their own strength amplitudes must lie off zero for that to be a level of theirs
 _SHIFTED = 1.0
 
@@ -85,7 +88,8 @@ def clean_volume(
     volume : ndarray of the same shape, float32
         Whitened amplitudes of a root-mean-square of about 1; zero where there are no data.
     valid : ndarray of the same shape, bool
-        Where there are: NaN, constant runs and repeated traces are none.
+        Where there are: NaN, constant runs and repeated traces are none; but where fewer than half of the live traces
+        differ from each other, as in a noise-free synthetic, repeated traces are data.
     spectrum : ndarray of shape (n,), float64, or None
         As in :class:`~seismo3d.seismic.whitening.Whitening`.
     level : float
@@ -100,12 +104,39 @@ def clean_volume(
 
 
 def find_valid(amplitudes: Float32Array) -> BoolArray:
-    """Mark where there are data, and put zero elsewhere; inlines are independent of each other."""
+    """Mark where there are data in a whole cube, and put zero elsewhere."""
+    valid, repeated = mark_data(amplitudes)
+    if repeated.any() and not repeats_itself(print_traces(amplitudes), np.any(valid, axis=2)):
+        leave_out(amplitudes, valid, repeated)
+    return valid
+
+
+def mark_data(amplitudes: Float32Array) -> tuple[BoolArray, BoolArray]:
+    """Mark samples with data, and put zero elsewhere; mark repeated traces. Inlines are independent of each other."""
     valid = np.empty(amplitudes.shape, bool)
     mark_valid(amplitudes, _LONGEST_RUN, valid)
-    valid[_repeated(amplitudes, valid)] = False
+    repeated = _repeated(amplitudes, valid)
     amplitudes[~valid] = 0.0
-    return valid
+    return valid, repeated
+
+
+def leave_out(amplitudes: Float32Array, valid: BoolArray, traces: BoolArray) -> None:
+    """Take traces for no data, in place."""
+    valid[traces] = False
+    amplitudes[traces] = 0.0
+
+
+def print_traces(amplitudes: Float32Array) -> Int64Array:
+    """Return a number for each trace that equal traces share, and others do not but for one chance in billions."""
+    odd = np.random.default_rng(0).integers(2**64, size=amplitudes.shape[2], dtype=np.uint64) | np.uint64(1)
+    bits = amplitudes.view(np.uint32)
+    # a line at a time: whole numbers twice as wide as the samples
+    return np.stack([line.astype(np.uint64) @ odd for line in bits]).view(np.int64)
+
+
+def repeats_itself(prints: Int64Array, live: AnyArray) -> bool:
+    """Tell from all traces of a cube whether they repeat by themselves, so that repeated ones are no padding."""
+    return len(np.unique(prints[live])) < _LEAST_UNLIKE * int(np.count_nonzero(live))
 
 
 def sampling_step(size: int) -> int:

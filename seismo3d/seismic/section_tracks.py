@@ -9,7 +9,10 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d._validate import freeze
-from seismo3d.errors import ShapeError
+from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.geometry.axis import Axis
+from seismo3d.geometry.section import SectionGeometry
+from seismo3d.seismic.cube_checks import check_faults_of, check_order
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 
 _THICK = 9
@@ -36,13 +39,12 @@ def thicken(section: Any, faults: FaultSet | None) -> tuple[Any, FaultSet | None
     Raises
     ------
     ShapeError
-        If the faults are of another section.
+        If the section's axes are in another order, or the faults are of a section of another shape.
+    GeometryError
+        If the faults are of a section elsewhere.
     """
-    if faults is not None and np.shape(faults.labels) != np.shape(section):
-        raise ShapeError(
-            f"faults are of a section of shape {np.shape(faults.labels)}; section has shape {np.shape(section)}. "
-            "Give the section that they were traced in."
-        )
+    check_order(section, "section")
+    check_faults_of(section, faults, "section")
     values = np.asarray(getattr(section, "values", section))
     cube: Any = np.broadcast_to(values, (_THICK, *values.shape))
     if hasattr(section, "dims"):
@@ -57,9 +59,18 @@ def thicken(section: Any, faults: FaultSet | None) -> tuple[Any, FaultSet | None
     return cube, None if faults is None else _thicken_faults(faults)
 
 
-def thicken_seeds(seeds: Any) -> Any:
-    """Put seeds (trace, time or depth), or lists of them, on the middle of the thickened section."""
-    return [_as_seeds(entry, number) for number, entry in enumerate(seeds)]
+def thicken_seeds(seeds: Any, section: Any) -> Any:
+    """Put seeds (trace, time or depth), or lists of them, on the middle of the thickened section.
+
+    Raises
+    ------
+    ShapeError
+        If a seed is no point of two numbers.
+    ParameterError
+        If a seed lies outside the section.
+    """
+    axes = _trace_axis(section), SectionGeometry.from_cube(section).sample
+    return [_as_seeds(entry, number, axes) for number, entry in enumerate(seeds)]
 
 
 def cut_middle(track: Any) -> Any:
@@ -72,13 +83,28 @@ def cut_middle(track: Any) -> Any:
     )
 
 
-def _as_seeds(entry: Any, number: int) -> Float64Array:
-    points = np.atleast_2d(np.asarray(entry, dtype=np.float64))
+def _trace_axis(section: Any) -> Axis:
+    name = section.dims[0] if hasattr(section, "dims") else None
+    if name is None or name not in section.coords:
+        return Axis(0.0, 1.0, np.shape(section)[0])
+    return Axis.from_coordinates(section[name].values, str(name))
+
+
+def _as_seeds(entry: Any, number: int, axes: tuple[Axis, Axis]) -> Float64Array:
+    try:
+        points = np.atleast_2d(np.asarray(entry, dtype=np.float64))
+    except (TypeError, ValueError):
+        points = np.empty(0)
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
         raise ShapeError(
-            f"seeds[{number}] has shape {np.shape(entry)}; expected a point (trace, time or depth), or a list of such "
-            "points, of finite numbers."
+            f"seeds[{number}] is {entry!r}; expected a point (trace, time or depth), or a list of such points, of "
+            "finite numbers."
         )
+    index = np.column_stack([axis.index(points[:, k]) for k, axis in enumerate(axes)])
+    outside = ((index < -1e-6) | (index > np.array([axis.n for axis in axes]) - 1 + 1e-6)).any(axis=1)
+    if outside.any():
+        trace, depth = points[outside.argmax()]
+        raise ParameterError(f"seeds[{number}] ({trace:g}, {depth:g}) lies outside the section. Give its coordinates.")
     return np.column_stack([np.full(len(points), float(_MIDDLE)), points])
 
 

@@ -14,6 +14,7 @@ from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
 from seismo3d.seismic.cube_checks import check_order, differing_axis
+from seismo3d.seismic.index_frame import settle_places
 from seismo3d.seismic.preparing import find_scale, scale_amplitudes
 
 # how many times as like a monitor is with its sign changed where its polarity is reversed, and how like it must be
@@ -108,9 +109,9 @@ def align_cubes(
     Raises
     ------
     ShapeError
-        If they are not cubes of one shape.
+        If they are not cubes of real numbers of one shape.
     GeometryError
-        If their coordinates differ, or no trace is live in both.
+        If their coordinates or places on the map differ, or no trace is live in both.
     ParameterError
         If the monitor's polarity is reversed.
 
@@ -156,6 +157,10 @@ def _check(base: Any, monitor: Any) -> None:
             f"base has shape {np.shape(base)} and monitor {np.shape(monitor)}; expected two cubes of one shape. Cut or "
             "interpolate the monitor onto the base's traces and samples."
         )
+    for name, cube in (("base", base), ("monitor", monitor)):
+        kind = cube.dtype if hasattr(cube, "dtype") else np.asarray(cube).dtype
+        if kind.kind not in "fiub":
+            raise ShapeError(f"{name} has elements of type {kind}; expected real numbers. Convert it first.")
     if min(np.shape(base)) < 8:
         raise ShapeError(f"base has shape {np.shape(base)}; expected at least 8 traces each way and 8 samples.")
     axis = differing_axis(base, monitor)
@@ -315,12 +320,11 @@ def _carry(volume: Float32Array, known: BoolArray, shift: Float32Array) -> tuple
     weights = ndimage.spline_filter(volume, order=3, output=np.float32, mode="mirror")
     out, weight = np.empty_like(volume), np.empty_like(volume)
     rest = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in volume.shape[1:]), indexing="ij")
-    far = np.array(volume.shape, dtype=np.float32)[:, None, None] - 1
     marks = None if known.all() else known.astype(np.float32)
     for i in range(len(out)):
         at = shift[:, i] + np.stack([np.full_like(rest[0], i), *rest])
+        at, weight[i] = settle_places(at, volume.shape)
         out[i] = ndimage.map_coordinates(weights, at, order=3, mode="mirror", prefilter=False)
-        weight[i] = ((at >= 0) & (at <= far)).all(axis=0)
         if marks is not None:
             weight[i] *= ndimage.map_coordinates(marks, at, order=1, mode="nearest") > 0.99
     return out, weight

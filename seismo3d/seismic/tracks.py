@@ -139,7 +139,7 @@ def trace_tracks(
             raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")
         thick, surfaces = thicken(cube, faults)
         found = trace_tracks(
-            thick, thicken_seeds(seeds), faults=surfaces, event=event, settings=settings, progress=progress
+            thick, thicken_seeds(seeds, cube), faults=surfaces, event=event, settings=settings, progress=progress
         )
         return [cut_middle(track) for track in found]
     layers = layers or model_layers(cube, faults=faults, settings=settings.layers, progress=progress)

@@ -11,9 +11,10 @@ from scipy import fft, ndimage
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import ShapeError
-from seismo3d.seismic.cube_checks import check_cube
+from seismo3d.seismic.cube_checks import check_cube, check_faults
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_surface
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
+from seismo3d.seismic.index_frame import settle_places
 
 # traces and samples from the cube's end within which a fault that ends there is taken to leave the cube
 _RIM = 2.0
@@ -144,6 +145,7 @@ def find_slip_field(
     .. [2] X. Wu, S. Luo, D. Hale, Geophysics 81(2), IM25-IM33, 2016. :doi:`10.1190/geo2015-0381.1`
     """
     settings = settings or UnfaultSettings()
+    check_faults(faults)
     shape = np.shape(faults.labels)
     if len(shape) != 3:
         raise ShapeError(f"faults are of a section of shape {shape}; expected those of a cube.")
@@ -331,11 +333,10 @@ def carry_amplitudes(values: AnyArray, displacement: Float32Array) -> Float32Arr
     weights = ndimage.spline_filter(filled, order=3, output=np.float32, mode="mirror")
     holes = None if known.all() else known.astype(np.float32)
     out = np.empty(filled.shape, np.float32)
-    far = np.array(filled.shape, dtype=np.float32)[:, None, None] - 1
     grid = np.stack(np.meshgrid(*(np.arange(n, dtype=np.float32) for n in filled.shape[1:]), indexing="ij"))
     for i in range(len(out)):
         at = displacement[:, i] + np.concatenate([np.full((1, *grid.shape[1:]), i, np.float32), grid])
-        inside = ((at >= 0) & (at <= far)).all(axis=0)
+        at, inside = settle_places(at, filled.shape)
         out[i] = ndimage.map_coordinates(weights, at, order=3, mode="mirror", prefilter=False)
         if holes is not None:
             inside &= ndimage.map_coordinates(holes, at, order=1, mode="nearest") > 0.99

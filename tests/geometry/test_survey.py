@@ -155,6 +155,34 @@ def test_geometry_of_a_cube_and_of_its_part(stored):
     np.testing.assert_allclose(part.index_to_map([[2, 3, 1]]), truth.index_to_map([[11, 7, 5]]), atol=1e-5)
 
 
+def test_changed_coordinates_of_traces_are_what_counts():
+    truth = survey(57.0, left_handed=True)
+    cube = cube_of(truth)
+    cube.attrs["survey"] = truth.to_dict()
+    moved = cube.assign_coords(cdp_x=cube.cdp_x + 1e5, cdp_y=cube.cdp_y - 30.0)
+    shift = SurveyGeometry.from_cube(moved).index_to_map([[2, 3, 1]]) - truth.index_to_map([[2, 3, 1]])
+    np.testing.assert_allclose(shift, [[1e5, -30.0, 0.0]], atol=1e-6)
+    part = SurveyGeometry.from_cube(moved.isel(inline=slice(4, 9)))
+    np.testing.assert_allclose(part.index_to_map([[0, 3, 1]]), truth.index_to_map([[4, 3, 1]]) + shift, atol=1e-6)
+    # other line numbers do not move the traces
+    numbered = SurveyGeometry.from_cube(cube.assign_coords(inline=7000.0 + np.arange(truth.inline.n)))
+    assert numbered.inline.first == 7000.0
+    np.testing.assert_allclose(numbered.index_to_map([[2, 3, 1]]), truth.index_to_map([[2, 3, 1]]), atol=1e-6)
+
+
+def test_map_of_the_file_is_kept_where_traces_round_or_lack_their_coordinates():
+    truth = survey(57.0)
+    cube = cube_of(truth)
+    fit = truth.map_fit
+    cube.attrs["survey"] = truth.to_dict() | {"map": truth.to_dict()["map"] | {"rms": 0.4}}
+    rounded = cube.assign_coords(cdp_x=cube.cdp_x.round(), cdp_y=cube.cdp_y.round())
+    assert SurveyGeometry.from_cube(rounded).map_fit.origin == fit.origin
+    rounded.coords["cdp_x"][3:] = np.nan
+    assert SurveyGeometry.from_cube(rounded).map_fit.origin == fit.origin
+    assert SurveyGeometry.from_cube(rounded.isel(inline=slice(5, 9))).has_map
+    assert SurveyGeometry.from_cube(rounded.drop_vars(["cdp_x", "cdp_y"])).map_fit.origin == fit.origin
+
+
 def test_geometry_of_bare_arrays_and_sections():
     assert SurveyGeometry.from_cube(np.zeros((3, 4, 5))).crossline == Axis(0, 1, 4)
     with pytest.raises(GeometryError, match="expected 3 axes"):

@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import seismo3d as s3
-from seismo3d.errors import GeometryError, ShapeError
+from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.seismic.cube_checks import check_faults_of, check_order, differing_axis
 
 
@@ -33,7 +34,7 @@ def test_other_names_and_bare_arrays_are_taken_as_they_are() -> None:
 
 
 def test_faults_of_the_same_shape_elsewhere_are_refused() -> None:
-    faults = SimpleNamespace(labels=cube(first=101))
+    faults = SimpleNamespace(labels=cube(first=101), surfaces=())
     with pytest.raises(GeometryError, match="other inline coordinates"):
         check_faults_of(cube(), faults)
     check_faults_of(cube(first=101), faults)
@@ -49,3 +50,41 @@ def test_which_axis_differs() -> None:
     assert differing_axis(cube(), cube().drop_vars("time")) == "time"
     assert differing_axis(cube(), cube().assign_coords(time=4.0 * np.arange(16) + 0.1)) == "time"
     assert differing_axis(cube(), cube().assign_coords(time=4.0 * np.arange(16) * (1.0 + 1e-7))) is None
+
+
+def placed(east: float = 0.0) -> xr.DataArray:
+    """The cube on a map, with bins of 25 m and 12.5 m."""
+    plain = cube()
+    x, y = np.meshgrid(25.0 * np.arange(8), 12.5 * np.arange(9), indexing="ij")
+    return plain.assign_coords(cdp_x=(("inline", "crossline"), x + east), cdp_y=(("inline", "crossline"), y))
+
+
+def test_traces_elsewhere_on_the_map_are_refused() -> None:
+    assert differing_axis(placed(), placed(50_000.0)) == "map"
+    assert differing_axis(placed(), placed(6.0)) == "map"
+    assert differing_axis(placed(), placed(2.0)) is None
+    assert differing_axis(placed(), cube()) is None
+    sections = [a.isel(inline=3, drop=True) for a in (placed(), placed(50_000.0), placed(2.0))]
+    assert differing_axis(sections[0], sections[1]) == "map"
+    assert differing_axis(sections[0], sections[2]) is None
+    faults: Any = SimpleNamespace(labels=placed(50_000.0), surfaces=())
+    for run in (s3.layer_time, lambda c, faults: s3.trace_tracks(c, [(101, 1, 8)], faults=faults)):
+        with pytest.raises(GeometryError, match="with other map coordinates"):
+            run(placed(), faults=faults)
+    with pytest.raises(GeometryError, match="differ in their map coordinates"):
+        s3.align_cubes(placed(), placed(50_000.0))
+
+
+def test_sections_of_other_lines_are_refused() -> None:
+    one, other = (cube().isel(inline=k) for k in (2, 3))
+    assert differing_axis(one, other) == "inline"
+    assert differing_axis(one, one.drop_vars("inline")) is None
+
+
+def test_what_is_no_set_of_faults_is_refused() -> None:
+    for faults in ("x", 3, np.zeros((8, 9, 16))):
+        with pytest.raises(ParameterError, match=r"expected a FaultSet\. Give what trace_faults returned"):
+            check_faults_of(cube(), faults)
+    for run in (s3.fracture_network, lambda f: s3.unfault(cube(), f), lambda f: s3.flow_path(f, (1, 1, 1), (2, 2, 2))):
+        with pytest.raises(ParameterError, match="faults is None; expected a FaultSet"):
+            run(None)

@@ -167,6 +167,14 @@ def test_refusals() -> None:
     faults = make_faults(make_cube())
     with pytest.raises(ParameterError, match="cell is 0"):
         fracture_network(faults, cell=0)
+    with pytest.raises(ParameterError, match=r"cell is 2\.5; expected a whole number"):
+        fracture_network(faults, cell=2.5)  # type: ignore[arg-type]
+    with pytest.raises(ShapeError, match="start is 'a'; expected a point"):
+        flow_path(faults, "a", (110, 520, 1100))
+    with pytest.raises(ParameterError, match=r"end is .*nan.*; expected finite"):
+        flow_path(faults, (110, 520, 1100), (np.nan, 520, 1100))
+    with pytest.raises(ParameterError, match=r"start \(0\.0, 0\.0, 0\.0\) lies outside the cube"):
+        flow_path(faults, np.zeros(3), (110, 520, 1100))
     with pytest.raises(ParameterError, match=r"start .* outside the cube"):
         flow_path(faults, (0, 0, 0), (110, 520, 1100))
     with pytest.raises(ShapeError, match="end has shape"):

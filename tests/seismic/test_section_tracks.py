@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fake_faults import make_section
 
-from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.seismic.horizon_search import find_horizons
 from seismo3d.seismic.section_tracks import thicken
 from seismo3d.seismic.tracks import trace_tracks
@@ -60,14 +60,24 @@ def test_thickened_faults_are_sheets_across_the_line() -> None:
 
 def test_refusals() -> None:
     section, faults = stepped()
-    with pytest.raises(ShapeError, match=r"seeds\[0\] has shape \(3,\); expected a point \(trace"):
-        trace_tracks(section, [(1, 11, 40.0)])
+    for seed in ((1, 11, 40.0), [(20, 36.0), (3,)], "a"):
+        with pytest.raises(ShapeError, match=r"seeds\[0\] is .*; expected a point \(trace"):
+            trace_tracks(section, [seed])
     with pytest.raises(ShapeError, match="faults are of a section"):
         trace_tracks(section[:30], [(11, 40.0)], faults=faults)
-    with pytest.raises(ParameterError, match="lies outside the cube"):
-        trace_tracks(section, [(11, 4000.0)])
+    with pytest.raises(ParameterError, match=r"seeds\[1\] \(11, 4000\) lies outside the section"):
+        trace_tracks(section, [(11, 40.0), (11, 4000.0)])
     with pytest.raises(ParameterError, match="layers is given for a section"):
         trace_tracks(section, [(11, 40.0)], layers=object())  # type: ignore[arg-type]
+
+
+def test_lines_elsewhere_or_on_their_side_are_refused() -> None:
+    section, faults = stepped()
+    other = section.assign_coords({section.dims[0]: section[section.dims[0]] + 5000})
+    with pytest.raises(GeometryError, match="faults are of a section with other"):
+        trace_tracks(other, [(5011, 40.0)], faults=faults)
+    with pytest.raises(ShapeError, match=r"Give section\.transpose\("):
+        trace_tracks(section.T, count=1)
 
 
 def test_best_horizons_are_found_apart_and_right() -> None:
@@ -92,5 +102,6 @@ def test_horizons_of_a_line_need_no_seeds() -> None:
     assert 1 <= len(found) <= 2
     assert found[0].depth.shape == (60,)
     assert found[0].seeds.shape[1] == 2
-    with pytest.raises(ParameterError, match="count is 0"):
-        find_horizons(line.seismic, 0)
+    for count in (0, 2.5, "3"):
+        with pytest.raises(ParameterError, match=r"count is .*; expected a"):
+            find_horizons(line.seismic, count)  # type: ignore[arg-type]

@@ -97,6 +97,12 @@ def test_level_layers_tell_nothing_about_lateral_shifts_and_it_says_so() -> None
     assert np.median(found.shift_std[INNER]) < 0.2
 
 
+def test_same_cube_is_itself_to_its_outer_faces(folded: SyntheticCube) -> None:
+    base = np.asarray(folded.seismic)
+    # shifts of rounding lead off the outer traces, which are as good as any
+    np.testing.assert_allclose(align_cubes(base, base).aligned, base, atol=1e-3 * np.abs(base).max())
+
+
 def test_same_cube_has_no_shift(folded: SyntheticCube) -> None:
     found = align_cubes(folded.seismic, folded.seismic)
     for values in (found.shift, found.inline_shift, found.crossline_shift):
@@ -154,6 +160,8 @@ def test_refusals(folded: SyntheticCube) -> None:
         align_cubes(base, base[:, :, :-1])
     with pytest.raises(ShapeError, match="at least 8 traces"):
         align_cubes(base[:4], base[:4])
+    with pytest.raises(ShapeError, match="monitor has elements of type complex64; expected real"):
+        align_cubes(base, base.astype(np.complex64))
     moved = base.assign_coords(inline=base["inline"] + 1)
     with pytest.raises(GeometryError, match="differ in their inline"):
         align_cubes(base, moved)

@@ -9,7 +9,16 @@ import numpy as np
 from seismo3d._typing import AnyArray, Float32Array
 from seismo3d.seismic.blocks.plan import RAW_REACH, Box
 from seismo3d.seismic.blocks.run import BlockRun
-from seismo3d.seismic.preparing import Scale, find_scale, find_valid, sampling_step, scale_amplitudes
+from seismo3d.seismic.preparing import (
+    Scale,
+    find_scale,
+    leave_out,
+    mark_data,
+    print_traces,
+    repeats_itself,
+    sampling_step,
+    scale_amplitudes,
+)
 from seismo3d.seismic.whitening import (
     Whitening,
     choose_pairs,
@@ -31,24 +40,32 @@ def survey(run: BlockRun, number: int, piece: Any) -> None:
     """Look at a block's amplitudes and at how much of its traces there is."""
     box, _, inner = _boxes(run, number)
     amplitudes = _read(piece)
-    valid = find_valid(amplitudes)[inner]
-    amplitudes = amplitudes[inner]
+    valid, repeated = (marks[inner] for marks in mark_data(amplitudes))
+    amplitudes = np.ascontiguousarray(amplitudes[inner])
     n0, n1, n2 = run.plan.shape
     step = sampling_step(n0 * n1 * n2)
-    looked_at = []
+    looked_at, of_repeated = [], []
     for line, i in enumerate(range(box.i0, box.i1)):
-        chosen = slice(-((i * n1 + box.j0) * n2) % step, None, step)
-        looked_at.append(amplitudes[line].ravel()[chosen][valid[line].ravel()[chosen]])
-    run.write_part("survey", number, {"sample": np.concatenate(looked_at), "count": valid.sum(axis=2)})
+        first = -((i * n1 + box.j0) * n2) % step
+        known = valid[line].ravel()[first::step]
+        looked_at.append(amplitudes[line].ravel()[first::step][known])
+        of_repeated.append(np.repeat(repeated[line], n2)[first::step][known])
+    found = {"sample": np.concatenate(looked_at), "of_repeated": np.concatenate(of_repeated)}
+    found |= {"count": valid.sum(axis=2), "repeated": repeated, "prints": print_traces(amplitudes)}
+    run.write_part("survey", number, found)
 
 
 def survey_facts(run: BlockRun) -> None:
-    """Find the cube's scale, and the traces that its wavelet is read from."""
-    blocks = range(len(run.plan.tiling("raw")))
-    sample = np.concatenate([run.read_part("survey", number)[0]["sample"] for number in blocks])
-    n_valid = run.gather("survey", "count", "raw")
+    """Find whether repeated traces are data, the cube's scale, and the traces that its wavelet is read from."""
+    parts = [run.read_part("survey", number)[0] for number in range(len(run.plan.tiling("raw")))]
+    sample, of_repeated = (np.concatenate([part[name] for part in parts]) for name in ("sample", "of_repeated"))
+    n_valid, repeated = (run.gather("survey", name, "raw") for name in ("count", "repeated"))
+    repeats = bool(repeated.any()) and repeats_itself(run.gather("survey", "prints", "raw"), n_valid > 0)
+    if not repeats:
+        sample = sample[~of_repeated]
+        n_valid[repeated] = 0
     pairs = choose_pairs(find_complete(n_valid))
-    run.write_fact("survey", scale=find_scale(sample), pairs=pairs, n_valid=int(n_valid.sum()))
+    run.write_fact("survey", scale=find_scale(sample), pairs=pairs, n_valid=int(n_valid.sum()), repeats=repeats)
 
 
 def pairs(run: BlockRun, number: int, piece: Any) -> None:
@@ -127,6 +144,8 @@ def _read(piece: Any) -> Float32Array:
 
 def _scaled(run: BlockRun, piece: Any) -> tuple[Float32Array, AnyArray]:
     amplitudes = _read(piece)
-    valid = find_valid(amplitudes)
+    valid, repeated = mark_data(amplitudes)
+    if not run.fact("survey")["repeats"]:
+        leave_out(amplitudes, valid, repeated)
     scale_amplitudes(amplitudes, valid, Scale(*run.fact("survey")["scale"]))
     return amplitudes, valid

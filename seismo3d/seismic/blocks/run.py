@@ -19,7 +19,7 @@ from seismo3d.seismic.blocks.plan import BlockPlan
 from seismo3d.seismic.blocks.store import BrickStore, DamagedBlock
 
 _PLAN = "plan.json"
-_VERSION = 5
+_VERSION = 6
 _NAMES = {"kind": "kind", "input": "input", "settings": "setting", "memory": "memory", "version": "format"}
 
 
