@@ -12,6 +12,8 @@ from seismo3d.geometry.survey import Axis
 from seismo3d.io._segy_layout import set_header_field
 
 _MAX_SHORT = 32767
+# share of the distance between traces by which their coordinates may be off, rounded to whole numbers
+_OFF = 0.05
 
 
 def encode(values: AnyArray, code: int, fill: float) -> AnyArray:
@@ -98,8 +100,11 @@ def _text_lines(volume: Any, title: str) -> list[str]:
     return lines
 
 
-def fresh_heads(part: Any, keep: Int64Array, n_before: int) -> AnyArray:
-    """Make the trace headers of some traces of a block; ``keep`` are their numbers in it, inline by inline."""
+def fresh_heads(part: Any, keep: Int64Array, n_before: int, *, factor: int) -> AnyArray:
+    """Make the trace headers of some traces of a block; ``keep`` are their numbers in it, inline by inline.
+
+    Map coordinates are written in whole numbers, ``factor`` times themselves.
+    """
     interval, delay, delay_scalar = sample_header(part)
     heads = np.zeros((keep.size, 240), dtype=np.uint8)
     number = n_before + 1 + np.arange(keep.size)
@@ -122,20 +127,37 @@ def fresh_heads(part: Any, keep: Int64Array, n_before: int) -> AnyArray:
             if name in part.coords:
                 fields[byte] = part[name].values[keep]
     if "cdp_x" in part.coords and "cdp_y" in part.coords:
-        fields |= _coordinate_fields(part, keep)
+        fields |= _coordinate_fields(part, keep, factor)
     for byte, value in fields.items():
         set_header_field(heads, byte, value, little_endian=False)
     return heads
 
 
-def _coordinate_fields(part: Any, keep: Int64Array) -> dict[int, Any]:
-    xy = [np.asarray(part[name].values, dtype=np.float64).ravel()[keep] for name in ("cdp_x", "cdp_y")]
-    xy = [np.where(np.isfinite(values), values, 0.0) for values in xy]
-    largest = max((float(np.abs(values).max()) for values in xy if values.size), default=0.0)
-    factor = next((f for f in (100, 10, 1) if largest * f < 2**31 - 1), None)
-    if factor is None:
+def coordinate_factor(volume: Any) -> int:
+    """Return what map coordinates are multiplied by to become whole numbers; refuse those that SEG-Y cannot hold."""
+    if "cdp_x" not in volume.coords or "cdp_y" not in volume.coords:
+        return 1
+    xy = np.stack([np.asarray(volume[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y")], axis=-1)
+    largest = float(np.nanmax(np.abs(xy), initial=0.0))
+    held = [factor for factor in (100, 1000, 10000, 10, 1) if largest * factor < 2**31 - 1]
+    if not held:
         raise GeometryError(
             f"cube has map coordinates up to {largest:g} m; expected less than 2147483647, all that SEG-Y can hold."
         )
-    x, y = (np.rint(values * factor).astype(np.int64) for values in xy)
+    steps = [np.linalg.norm(np.diff(xy, axis=axis), axis=-1).ravel() for axis in range(xy.ndim - 1)]
+    apart = np.concatenate(steps)
+    apart = apart[apart > 0.0]
+    spacing = float(np.median(apart)) if apart.size else np.inf
+    factor = next((factor for factor in held if 0.5 / factor <= _OFF * spacing), None)
+    if factor is None:
+        raise GeometryError(
+            f"cube has traces {spacing:g} apart on the map, less than the whole numbers of SEG-Y can tell. Project "
+            "degrees to metres, or drop cdp_x and cdp_y."
+        )
+    return factor
+
+
+def _coordinate_fields(part: Any, keep: Int64Array, factor: int) -> dict[int, Any]:
+    xy = [np.asarray(part[name].values, dtype=np.float64).ravel()[keep] for name in ("cdp_x", "cdp_y")]
+    x, y = (np.rint(np.where(np.isfinite(values), values, 0.0) * factor).astype(np.int64) for values in xy)
     return {71: -factor if factor > 1 else 1, 89: 1, 73: x, 77: y, 181: x, 185: y}

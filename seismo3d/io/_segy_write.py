@@ -13,7 +13,7 @@ from seismo3d.geometry.survey import Axis
 from seismo3d.io._as_cube import as_cube
 from seismo3d.io._files import written_aside
 from seismo3d.io._segy_axis import judge_domain, sample_axis
-from seismo3d.io._segy_encode import encode, fresh_file_header, fresh_heads, sample_header
+from seismo3d.io._segy_encode import coordinate_factor, encode, fresh_file_header, fresh_heads, sample_header
 from seismo3d.io._segy_find import find_grid
 from seismo3d.io._segy_grid import TraceGrid, line_grid
 from seismo3d.io._segy_layout import SegyLayout, read_layout, set_header_field
@@ -63,7 +63,7 @@ def write_segy(
     Raises
     ------
     GeometryError
-        If the cube's lines are not among those of ``like``, or SEG-Y cannot hold its axes.
+        If the cube's lines are not among those of ``like``, or SEG-Y cannot hold its axes or map coordinates.
     FileAccessError
         If the file cannot be written, or the cube was opened from a SEG-Y file that is not there any more.
     """
@@ -256,6 +256,7 @@ def _write_runs(stream: IO[bytes], records: AnyArray, places: Int64Array, offset
 def _write_fresh(stream: IO[bytes], volume: Any, code: int, fill: float, title: str, step: Progress) -> None:
     n_samples = volume.shape[-1]
     record = np.dtype([("head", np.uint8, 240), ("data", ">u4", (n_samples,))])
+    factor = coordinate_factor(volume)
     stream.write(fresh_file_header(volume, code, title))
     lines = int(np.prod(volume.shape[1:-1], dtype=np.int64)) * record.itemsize
     block = max(1, _BLOCK_BYTES // max(lines, 1))
@@ -268,7 +269,7 @@ def _write_fresh(stream: IO[bytes], volume: Any, code: int, fill: float, title: 
             missing &= ~part["live"].values.ravel()
         keep = np.flatnonzero(~missing)
         records = np.empty(keep.size, dtype=record)
-        records["head"] = fresh_heads(part, keep, n_written)
+        records["head"] = fresh_heads(part, keep, n_written, factor=factor)
         records["data"] = encode(values[keep], code, fill)
         stream.write(records.tobytes())
         n_written += keep.size

@@ -15,6 +15,7 @@ from seismo3d.io._segy_encode import encode, ibm_words
 from seismo3d.io._segy_layout import read_layout
 from seismo3d.io._segy_samples import decode
 from seismo3d.io.cubes import convert_cube
+from seismo3d.synthetic import fault_cube
 
 
 def headers_of(path, order="big"):
@@ -234,3 +235,27 @@ def test_real_files_come_back(real_data, tmp_path, name):
     np.testing.assert_array_equal(back.values, cube.values)
     before, after = headers_of(source)[0], headers_of(tmp_path / "a.sgy")[0]
     assert before == after
+
+
+def on_the_map(spacing, origin):
+    """A small cube whose traces lie so far apart on the map."""
+    cube = fault_cube("clean", shape=(16, 16, 32), seed=1, population=None).to_dataarray(bin_m=(spacing, spacing))
+    shift = {name: cube[name] - float(cube[name][0, 0]) + origin for name in ("cdp_x", "cdp_y")}
+    return cube.assign_coords(shift)
+
+
+@pytest.mark.parametrize(("spacing", "origin", "scalar"), [(12.5, 6e5, -100), (0.02, 500.0, -1000), (25.0, 3e7, -10)])
+def test_map_coordinates_are_scaled_so_that_traces_stay_apart(tmp_path, spacing, origin, scalar):
+    cube = on_the_map(spacing, origin)
+    out = s3.write_segy(tmp_path / "a.sgy", cube, like=None)
+    with segyio.open(out, ignore_geometry=True) as file:
+        assert file.header[0][segyio.TraceField.SourceGroupScalar] == scalar
+    back = s3.open_cube(out)
+    for name in ("cdp_x", "cdp_y"):
+        np.testing.assert_allclose(back[name], cube[name], atol=0.5 / abs(scalar) + 1e-6)
+
+
+def test_degrees_are_refused_where_rounding_would_put_traces_together(tmp_path):
+    with pytest.raises(GeometryError, match="Project degrees to metres"):
+        s3.write_segy(tmp_path / "a.sgy", on_the_map(0.00038, 4.5), like=None)
+    assert not any(tmp_path.iterdir())
