@@ -68,7 +68,7 @@ def check_run_folder(folder: Path, *, command: str, inputs: Iterable[Path], over
 
 def _lies_in(path: Path, place: Path) -> bool:
     """Tell whether a path, or the file that it links to, is a folder or lies in it."""
-    found = path.resolve(), path.parent.resolve() / path.name
+    found = path.resolve(), path.parent.resolve() / path.name, Path.cwd() / path
     return any(place in (entry, *entry.parents) for entry in found)
 
 

@@ -122,6 +122,7 @@ def _run_block(path: Path | None, out: Path, *, overwrite: bool) -> None:
     from seismo3d.experiments.f3 import run_block
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
+    from seismo3d.seismic.pick_scores import sample_extent
     from seismo3d.seismic.track_exports import irap_note
 
     if path is None:
@@ -131,7 +132,7 @@ def _run_block(path: Path | None, out: Path, *, overwrite: bool) -> None:
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
-        record = describe_run(path, command="paper f3", options={})
+        record = {**describe_run(path, command="paper f3", options={}), "extent": sample_extent(cube)}
         found = run_block(cube, aside, name=path.name, record=record, progress=clock)
         write_record(aside / RECORD, {**record, "found": found, "timings_s": clock.stop()})
     for name, value in found.items():

@@ -222,12 +222,15 @@ def _map_of(cube: Any, axes: list[Axis]) -> MapFit | None:
     stored = _stored_map(cube, axes)
     if "cdp_x" not in cube.coords or "cdp_y" not in cube.coords:
         return stored
-    # a few hundred lines each way pin an affine map; the ends are among them
-    rows, columns = (np.unique(np.linspace(0, n - 1, min(n, 300)).astype(int)) for n in cube.shape[:2])
+    # a few hundred lines each way pin an affine map, and a few tell whether it is theirs; the ends are among them
+    most = 300 if stored is None else 30
+    rows, columns = (np.unique(np.linspace(0, n - 1, min(n, most)).astype(int)) for n in cube.shape[:2])
     x, y = (cube.coords[name][rows, columns].values.astype(np.float64).ravel() for name in ("cdp_x", "cdp_y"))
     ij = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
     xy = np.stack([x, y], axis=1)
-    return stored if stored is not None and _agrees(stored, ij, xy) else fit_map(ij, xy)
+    if stored is not None and not _agrees(stored, ij, xy):
+        return _map_of(cube.assign_attrs(survey={}), axes)
+    return fit_map(ij, xy) if stored is None else stored
 
 
 def _stored_map(cube: Any, axes: list[Axis]) -> MapFit | None:

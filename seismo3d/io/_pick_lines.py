@@ -17,8 +17,9 @@ _COMMENTS = ("#", "!")
 UNKNOWN = 9999900.0
 """What an IRAP grid holds where it has no value."""
 _NULLS = (UNKNOWN, -999.25, -9999.0, -99999.0)
+"""What programs write in place of a value."""
 _LARGEST = 1e29
-"""Values that stand for none: the nulls above, what is larger (1e30 in OpendTect) and NaN."""
+"""So is what is larger: OpendTect's is 1e30."""
 
 
 def read_lines(path: str | Path) -> list[tuple[int, str]]:

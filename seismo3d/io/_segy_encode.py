@@ -144,15 +144,14 @@ def coordinate_factor(volume: Any) -> int:
         raise GeometryError(
             f"cube has map coordinates up to {largest:g} m; expected less than 2147483647, all that SEG-Y can hold."
         )
-    steps = [np.linalg.norm(np.diff(xy, axis=axis), axis=-1).ravel() for axis in range(xy.ndim - 1)]
-    apart = np.concatenate(steps)
-    apart = apart[apart > 0.0]
-    spacing = float(np.median(apart)) if apart.size else np.inf
+    steps = [np.linalg.norm(np.diff(xy, axis=axis), axis=-1) for axis in range(xy.ndim - 1)]
+    # not the least: a crooked line may all but meet itself
+    spacing = min((float(np.median(step[step > 0.0])) for step in steps if (step > 0.0).any()), default=np.inf)
     factor = next((factor for factor in held if 0.5 / factor <= _OFF * spacing), None)
     if factor is None:
         raise GeometryError(
-            f"cube has traces {spacing:g} apart on the map, less than the whole numbers of SEG-Y can tell. Project "
-            "degrees to metres, or drop cdp_x and cdp_y."
+            f"cube has traces {spacing:g} apart on the map, at coordinates up to {largest:g}: less than the whole "
+            "numbers of SEG-Y can tell. Project degrees to metres, take off an origin, or drop cdp_x and cdp_y."
         )
     return factor
 

@@ -86,6 +86,19 @@ def write_segy(
     return out
 
 
+def check_coordinates(cube: Any) -> None:
+    """Refuse a cube whose traces' places SEG-Y cannot hold, as :func:`write_segy` would, before there is work to lose.
+
+    Raises
+    ------
+    GeometryError
+        If it comes from no SEG-Y file, so that headers must be made, and its map coordinates do not fit into them.
+    """
+    volume = as_cube(cube)
+    if volume.attrs.get("segy_path") is None:
+        coordinate_factor(volume)
+
+
 class _Template:
     """A SEG-Y file to take headers from, and where its lines are in the cube."""
 

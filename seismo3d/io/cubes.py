@@ -140,7 +140,7 @@ def convert_cube(
         )
     _check_apart(Path(source), out)
     if out.exists() and not overwrite:
-        raise FileAccessError(f"{out} exists already. Choose another name, or replace it with --overwrite.")
+        raise FileAccessError(f"{out} exists already. Choose another name, or overwrite it (--overwrite).")
     cube = open_cube(source, **({"lazy": True} | options))
     if suffix == ".zarr":
         from seismo3d.io.zarr_store import write_zarr

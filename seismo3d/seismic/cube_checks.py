@@ -13,7 +13,8 @@ from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 _ORDER = ("inline", "crossline", "trace", "time", "depth")
 # share of a step by which coordinates that are the same may differ
 _SAME = 0.01
-# share of the distance between traces by which their places on the map may: fits to rounded coordinates do
+# share of the distance between traces by which places on the map may differ and be the same: those of maps fitted to
+# rounded coordinates do
 _SAME_PLACE = 0.25
 
 
@@ -85,10 +86,15 @@ def _lies_elsewhere(one: Any, other: Any) -> bool:
     if first is None or second is None:
         return False
     apart = np.linalg.norm(first - second, axis=-1)
-    # neighbours along either axis; a section has one
-    steps = np.concatenate([np.linalg.norm(np.diff(first, axis=k), axis=-1).ravel() for k in range(first.ndim - 1)])
-    step = float(np.min(steps[steps > 0.0], initial=np.inf))
-    return bool(np.nanmax(apart, initial=0.0) > _SAME_PLACE * step)
+    return bool(np.nanmax(apart, initial=0.0) > _SAME_PLACE * _spacing(first))
+
+
+def _spacing(places: Float64Array) -> float:
+    """How far apart neighbouring traces lie: most of a line, which may be crooked; those of a cube on its finer axis."""
+    if places.ndim == 3:
+        return float(min(np.linalg.norm(places[1, 0] - places[0, 0]), np.linalg.norm(places[0, 1] - places[0, 0])))
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=-1)
+    return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else np.inf
 
 
 def _places(cube: Any) -> Float64Array | None:

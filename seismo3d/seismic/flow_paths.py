@@ -77,7 +77,8 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
     ShapeError
         If start or end is neither a point nor such a map, or the faults are of a section.
     ParameterError
-        If a point lies outside the cube, or a horizon nowhere in it.
+        If a point lies outside the cube or is not of finite numbers, a horizon lies nowhere in it, or `faults` is no
+        FaultSet.
     GeometryError
         If start and end share a voxel.
     """

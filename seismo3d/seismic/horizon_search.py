@@ -63,7 +63,7 @@ def find_horizons(
     ShapeError
         If the cube has neither two nor three axes, or the faults are of another cube.
     ParameterError
-        If `count` is not a positive number, or `layers` is given for a section.
+        If `count` is not a whole number from 1 on, or `layers` is given for a section.
     """
     wanted = as_whole_number(count, "count", low=1)
     check_event(event)

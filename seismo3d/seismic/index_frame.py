@@ -64,7 +64,7 @@ class IndexFrame:
 
 
 def settle_places(places: AnyArray, shape: tuple[int, ...]) -> tuple[AnyArray, BoolArray]:
-    """Put places off a cube's outer traces and samples, but in their cells, onto them, and tell which lie in the cube.
+    """Clip places to a cube's outer traces and samples, and tell which lay in it, half a step beyond these included.
 
     Parameters
     ----------

@@ -118,7 +118,9 @@ def layer_time(
         If the cube has not three axes, is too small, or the faults are of another cube.
     ParameterError
         If the memory is too little, there is no folder for work in blocks, or the folder holds a run of another input,
-        of other faults or with other settings.
+        of other faults or with other settings, or `faults` is no FaultSet.
+    GeometryError
+        If the faults are of a cube elsewhere.
     FileAccessError
         If the folder cannot be written, or the cluster does not answer.
 

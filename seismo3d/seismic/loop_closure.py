@@ -70,7 +70,11 @@ def loop_closure(
     Raises
     ------
     ShapeError
-        If the cube has not three axes, is too small, or the faults are of another cube.
+        If the cube has not three axes, is too small, or the faults are of a cube of another shape.
+    ParameterError
+        If `faults` is no FaultSet.
+    GeometryError
+        If the faults are of a cube elsewhere.
     """
     settings = settings or LayerTimeSettings()
     check_cube(cube, faults)

@@ -26,6 +26,8 @@ _HALF = 0.5
 _ONE_TRACE = 0.5
 # so are x and y, in metres, unless the traces lie closer
 _ONE_PLACE = 1.0
+# traces, about, from which their spacing is read
+_SOME_PLACES = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,15 +234,17 @@ def score_horizon(
         raise ParameterError("tracks is empty; expected at least one. Trace horizons first.")
     limit = as_number(tolerance, "tolerance", low=0.0)
     reach = same_trace_distance(tracks) if apart is None else as_number(apart, "apart", low=0.0)
-    low, high = sample_extent(cube) if extent is None and cube is not None else extent or (-np.inf, np.inf)
+    if extent is None:
+        extent = (-np.inf, np.inf) if cube is None else sample_extent(cube)
+    low, high = extent
     is_inside = (picks.points[:, 2] > low) & (picks.points[:, 2] < high)
-    n_common = 0
+    met = False
     best: tuple[float, HorizonScore] | None = None
     for track in tracks:
         here, there, farthest = _flat(picks, track, cube, reach)
         distance, near = cKDTree(there).query(here, distance_upper_bound=farthest + 1e-9)
         common: BoolArray = np.asarray(np.isfinite(distance))
-        n_common += int(common.sum())
+        met |= bool(common.any())
         if not (common & is_inside).any():
             continue
         down = track.points[np.asarray(near)[common], 2] - picks.points[common, 2]
@@ -253,7 +257,7 @@ def score_horizon(
         )  # fmt: skip
         if best is None or score.median < best[0]:
             best = score.median, score
-    if best is None and n_common:
+    if best is None and met:
         z = picks.points[:, 2]
         raise GeometryError(
             f"{picks.name} has z from {z.min():g} to {z.max():g} and no pick on a trace of a track "
@@ -275,7 +279,9 @@ def same_trace_distance(tracks: Sequence[HorizonPoints]) -> float:
     """
     spacing = np.inf
     for track in tracks:
-        distance = np.asarray(cKDTree(track.points[:, :2]).query(track.points[:, :2], k=2)[0])[:, 1]
+        places = track.points[:, :2]
+        some = places[:: max(1, len(places) // _SOME_PLACES)]
+        distance = np.asarray(cKDTree(places).query(some, k=2)[0])[:, 1]
         apart = distance[(distance > 0) & np.isfinite(distance)]
         if len(apart):
             # not the least: a crooked line may all but meet itself

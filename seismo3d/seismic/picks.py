@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_number
+from seismo3d._validate import as_whole_number
 from seismo3d.errors import GeometryError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io.fault_sticks import FaultStick
@@ -40,8 +40,9 @@ def place_stick(stick: FaultStick, cube: Any) -> Float64Array:
 
     A stick's line numbers may be rounded, x and y are not: the lines decide only where the cube has no map.
     """
-    if SurveyGeometry.from_cube(cube).has_map:
-        return SurveyGeometry.from_cube(cube).map_to_index(stick.points)
+    geometry = SurveyGeometry.from_cube(cube)
+    if geometry.has_map:
+        return geometry.map_to_index(stick.points)
     return _place(stick.points, stick.lines, cube)
 
 
@@ -118,7 +119,7 @@ def horizon_seeds(horizon: HorizonPoints, cube: Any, *, count: int = 25) -> Floa
     -----
     The first is the point nearest to the middle of them all; each further one lies farthest from those before it.
     """
-    wanted = int(as_number(count, "count", low=1))
+    wanted = as_whole_number(count, "count", low=1)
     grid = grid_horizon(horizon, cube)
     known = np.isfinite(grid)
     if hasattr(cube, "coords") and "live" in cube.coords:

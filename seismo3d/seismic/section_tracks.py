@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import Float64Array
+from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import freeze
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.geometry.section import SectionGeometry
 from seismo3d.seismic.cube_checks import check_faults_of, check_order
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
+from seismo3d.seismic.preparing import find_valid
 
 _THICK = 9
 _MIDDLE = _THICK // 2
@@ -45,7 +46,7 @@ def thicken(section: Any, faults: FaultSet | None) -> tuple[Any, FaultSet | None
     """
     check_order(section, "section")
     check_faults_of(section, faults, "section")
-    values = np.asarray(getattr(section, "values", section))
+    values = _without_padding(np.asarray(getattr(section, "values", section)))
     cube: Any = np.broadcast_to(values, (_THICK, *values.shape))
     if hasattr(section, "dims"):
         import xarray as xr
@@ -57,6 +58,13 @@ def thicken(section: Any, faults: FaultSet | None) -> tuple[Any, FaultSet | None
                 coords[dim] = np.asarray(section[name].values)
         cube = xr.DataArray(cube, dims=("inline", "crossline", vertical), coords=coords)
     return cube, None if faults is None else _thicken_faults(faults)
+
+
+def _without_padding(values: AnyArray) -> AnyArray:
+    """Return a section with NaN on its traces without data: nine equal lines would not show that they are padding."""
+    live = find_valid(values[None].astype(np.float32)).any(axis=2)
+    lost = ~np.asarray(live)[0]
+    return np.where(lost[:, None], np.float32(np.nan), values) if lost.any() else values
 
 
 def thicken_seeds(seeds: Any, section: Any) -> Any:

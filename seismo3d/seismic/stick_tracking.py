@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array
-from seismo3d._validate import as_number, as_points
+from seismo3d._validate import as_number, as_points, as_whole_number
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.geometry.triangles import simplify_line
@@ -64,7 +64,7 @@ def follow_stick(
     """
     check_cube(cube, faults)
     share = as_number(least, "least", low=0.0, high=1.0)
-    most = int(as_number(farthest, "farthest", low=0)) if farthest is not None else max(np.shape(cube))
+    most = as_whole_number(farthest, "farthest", low=0) if farthest is not None else max(np.shape(cube))
     geometry = SurveyGeometry.from_cube(cube)
     axis, start, samples, places = _lay_out(geometry.lines_to_index(as_points(stick, "stick", dim=3)), np.shape(cube))
     evidence = np.moveaxis(_evidence(cube, faults), axis, 0)

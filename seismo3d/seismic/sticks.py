@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d._validate import as_number
+from seismo3d._validate import as_whole_number
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.geometry.triangles import cut_mesh, join_segments, simplify_line
 from seismo3d.io.fault_sticks import FaultStick
@@ -39,7 +39,7 @@ def cut_sticks(faults: FaultSet, cube: Any, *, spacing: int = 5) -> list[FaultSt
     list of FaultStick
         Fault by fault, in map coordinates where they are known, else line numbers.
     """
-    step = int(as_number(spacing, "spacing", low=1))
+    step = as_whole_number(spacing, "spacing", low=1)
     section = np.ndim(faults.labels) == 2
     geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
     sticks: list[FaultStick] = []

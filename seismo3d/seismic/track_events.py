@@ -65,8 +65,6 @@ def seed_events(cube: Any, layers: LayerModel, index: Float64Array, event: str) 
 def snap_to_events(cube: Any, layers: LayerModel, depth: Float64Array, event: str, slope: float) -> Float64Array:
     """Move every trace of a track to its nearest event, at sub-sample precision; NaN where there is none near.
 
-    None lies outside the cube.
-
     Parameters are those of :func:`seed_events`, the track's fractional samples of shape (inline, crossline), and the
     slope that zero crossings have.
     """
@@ -74,8 +72,7 @@ def snap_to_events(cube: Any, layers: LayerModel, depth: Float64Array, event: st
     waves = np.empty((*depth.shape, 2 * _REACH + 3), np.float32)
     for at, (valid,) in layer_pieces(layers, "valid"):
         read_waveforms(_about(layers.level, values[at]), valid, depth[at], _REACH + 1, waves[at])
-    moved = depth + _nearest(waves, event, slope)[0]
-    return np.where((moved >= 0.0) & (moved <= layers.times.shape[2] - 1.0), moved, np.nan)
+    return depth + _nearest(waves, event, slope)[0]
 
 
 def _about(level: float, values: Any) -> Float32Array:

@@ -54,7 +54,7 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
     depth, confidence = refined
     depth = bend_to_seeds(depth, horizon.parts, np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth), index)
     depth = _within_cube(depth, layers.times.shape[2] - 1)
-    kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece) & np.isfinite(depth)
+    kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
     return np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
 
 

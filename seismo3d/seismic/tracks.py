@@ -110,7 +110,9 @@ def trace_tracks(
     ParameterError
         If a seed lies outside the cube, on a trace without data or far from any `event`, `event` is not known, seeds
         of one track lie on one trace, apart, `layers` is given for a section or beside what it takes the place of, or
-        work in blocks is refused as by :func:`layer_time`.
+        work in blocks is refused as by :func:`layer_time`, or `faults` is no FaultSet.
+    GeometryError
+        If the faults are of a cube or section elsewhere.
     """
     settings = settings or TrackSettings()
     check_event(event)

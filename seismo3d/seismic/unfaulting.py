@@ -98,7 +98,11 @@ def unfault(
     Raises
     ------
     ShapeError
-        If the cube has not three axes, or the faults are of another cube.
+        If the cube has not three axes, or the faults are of a cube of another shape.
+    ParameterError
+        If `faults` is no FaultSet.
+    GeometryError
+        If the faults are of a cube elsewhere.
 
     See Also
     --------
@@ -138,6 +142,8 @@ def find_slip_field(
     ------
     ShapeError
         If the faults are of a section.
+    ParameterError
+        If `faults` is no FaultSet.
 
     References
     ----------

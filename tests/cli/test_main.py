@@ -84,7 +84,7 @@ def test_convert_replaces_on_request_alone(run, segy, tmp_path):
     code, _, err = run("convert", segy, tmp_path / "a.npy")
     assert code == 2
     assert (
-        err == f"seismo3d: {tmp_path / 'a.npy'} exists already. Choose another name, or replace it with --overwrite.\n"
+        err == f"seismo3d: {tmp_path / 'a.npy'} exists already. Choose another name, or overwrite it (--overwrite).\n"
     )
     assert (tmp_path / "a.npy").read_text() == "precious"
     assert run("convert", segy, tmp_path / "a.npy", "--overwrite")[0] == 0

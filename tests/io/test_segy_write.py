@@ -15,6 +15,7 @@ from seismo3d.io._segy_encode import encode, ibm_words
 from seismo3d.io._segy_layout import read_layout
 from seismo3d.io._segy_samples import decode
 from seismo3d.io.cubes import convert_cube
+from seismo3d.io.segy import check_coordinates
 from seismo3d.synthetic import fault_cube
 
 
@@ -253,6 +254,18 @@ def test_map_coordinates_are_scaled_so_that_traces_stay_apart(tmp_path, spacing,
     back = s3.open_cube(out)
     for name in ("cdp_x", "cdp_y"):
         np.testing.assert_allclose(back[name], cube[name], atol=0.5 / abs(scalar) + 1e-6)
+
+
+def test_the_finer_axis_tells_how_finely_coordinates_are_kept():
+    cube = on_the_map(12.5, 500.0)
+    narrow = cube.assign_coords(
+        cdp_x=cube.cdp_x * 0.0 + 4.5 + 2.2e-4 * cube.crossline, cdp_y=cube.cdp_y * 0.0 + cube.inline
+    )
+    for part in (narrow, narrow[:, :4], narrow[:4]):
+        with pytest.raises(GeometryError, match="apart on the map"):
+            check_coordinates(part)
+    check_coordinates(cube)
+    check_coordinates(cube.values)
 
 
 def test_degrees_are_refused_where_rounding_would_put_traces_together(tmp_path):

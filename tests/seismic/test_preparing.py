@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 import seismo3d as s3
 from seismo3d.seismic.preparing import find_valid, mark_data, print_traces, repeats_itself
+from seismo3d.seismic.section_tracks import thicken
 
 SHAPE = (64, 48, 64)
 
@@ -80,3 +81,12 @@ def test_prints_are_those_of_the_traces(rng: np.random.Generator) -> None:
     # whole blocks of a cube have the prints of the whole
     np.testing.assert_array_equal(print_traces(np.ascontiguousarray(values[5:9, 10:])), prints[5:9, 10:])
     assert not repeats_itself(prints, valid.any(axis=2))
+
+
+def test_padding_of_a_line_is_no_data_where_it_is_made_a_cube(rng: np.random.Generator) -> None:
+    line = framed(rng, 8)[0]
+    thick, _ = thicken(line, None)
+    kept = find_valid(np.array(thick, np.float32)).all(axis=2)
+    np.testing.assert_array_equal(kept, np.broadcast_to(find_valid(line[None].copy()).all(axis=2), kept.shape))
+    assert not kept[:, :9].any()
+    assert kept[:, 9:-9].all()

@@ -11,7 +11,7 @@ import seismo3d as s3
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.loop_closure import LoopClosure
-from seismo3d.seismic.track_events import _nearest, snap_to_events
+from seismo3d.seismic.track_events import _nearest
 from seismo3d.synthetic import fault_cube
 
 PERIOD, SHAPE = 16.0, (12, 14, 96)
@@ -74,28 +74,21 @@ def test_unsigned_bytes_have_troughs() -> None:
     assert np.abs(found.depth - expected.depth)[both].max() < 0.5
 
 
-@pytest.mark.parametrize("event", [None, "zero"])
 @pytest.mark.parametrize("bottom", [False, True])
-def test_a_track_ends_where_it_leaves_the_cube(
-    level: tuple[np.ndarray, LayerModel], event: str | None, bottom: bool
-) -> None:
+def test_a_track_ends_where_it_leaves_the_cube(level: tuple[np.ndarray, LayerModel], bottom: bool) -> None:
     volume, layers = level
     last = SHAPE[2] - 1
     seed = (5, 2, last - 0.2) if bottom else (5, 11, 0.4)
     expected = seed[2] + 0.1 * (np.arange(SHAPE[1]) - seed[1])
-    if event is None:
-        (track,) = s3.trace_tracks(volume, [seed], layers=layers)
-        outside = (expected < -0.4) | (expected > last + 0.4)
-        assert outside.any()
-        assert np.isnan(track.depth[:, outside]).all()
-        assert np.isnan(track.confidence[:, outside]).all()
-        assert np.isfinite(track.depth[seed[:2]])
-    else:
-        depth = snap_to_events(volume, layers, np.broadcast_to(expected, SHAPE[:2]).copy(), event, 0.0)
-        track = s3.Track(depth, depth, np.zeros((1, 3)))
+    (track,) = s3.trace_tracks(volume, [seed], layers=layers)
+    outside = (expected < -0.4) | (expected > last + 0.4)
+    assert outside.any()
+    assert np.isnan(track.depth[:, outside]).all()
+    assert np.isnan(track.confidence[:, outside]).all()
     known = np.isfinite(track.depth)
-    assert track.depth[known].min(initial=0.0) >= 0.0
-    assert track.depth[known].max(initial=0.0) <= last
+    assert known[seed[:2]]
+    assert track.depth[known].min() >= 0.0
+    assert track.depth[known].max() <= last
 
 
 def test_traces_without_the_event_are_left_out(level: tuple[np.ndarray, LayerModel]) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float32Array
+from seismo3d._typing import AnyArray, BoolArray, Float32Array
 from seismo3d.seismic.blocks.plan import RAW_REACH, Box
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.preparing import (
@@ -59,13 +59,24 @@ def survey_facts(run: BlockRun) -> None:
     """Find whether repeated traces are data, the cube's scale, and the traces that its wavelet is read from."""
     parts = [run.read_part("survey", number)[0] for number in range(len(run.plan.tiling("raw")))]
     sample, of_repeated = (np.concatenate([part[name] for part in parts]) for name in ("sample", "of_repeated"))
-    n_valid, repeated = (run.gather("survey", name, "raw") for name in ("count", "repeated"))
-    repeats = bool(repeated.any()) and repeats_itself(run.gather("survey", "prints", "raw"), n_valid > 0)
+    counts, repeated = (run.gather("survey", name, "raw") for name in ("count", "repeated"))
+    repeats = bool(repeated.any()) and repeats_itself(run.gather("survey", "prints", "raw"), counts > 0)
     if not repeats:
         sample = sample[~of_repeated]
-        n_valid[repeated] = 0
+    n_valid = _count_valid(run, repeats)
     pairs = choose_pairs(find_complete(n_valid))
     run.write_fact("survey", scale=find_scale(sample), pairs=pairs, n_valid=int(n_valid.sum()), repeats=repeats)
+
+
+def live_traces(run: BlockRun) -> BoolArray:
+    """Return which traces have data."""
+    return np.asarray(_count_valid(run, run.fact("survey")["repeats"]) > 0)
+
+
+def _count_valid(run: BlockRun, repeats: bool) -> AnyArray:
+    """Return how many samples of every trace are data, given whether repeated traces are."""
+    counts, repeated = (run.gather("survey", name, "raw") for name in ("count", "repeated"))
+    return counts if repeats else np.where(repeated, 0, counts)
 
 
 def pairs(run: BlockRun, number: int, piece: Any) -> None:

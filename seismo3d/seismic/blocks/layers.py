@@ -10,7 +10,7 @@ from seismo3d._typing import AnyArray, Float32Array, Float64Array
 from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_cuts import read_side
 from seismo3d.seismic._kernels_layers import find_breaks
-from seismo3d.seismic.blocks.cleaning import read_clean
+from seismo3d.seismic.blocks.cleaning import live_traces, read_clean
 from seismo3d.seismic.blocks.medians import BlockMedians
 from seismo3d.seismic.blocks.order import positive_lines
 from seismo3d.seismic.blocks.plan import Box, Tiling
@@ -52,11 +52,6 @@ def slopes_facts(run: BlockRun) -> None:
     parts = [run.read_part("slopes", number)[0]["power"] for number in range(len(run.plan.tiling("dip")))]
     total, n = sum(float(part.sum()) for part in parts), sum(part.size for part in parts) * run.plan.shape[2]
     run.write_fact("slopes", floor=float(matching_floor(total / n, run.settings.shifts)))
-
-
-def live_traces(run: BlockRun) -> AnyArray:
-    """Return which traces have data."""
-    return np.asarray(run.gather("survey", "count", "raw") > 0)
 
 
 def grids(run: BlockRun, number: int, surface: FaultSurface) -> None:
