@@ -90,7 +90,7 @@ def _lies_elsewhere(one: Any, other: Any) -> bool:
 
 
 def _spacing(places: Float64Array) -> float:
-    """How far apart neighbouring traces lie: most of a line, which may be crooked; those of a cube on its finer axis."""
+    """How far apart neighbouring traces lie: most of a line, it may be crooked; of a cube those on its finer axis."""
     if places.ndim == 3:
         return float(min(np.linalg.norm(places[1, 0] - places[0, 0]), np.linalg.norm(places[0, 1] - places[0, 0])))
     steps = np.linalg.norm(np.diff(places, axis=0), axis=-1)
