@@ -46,8 +46,8 @@ class HistorySettings:
         The same, if either may have moved along its strike as well, where strike slips are told by that order.
     least_share, least_mend : float
         Strike slip over throw, and logarithm of how many times smoother it must leave the older faults, all together,
-        from which on a fault's slip is oblique; if but one tells it, more. Less than 15 degrees off the dip line older
-        faults do not tell it from none.
+        from which on a fault's slip is oblique; if but one tells it, more. Slip less than 15 degrees off the dip line
+        cannot be told from none by older faults.
     least_area : float
         Smaller faults are not taken back for others' sake: their throw is too uncertain.
     stiffness : float

@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float64Array
+from seismo3d._typing import AnyArray
 from seismo3d._validate import freeze
-from seismo3d.errors import ParameterError, ShapeError
-from seismo3d.geometry.axis import Axis
-from seismo3d.geometry.section import SectionGeometry
 from seismo3d.seismic.cube_checks import check_faults_of, check_order
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.preparing import find_valid
+from seismo3d.seismic.tracks import read_seeds
 
 _THICK = 9
 _MIDDLE = _THICK // 2
@@ -77,8 +75,8 @@ def thicken_seeds(seeds: Any, section: Any) -> Any:
     ParameterError
         If a seed lies outside the section.
     """
-    axes = _trace_axis(section), SectionGeometry.from_cube(section).sample
-    return [_as_seeds(entry, number, axes) for number, entry in enumerate(seeds)]
+    groups = read_seeds(section, seeds)
+    return [np.column_stack([np.full(len(group), float(_MIDDLE)), group]) for group, _ in groups]
 
 
 def cut_middle(track: Any) -> Any:
@@ -89,31 +87,6 @@ def cut_middle(track: Any) -> Any:
         confidence=freeze(track.confidence[_MIDDLE].copy()),
         seeds=freeze(track.seeds[:, 1:].copy()),
     )
-
-
-def _trace_axis(section: Any) -> Axis:
-    name = section.dims[0] if hasattr(section, "dims") else None
-    if name is None or name not in section.coords:
-        return Axis(0.0, 1.0, np.shape(section)[0])
-    return Axis.from_coordinates(section[name].values, str(name))
-
-
-def _as_seeds(entry: Any, number: int, axes: tuple[Axis, Axis]) -> Float64Array:
-    try:
-        points = np.atleast_2d(np.asarray(entry, dtype=np.float64))
-    except (TypeError, ValueError):
-        points = np.empty(0)
-    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
-        raise ShapeError(
-            f"seeds[{number}] is {entry!r}; expected a point (trace, time or depth), or a list of such points, of "
-            "finite numbers."
-        )
-    index = np.column_stack([axis.index(points[:, k]) for k, axis in enumerate(axes)])
-    outside = ((index < -1e-6) | (index > np.array([axis.n for axis in axes]) - 1 + 1e-6)).any(axis=1)
-    if outside.any():
-        trace, depth = points[outside.argmax()]
-        raise ParameterError(f"seeds[{number}] ({trace:g}, {depth:g}) lies outside the section. Give its coordinates.")
-    return np.column_stack([np.full(len(points), float(_MIDDLE)), points])
 
 
 def _thicken_faults(faults: FaultSet) -> FaultSet:

@@ -16,9 +16,10 @@ from seismo3d.seismic._kernels_slip import add_bending, add_places, find_in_view
 _COARSE, _RIDGE = 4, 1e-3
 # shifts tried to either side of a field
 _REACH = 8
-# misfit ratio beyond which the sides do not match, in the strongest noise; without noise; and how it grows from there
-# with what a quarter of the places leave at most
-_MISMATCH, _CHANCE, _NOISE = 0.6, 0.2, 2.0
+# misfit ratio beyond which the sides do not match: in the strongest noise, and without noise
+_MISMATCH, _CHANCE = 0.6, 0.2
+# how it grows between them with what the best quarter of the places leaves
+_NOISE = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

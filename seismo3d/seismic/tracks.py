@@ -168,33 +168,20 @@ def _unheard(stage: str, share: float) -> None:
     """Take reports of progress where nobody asked for them."""
 
 
-def axes_of(cube: Any) -> tuple[Axis, Axis, Axis]:
-    """Return the cube's three axes; of a bare array those of its indices."""
+def axes_of(cube: Any) -> tuple[Axis, ...]:
+    """Return a cube's three axes, or a section's two; of a bare array those of its indices."""
     shape = np.shape(cube)
     if not hasattr(cube, "dims"):
-        return tuple(Axis(0.0, 1.0, n) for n in shape)  # type: ignore[return-value]
+        return tuple(Axis(0.0, 1.0, n) for n in shape)
     return tuple(
         Axis.from_coordinates(cube[name].values, str(name)) if name in cube.coords else Axis(0.0, 1.0, n)
         for name, n in zip(cube.dims, shape, strict=True)
-    )  # type: ignore[return-value]
+    )
 
 
-def axis_points(axes: tuple[Axis, Axis, Axis], points: Float64Array) -> Float64Array:
+def axis_points(axes: tuple[Axis, ...], points: Float64Array) -> Float64Array:
     """Index points of shape (n, 3) in coordinates."""
     return np.stack([axis.coordinate(points[:, k]) for k, axis in enumerate(axes)], axis=1)
-
-
-def _as_seeds(entry: Any, number: int) -> Float64Array:
-    try:
-        points = np.atleast_2d(np.asarray(entry, dtype=np.float64))
-    except (TypeError, ValueError):
-        points = np.empty(0)
-    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-        raise ShapeError(
-            f"seeds[{number}] is {entry!r}; expected a point (inline, crossline, time or depth), or a list of such "
-            "points, of finite numbers."
-        )
-    return points
 
 
 def index_seeds(cube: Any, seeds: Sequence[Any]) -> list[tuple[Float64Array, Float64Array]]:
@@ -208,19 +195,41 @@ def index_seeds(cube: Any, seeds: Sequence[Any]) -> list[tuple[Float64Array, Flo
         If a seed lies outside the cube, or two of one track on one trace.
     """
     check_order(cube)
+    groups = read_seeds(cube, seeds)
+    for number, (group, index) in enumerate(groups):
+        _check_together(group, index, number)
+    return groups
+
+
+def read_seeds(cube: Any, seeds: Sequence[Any]) -> list[tuple[Float64Array, Float64Array]]:
+    """Return seeds as :func:`index_seeds` does, of a section without the inline; those of a track may contradict."""
     axes = axes_of(cube)
+    last = np.array(np.shape(cube)) - 1
     groups = []
     for number, entry in enumerate(seeds):
-        group = _as_seeds(entry, number)
+        group = _as_points(entry, number, len(axes))
         index = np.stack([axis.index(group[:, k]) for k, axis in enumerate(axes)], axis=1)
-        outside = ((index < -1e-6) | (index > np.array(np.shape(cube)) - 1 + 1e-6)).any(axis=1)
+        outside = ((index < -1e-6) | (index > last + 1e-6)).any(axis=1)
         if outside.any():
+            name = "cube" if len(axes) == 3 else "section"
             raise ParameterError(
-                f"seeds[{number}] {_named(group[outside.argmax()])} lies outside the cube. Give its coordinates."
+                f"seeds[{number}] {_named(group[outside.argmax()])} lies outside the {name}. Give its coordinates."
             )
-        _check_together(group, index, number)
         groups.append((group, index))
     return groups
+
+
+def _as_points(entry: Any, number: int, n_axes: int) -> Float64Array:
+    try:
+        points = np.atleast_2d(np.asarray(entry, dtype=np.float64))
+    except (TypeError, ValueError):
+        points = np.empty(0)
+    if points.ndim != 2 or points.shape[1] != n_axes or not np.isfinite(points).all():
+        point = "(inline, crossline, time or depth)" if n_axes == 3 else "(trace, time or depth)"
+        raise ShapeError(
+            f"seeds[{number}] is {entry!r:.80}; expected a point {point}, or a list of such points, of finite numbers."
+        )
+    return points
 
 
 def _check_together(group: Float64Array, index: Float64Array, number: int) -> None:
