@@ -87,16 +87,24 @@ def _check_own_run(folder: Path, command: str) -> None:
 
 def _command_of(folder: Path) -> str | None:
     """Return the command that made a run: as its record says, else as its files tell; None where neither does."""
-    try:
-        record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    record = read_record(folder)
+    if record is None:
         return None
-    if isinstance(record, dict) and isinstance(record.get("command"), str):
+    if isinstance(record.get("command"), str):
         return str(record["command"])
     found = [command for command, name in _MARKS.items() if (folder / name).is_file()]
     if {"faults", "tracks", "network"} <= set(found):
         return "paper f3"
     return found[0] if found else None
+
+
+def read_record(folder: Path) -> dict[str, Any] | None:
+    """Return the record of a run, empty where it says nothing; None where there is none that can be read."""
+    try:
+        record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return record if isinstance(record, dict) else {}
 
 
 @contextmanager

@@ -122,14 +122,12 @@ def _unit_of(folder: Path) -> str:
 
 def _extent_of(folder: Path) -> tuple[float, float] | None:
     """Return the times or depths of a run's cube; None where its record does not tell them."""
-    import json
-
-    from seismo3d.cli._run_folder import RECORD
+    from seismo3d.cli._run_folder import read_record
 
     try:
-        low, high = json.loads((folder / RECORD).read_text(encoding="utf-8"))["extent"]
+        low, high = (read_record(folder) or {})["extent"]
         return float(low), float(high)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError):
         return None
 
 

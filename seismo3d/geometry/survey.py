@@ -217,20 +217,36 @@ def _degrees(east: FloatArray, north: FloatArray) -> Float64Array:
     return np.degrees(np.arctan2(east, north)) % 360.0 % 360.0
 
 
+def usual_spacing(places: Float64Array) -> float:
+    """Return how far apart neighbours usually lie, along the axis where they lie closest; infinite if on one place.
+
+    Parameters
+    ----------
+    places : ndarray of shape (..., 2), float64
+        x and y of traces on their grid; NaN where they are not known.
+    """
+    steps = (np.linalg.norm(np.diff(places, axis=axis), axis=-1) for axis in range(places.ndim - 1))
+    # not the least: a crooked line may all but meet itself
+    return min((float(np.median(step[step > 0.0])) for step in steps if (step > 0.0).any()), default=np.inf)
+
+
 def _map_of(cube: Any, axes: list[Axis]) -> MapFit | None:
     """Take the fit made when the cube was opened where it still applies, else fit the cube's own coordinates."""
     stored = _stored_map(cube, axes)
     if "cdp_x" not in cube.coords or "cdp_y" not in cube.coords:
         return stored
-    # a few hundred lines each way pin an affine map, and a few tell whether it is theirs; the ends are among them
-    most = 300 if stored is None else 30
+    # a few lines each way tell whether a map is theirs, and a few hundred pin an affine one
+    if stored is not None and _agrees(stored, *_some_places(cube, 30)):
+        return stored
+    return fit_map(*_some_places(cube, 300))
+
+
+def _some_places(cube: Any, most: int) -> tuple[AnyArray, Float64Array]:
+    """Return indices and map coordinates of traces on at most so many lines each way, the outer ones among them."""
     rows, columns = (np.unique(np.linspace(0, n - 1, min(n, most)).astype(int)) for n in cube.shape[:2])
     x, y = (cube.coords[name][rows, columns].values.astype(np.float64).ravel() for name in ("cdp_x", "cdp_y"))
     ij = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
-    xy = np.stack([x, y], axis=1)
-    if stored is not None and not _agrees(stored, ij, xy):
-        return _map_of(cube.assign_attrs(survey={}), axes)
-    return fit_map(ij, xy) if stored is None else stored
+    return ij, np.stack([x, y], axis=1)
 
 
 def _stored_map(cube: Any, axes: list[Axis]) -> MapFit | None:

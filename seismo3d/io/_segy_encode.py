@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Int64Array
 from seismo3d.errors import GeometryError
-from seismo3d.geometry.survey import Axis
+from seismo3d.geometry.survey import Axis, usual_spacing
 from seismo3d.io._segy_layout import set_header_field
 
 _MAX_SHORT = 32767
@@ -144,9 +144,7 @@ def coordinate_factor(volume: Any) -> int:
         raise GeometryError(
             f"cube has map coordinates up to {largest:g} m; expected less than 2147483647, all that SEG-Y can hold."
         )
-    steps = [np.linalg.norm(np.diff(xy, axis=axis), axis=-1) for axis in range(xy.ndim - 1)]
-    # not the least: a crooked line may all but meet itself
-    spacing = min((float(np.median(step[step > 0.0])) for step in steps if (step > 0.0).any()), default=np.inf)
+    spacing = usual_spacing(xy)
     factor = next((factor for factor in held if 0.5 / factor <= _OFF * spacing), None)
     if factor is None:
         raise GeometryError(

@@ -83,12 +83,12 @@ def pick_distance_map(track: Any, picks: Any, *, unit: str, apart: float | None 
     """
     from scipy.spatial import cKDTree
 
-    from seismo3d.seismic.pick_scores import same_trace_distance
+    from seismo3d.seismic.pick_scores import flat_places, have_lines, same_trace_distance
 
     ax = new_axes(7.5, 6.5) if ax is None else ax
-    by_lines = bool(np.isfinite(picks.lines).all() and np.isfinite(track.lines).all())
-    here, there = (h.lines if by_lines else h.points[:, :2] for h in (picks, track))
-    reach = 0.5 if by_lines else same_trace_distance([track]) if apart is None else apart
+    by_lines = have_lines(picks, track)
+    apart = same_trace_distance([track]) if apart is None else apart
+    here, there, reach = flat_places(picks, track, apart=apart)
     distance, near = cKDTree(there).query(here, distance_upper_bound=reach + 1e-9)
     common = np.isfinite(distance)
     down = track.points[np.asarray(near)[common], 2] - picks.points[common, 2]

@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
-from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry, usual_spacing
 
 _ORDER = ("inline", "crossline", "trace", "time", "depth")
 # share of a step by which coordinates that are the same may differ
@@ -86,15 +86,9 @@ def _lies_elsewhere(one: Any, other: Any) -> bool:
     if first is None or second is None:
         return False
     apart = np.linalg.norm(first - second, axis=-1)
-    return bool(np.nanmax(apart, initial=0.0) > _SAME_PLACE * _spacing(first))
-
-
-def _spacing(places: Float64Array) -> float:
-    """How far apart neighbouring traces lie: most of a line, it may be crooked; of a cube those on its finer axis."""
-    if places.ndim == 3:
-        return float(min(np.linalg.norm(places[1, 0] - places[0, 0]), np.linalg.norm(places[0, 1] - places[0, 0])))
-    steps = np.linalg.norm(np.diff(places, axis=0), axis=-1)
-    return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else np.inf
+    # of a cube the first traces each way are neighbours
+    spacing = usual_spacing(first[:2, :2] if first.ndim == 3 else first)
+    return bool(np.nanmax(apart, initial=0.0) > _SAME_PLACE * spacing)
 
 
 def _places(cube: Any) -> Float64Array | None:

@@ -241,7 +241,7 @@ def score_horizon(
     met = False
     best: tuple[float, HorizonScore] | None = None
     for track in tracks:
-        here, there, farthest = _flat(picks, track, cube, reach)
+        here, there, farthest = flat_places(picks, track, cube=cube, apart=reach)
         distance, near = cKDTree(there).query(here, distance_upper_bound=farthest + 1e-9)
         common: BoolArray = np.asarray(np.isfinite(distance))
         met |= bool(common.any())
@@ -297,13 +297,18 @@ def sample_extent(cube: Any) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def _flat(
-    picks: HorizonPoints, track: HorizonPoints, cube: Any, apart: float
+def have_lines(picks: HorizonPoints, track: HorizonPoints) -> bool:
+    """Tell whether all points of both have line numbers."""
+    return bool(np.isfinite(picks.lines).all() and np.isfinite(track.lines).all())
+
+
+def flat_places(
+    picks: HorizonPoints, track: HorizonPoints, *, apart: float, cube: Any = None
 ) -> tuple[Float64Array, Float64Array, float]:
     """Places of both on one plane, and how far the same place may lie apart: indices, line numbers, or x and y."""
     if cube is not None:
         return np.rint(place_horizon(picks, cube)[:, :2]), np.rint(place_horizon(track, cube)[:, :2]), _ONE_TRACE
-    if np.isfinite(picks.lines).all() and np.isfinite(track.lines).all():
+    if have_lines(picks, track):
         return picks.lines, track.lines, _ONE_TRACE
     return picks.points[:, :2], track.points[:, :2], apart
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 from scipy import ndimage
@@ -255,7 +255,8 @@ def _measure(
         if _turned(part, first) < 0:
             sides, known = sides[::-1], known[::-1]
         sides, known = (values[:, part.rows, part.columns] for values in (sides, known))
-        lay_apart, match = _laid_apart(part, found[n], today[n], partial(undone.take_back, n))
+        foot, match = _counterparts(part, found[n], today[n])
+        lay_apart = samples - undone.take_back(n, foot)[:, 2]
         values = np.concatenate([sides * known, known, [w, lay_apart * match, match]])
         spread(s - low[0], samples - low[1], values, sums, weight)
     inside = weight > _COVERED
@@ -304,19 +305,15 @@ def _matched(throws: Iterable[SheetThrow]) -> float:
     return float(sum(throw.fit[np.isfinite(throw.throw)].sum(dtype=np.float64) for throw in throws))
 
 
-def _laid_apart(
-    part: _Part, throw: SheetThrow, motion: FaultMotion, take_back: Callable[[Float64Array], Float64Array]
-) -> tuple[Float64Array, Float64Array]:
-    """Return how far apart the two places lay that match today, and how well they match, at every place of a part."""
+def _counterparts(part: _Part, throw: SheetThrow, motion: FaultMotion) -> tuple[Float64Array, Float64Array]:
+    """Return where the footwall lies today that each place of a part matches, and how well; itself where none does."""
     columns = np.minimum(np.rint(part.columns / part.sheet.step).astype(np.int64), throw.throw.shape[1] - 1)
     thrown, fit = (values[part.rows, columns].astype(np.float64) for values in (throw.throw, throw.fit))
     fit[~np.isfinite(thrown)] = 0.0
     thrown[fit == 0.0] = 0.0
-    hanging = part.points()
-    s, samples, _ = part.frame.lay(hanging)
+    s, samples, _ = part.frame.lay(part.points())
     s, samples = s - motion.share * thrown, samples - thrown
-    foot = part.frame.place(s, samples, motion.height_at(s, samples))
-    return take_back(hanging)[:, 2] - take_back(foot)[:, 2], fit
+    return part.frame.place(s, samples, motion.height_at(s, samples)), fit
 
 
 def _best_slip(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import Float64Array
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.io.horizons import (
@@ -54,13 +54,13 @@ def write_tracks(tracks: Sequence[Track], cube: Any, *, directory: str | Path) -
     """
     directory = Path(directory)
     files = []
-    forms = [("xyz", write_xyz_horizon)]
+    forms, traces = [("xyz", write_xyz_horizon)], _lay_out(cube)
     if np.ndim(cube) == 3:
         forms.append(("charisma.txt", write_charisma_horizon))
-        if irap_note(cube) is None:
+        if why_no_irap(traces.x, traces.y) is None:
             forms.append(("irap.txt", write_irap_classic))
     for number, track in enumerate(tracks, start=1):
-        horizon = _grid(track, cube)
+        horizon = _on_traces(track, traces)
         for ending, write in forms:
             files.append(directory / f"track_{number:02d}.{ending}")
             write(files[-1], horizon)
@@ -75,7 +75,8 @@ def irap_note(cube: Any) -> str | None:
     """
     if np.ndim(cube) != 3:
         return None
-    reason = why_no_irap(*_places(cube))
+    traces = _lay_out(cube)
+    reason = why_no_irap(traces.x, traces.y)
     return None if reason is None else f"tracks are written without IRAP grids: the survey has {reason}"
 
 
@@ -84,27 +85,26 @@ def tabulate_tracks(tracks: Sequence[Track]) -> list[dict[str, Any]]:
     return [_row(number, track) for number, track in enumerate(tracks, start=1)]
 
 
-def _grid(track: Track, cube: Any) -> HorizonGrid:
+def _lay_out(cube: Any) -> HorizonGrid:
+    """Return the traces of a cube or section as a horizon that is nowhere known."""
     shape = tuple(np.shape(cube)[:-1])
-    if track.depth.shape != shape:
-        raise ShapeError(f"track has shape {track.depth.shape}; expected {shape}. Give the cube that it was traced in.")
+    nowhere = np.full(shape, np.nan)
     if len(shape) == 1:
         line = SectionGeometry.from_cube(cube)
         x, y = line.index_to_map(np.column_stack([np.arange(shape[0]), np.zeros(shape[0])]))[:, :2].T
-        return HorizonGrid(x, y, track.depth.astype(np.float64), np.zeros(1), np.arange(float(shape[0])))
+        return HorizonGrid(x, y, nowhere, np.zeros(1), np.arange(float(shape[0])))
     survey = SurveyGeometry.from_cube(cube)
-    return HorizonGrid(
-        *_places(cube), track.depth.astype(np.float64), survey.inline.coordinates(), survey.crossline.coordinates()
-    )
-
-
-def _places(cube: Any) -> tuple[Float64Array, Float64Array]:
-    """Return x and y of a cube's traces, each of shape (inline, crossline)."""
-    shape = tuple(np.shape(cube)[:2])
     rows, columns = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
-    indices = np.stack([rows.ravel(), columns.ravel(), np.zeros(rows.size)], axis=1)
-    places = SurveyGeometry.from_cube(cube).index_to_map(indices)
-    return places[:, 0].reshape(shape), places[:, 1].reshape(shape)
+    places = survey.index_to_map(np.stack([rows.ravel(), columns.ravel(), np.zeros(rows.size)], axis=1))
+    x, y = places[:, 0].reshape(shape), places[:, 1].reshape(shape)
+    return HorizonGrid(x, y, nowhere, survey.inline.coordinates(), survey.crossline.coordinates())
+
+
+def _on_traces(track: Track, traces: HorizonGrid) -> HorizonGrid:
+    shape = traces.z.shape
+    if track.depth.shape != shape:
+        raise ShapeError(f"track has shape {track.depth.shape}; expected {shape}. Give the cube that it was traced in.")
+    return replace(traces, z=track.depth.astype(np.float64))
 
 
 def _row(number: int, track: Track) -> dict[str, Any]:

@@ -100,9 +100,8 @@ def test_places_that_match_today_lay_apart_by_what_is_not_taken_back():
     throws, _ = measured(sheets)
     part = restored_throws._lay_out(sheets[0], throws[0])
     motion = restored_throws._present_motion(part, throws[0], HistorySettings())
-    lay_apart, match = restored_throws._laid_apart(
-        part, throws[0], motion, lambda points: points * np.array([1.0, 1.0, 0.9])
-    )
+    foot, match = restored_throws._counterparts(part, throws[0], motion)
+    lay_apart = 0.9 * part.points()[:, 2] - 0.9 * foot[:, 2]
     columns = np.minimum(np.rint(part.columns / 2).astype(int), sheets[0].w.shape[1] - 1)
     thrown = throws[0].throw[part.rows, columns]
     assert (match > 0.5).mean() > 0.3

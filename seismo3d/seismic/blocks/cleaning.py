@@ -63,19 +63,19 @@ def survey_facts(run: BlockRun) -> None:
     repeats = bool(repeated.any()) and repeats_itself(run.gather("survey", "prints", "raw"), counts > 0)
     if not repeats:
         sample = sample[~of_repeated]
-    n_valid = _count_valid(run, repeats)
+    n_valid = _count_valid(counts, repeated, repeats)
     pairs = choose_pairs(find_complete(n_valid))
     run.write_fact("survey", scale=find_scale(sample), pairs=pairs, n_valid=int(n_valid.sum()), repeats=repeats)
 
 
 def live_traces(run: BlockRun) -> BoolArray:
     """Return which traces have data."""
-    return np.asarray(_count_valid(run, run.fact("survey")["repeats"]) > 0)
-
-
-def _count_valid(run: BlockRun, repeats: bool) -> AnyArray:
-    """Return how many samples of every trace are data, given whether repeated traces are."""
     counts, repeated = (run.gather("survey", name, "raw") for name in ("count", "repeated"))
+    return np.asarray(_count_valid(counts, repeated, run.fact("survey")["repeats"]) > 0)
+
+
+def _count_valid(counts: AnyArray, repeated: BoolArray, repeats: bool) -> AnyArray:
+    """Return how many samples of every trace are data, given whether repeated traces are."""
     return counts if repeats else np.where(repeated, 0, counts)
 
 
