@@ -1,44 +1,70 @@
-"""Trends of throw over a fault: the quadratic one that costs least, and planes through what is known nearby."""
+"""Trends of throw over a fault: quadratics and bells that cost least, and planes through what is known nearby."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
 
+# logarithm of what a bell may grow by over its throw at 0, and the throw there below which it is level
+_MOST, _LEAST = 1.5, 0.5
+
 
 @njit(cache=True, nogil=True)
-def trend_cost(costs, u, v, terms, beyond):  # type: ignore[no-untyped-def]
+def throws_of_trend(u, v, terms, bell, throws):  # type: ignore[no-untyped-def]
+    """Write the throws of a trend: of second order in u and v, or the bell with the same slopes and bends at 0."""
+    first = terms[0]
+    for i in range(len(u)):
+        more = terms[1] * u[i] + terms[2] * v[i]
+        more += terms[3] * u[i] * u[i] + terms[4] * u[i] * v[i] + terms[5] * v[i] * v[i]
+        if bell:
+            throws[i] = first * np.exp(min(more / first, _MOST)) if np.abs(first) > _LEAST else first
+        else:
+            throws[i] = first + more
+
+
+@njit(cache=True, nogil=True)
+def trend_cost(costs, u, v, terms, bell, beyond):  # type: ignore[no-untyped-def]
     """Mean cost of the throws of a trend at all places, `beyond` for a throw out of range; a trifle for each slope."""
     n, n_shifts = costs.shape
+    throws = np.empty(n)
+    throws_of_trend(u, v, terms, bell, throws)
     total = 0.0
     for i in range(n):
-        throw = terms[0] + terms[1] * u[i] + terms[2] * v[i]
-        throw += terms[3] * u[i] * u[i] + terms[4] * u[i] * v[i] + terms[5] * v[i] * v[i]
-        c = int(np.floor(throw + n_shifts // 2 + 0.5))
+        c = int(np.floor(throws[i] + n_shifts // 2 + 0.5))
         total += costs[i, c] if 0 <= c < n_shifts else beyond
+    change = np.abs(terms[1:]).sum()
+    if bell:
+        # however steeply it bends down, its throws change by little more than the largest
+        change = min(change, 2.0 * np.abs(terms[0]))
     # where the costs cannot tell, the level trend is taken
-    return total / n + 1e-4 * np.abs(terms[1:]).sum()
+    return total / n + 1e-4 * change
 
 
 @njit(cache=True, nogil=True)
-def _best_slopes(costs, u, v, start, slopes, beyond, best):  # type: ignore[no-untyped-def]
-    """Write the straight trend from a starting throw, with the best of the given slopes; return its cost."""
+def _best_slopes(costs, u, v, start, slopes, bends, bell, beyond, best):  # type: ignore[no-untyped-def]
+    """Write the trend from a starting throw, with the best of the given slopes and bends; return its cost."""
     trial = np.zeros(6)
-    trial[0] = start
     score = np.inf
-    for a in range(len(slopes)):
-        for b in range(len(slopes)):
-            trial[1] = slopes[a]
-            trial[2] = slopes[b]
-            cost = trend_cost(costs, u, v, trial, beyond)
-            if cost < score:
-                score = cost
-                best[:] = trial
+    scale = start if bell else 1.0
+    for c in range(len(bends)):
+        for d in range(len(bends)):
+            # the mean stays as it is
+            trial[0] = start * (1.0 + (bends[c] + bends[d]) / 3.0)
+            trial[3] = -bends[c] * start
+            trial[5] = -bends[d] * start
+            for a in range(len(slopes)):
+                for b in range(len(slopes)):
+                    trial[1] = scale * slopes[a]
+                    trial[2] = scale * slopes[b]
+                    cost = trend_cost(costs, u, v, trial, bell, beyond)
+                    if cost < score:
+                        score = cost
+                        best[:] = trial
     return score
 
 
 @njit(cache=True, nogil=True)
-def _descend(costs, u, v, beyond, rounds, best, score):  # type: ignore[no-untyped-def]
+def _descend(costs, u, v, bell, beyond, rounds, best, score):  # type: ignore[no-untyped-def]
     """Change one term at a time, by steps that are halved where none helps; return the cost reached."""
     trial = np.empty(6)
     step = 6.0
@@ -51,7 +77,9 @@ def _descend(costs, u, v, beyond, rounds, best, score):  # type: ignore[no-untyp
                 trial[term] += change
                 if term == 3 or term == 5:  # a bend that keeps the mean
                     trial[0] -= change / 3.0
-                cost = trend_cost(costs, u, v, trial, beyond)
+                if bell and (trial[3] * trial[0] > 0.0 or trial[5] * trial[0] > 0.0):
+                    continue
+                cost = trend_cost(costs, u, v, trial, bell, beyond)
                 if cost < score - 1e-5:
                     score = cost
                     best[:] = trial
@@ -64,12 +92,16 @@ def _descend(costs, u, v, beyond, rounds, best, score):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def search_trends(costs, u, v, starts, slopes, beyond, rounds, terms, scores):  # type: ignore[no-untyped-def]
-    """Descend from every starting throw to a quadratic trend of least cost; places are in u and v from -1 to 1."""
+def search_trends(costs, u, v, starts, slopes, bends, bell, beyond, rounds, terms, scores):  # type: ignore[no-untyped-def]
+    """Descend from every starting throw to a trend of least cost; places are in u and v from -1 to 1.
+
+    Tried first are these slopes, of bells in shares of the starting throw, and bends down by these shares of it. A bell
+    never bends up.
+    """
     for start in prange(len(starts)):
         best = np.zeros(6)
-        score = _best_slopes(costs, u, v, starts[start], slopes, beyond, best)
-        scores[start] = _descend(costs, u, v, beyond, rounds, best, score)
+        score = _best_slopes(costs, u, v, starts[start], slopes, bends, bell, beyond, best)
+        scores[start] = _descend(costs, u, v, bell, beyond, rounds, best, score)
         for term in range(6):
             terms[start, term] = best[term]
 

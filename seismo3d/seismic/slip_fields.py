@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from seismo3d.seismic._kernels_costs import compare_about
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_restore import enlarge_grid
 from seismo3d.seismic._kernels_slip import add_bending, add_places, find_in_view, pull_shifts, solve_bands
+from seismo3d.seismic.throw_bells import smooth_about_bell
 
 # grid places between the nodes of a field, and how firmly a field that nothing holds stays at the mean
 _COARSE, _RIDGE = 4, 1e-3
@@ -56,7 +58,7 @@ class SlipSettings:
     Attributes
     ----------
     start : float
-        Stiffness of the field through the throws that matched.
+        Stiffness, about their bell, of the field through the throws that matched.
     rounds : tuple of tuple of (float, float)
         For each comparison about the field so far, the steps of its fit: how far, in samples, a throw may lie from the
         field for half a misfit ratio, and the stiffness of the field.
@@ -66,7 +68,7 @@ class SlipSettings:
         Strike slip over throw, and share of what throws leave over that it explains, from which on slip is oblique.
     """
 
-    start: float = 300.0
+    start: float = 1000.0
     rounds: tuple[tuple[tuple[float, float], ...], ...] = (((4.0, 100.0), (3.0, 30.0)), ((3.0, 30.0), (2.0, 30.0)))
     along_strike: float = 3.0
     down: float = 4.0
@@ -131,7 +133,8 @@ def refine_slip(
     SlipField
     """
     longest = float(max(1, sides.hanging.shape[1] - 1))
-    field = smooth_field(throw, np.where(inside, fit, 0.0).astype(np.float32), stiffness=settings.start)
+    known = np.where(inside, fit, 0.0).astype(np.float32)
+    field = smooth_about_bell(throw, known, partial(smooth_field, stiffness=settings.start))
     field = np.clip(field, -longest, longest)
     return _refine(sides, field, share, inside, thin, settings.rounds, settings)
 

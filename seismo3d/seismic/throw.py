@@ -22,7 +22,7 @@ from seismo3d.seismic.fault_motion import enlarge
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
 from seismo3d.seismic.slip_fields import Sides, SlipField, SlipSettings
-from seismo3d.seismic.throw_bells import carry_on
+from seismo3d.seismic.throw_bells import carry_on, smooth_about_bell
 from seismo3d.seismic.throw_trends import fit_trend, local_trend
 
 # how far a throw may lie from those around it, before and after these are known well
@@ -290,12 +290,19 @@ def _match(
         # what matches where the trend has the counterpart out of view does so by chance
         in_view = sides.in_view(throw, thin) & sides.in_view(trend, thin)
         matched = inside & in_view & (fit > 1.0 - _MISMATCH)
-        trend = local_trend(throw, matched, width=24.0 / thin)
+        trend = _trend_about_bell(throw, matched, thin)
         near = matched & (np.abs(throw - trend) < _OUTLIER)
         if near.any():
-            trend = local_trend(throw, near, width=24.0 / thin)
+            trend = _trend_about_bell(throw, near, thin)
         kept = matched & (np.abs(throw - trend) < _OUTLIER)
     return np.where(kept, throw, trend).astype(np.float32), np.where(kept, fit, 0.0).astype(np.float32)
+
+
+def _trend_about_bell(throw: Float32Array, known: BoolArray, thin: int) -> Float32Array:
+    """Return the trend around every place of the throws known, the bell through all of them taken off first."""
+    return smooth_about_bell(
+        throw, known.astype(np.float32), lambda values, _: local_trend(values, known, width=24.0 / thin)
+    )
 
 
 def _costs(sides: Sides, settings: ThrowSettings) -> Float32Array:

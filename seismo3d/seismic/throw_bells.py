@@ -1,6 +1,8 @@
-"""Throws carried on beyond where both sides are in view: as a bell, the shape that throw has over a fault."""
+"""Bells, the shape that throw has over a fault: what throws are smooth about, and how they go on out of view."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from scipy import ndimage
@@ -8,12 +10,12 @@ from scipy import ndimage
 from seismo3d._typing import Float32Array, Float64Array
 from seismo3d.seismic.term_fits import fit_terms
 
-# what keeps slopes and bends at nothing where too little is known to tell them
-_RIDGE = 1e-5
+# what keeps slopes and bends at nothing where too little is known to tell them: for what throws scatter, within bounds
+_RIDGES, _DOUBT = (1e-5, 1e-3), 10.0
 # places that it takes, throws in samples below which logarithms tell nothing, and how much may be below
 _LEAST_PLACES, _LEAST_THROW, _BELOW = 60, 0.5, 0.2
 # samples by which a throw may miss the bell for half of its weight, and rounds of that
-_MISS, _ROUNDS = 1.5, 3
+_MISS, _ROUNDS = 1.5, 5
 # logarithms of the smallest and the largest throw of a bell
 _SMALLEST, _LARGEST = -3.0, 4.6
 # weight from which on a throw counts as known
@@ -51,6 +53,32 @@ def carry_on(throw: Float32Array, weight: Float32Array) -> Float32Array:
     led = bell + over[tuple(nearest)] * np.exp(-away / _FADING)
     turned = np.clip(away / _TURNING, 0.0, 1.0)
     return np.asarray((1.0 - turned) * throw + turned * led, np.float32)
+
+
+def smooth_about_bell(
+    throw: Float32Array, weight: Float32Array, smooth: Callable[[Float32Array, Float32Array], Float32Array]
+) -> Float32Array:
+    """Smooth throws about the bell through them.
+
+    What is smooth by itself flattens the top of a bell, and leads straight on where it dies away; what the bell misses
+    is small, and can be smoothed the more.
+
+    Parameters
+    ----------
+    throw, weight
+        As for :func:`carry_on`.
+    smooth : callable
+        Takes values and their weights, and gives a smooth field of the same shape.
+
+    Returns
+    -------
+    ndarray of the same shape, float32
+        The smooth field alone where no bell can be told.
+    """
+    bell = fit_bell(throw, weight)
+    if bell is None:
+        return smooth(throw, weight)
+    return (bell + smooth((throw - bell).astype(np.float32), weight)).astype(np.float32)
 
 
 def fit_bell(throw: Float32Array, weight: Float32Array) -> Float64Array | None:
@@ -107,9 +135,10 @@ def _fit_logarithms(size: Float64Array, counts: Float64Array, terms: list[Float6
 
 
 def _fit_robustly(size: Float64Array, counts: Float64Array, terms: list[Float64Array]) -> Float64Array:
-    logarithms, weights = np.log(size), counts
-    ridge = [0.0] + [_RIDGE] * (len(terms) - 1)
+    logarithms, weights, ridge = np.log(size), counts, _RIDGES[0]
     for _ in range(_ROUNDS):
-        factors, left = fit_terms(terms, logarithms, weights=weights, ridge=ridge)
+        factors, left = fit_terms(terms, logarithms, weights=weights, ridge=[0.0] + [ridge] * (len(terms) - 1))
         weights = counts / (1.0 + (left * size / _MISS) ** 2)
+        # throws that lie together are off together: the more they scatter, the less they say of places farther off
+        ridge = float(np.clip(_DOUBT * np.median(np.abs(left)) ** 2, *_RIDGES))
     return factors

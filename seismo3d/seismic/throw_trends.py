@@ -9,7 +9,12 @@ from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array
 from seismo3d.seismic._kernels_restore import enlarge_grid
-from seismo3d.seismic._kernels_trends import fit_block_planes, gather_blocks, search_trends
+from seismo3d.seismic._kernels_trends import (
+    fit_block_planes,
+    gather_blocks,
+    search_trends,
+    throws_of_trend,
+)
 
 # places of the grid that one place of a trend's own coarser grid stands for
 _COARSE = 4
@@ -17,12 +22,20 @@ _COARSE = 4
 _LEAST_SEEN = 0.25
 # misfit ratio below which sides are as equal as they get
 _SILENCE = 0.15
+# slopes of quadratics that are tried first, over half of a surface; slopes and bends of bells, in shares of their throw
+_SLOPES = np.array([-12.0, -6.0, 0.0, 6.0, 12.0])
+_BELL_SLOPES, _BELL_BENDS = np.array([-0.8, -0.4, 0.0, 0.4, 0.8]), np.array([0.0, 0.7, 1.5, 3.0])
+# how much better, in what misfits tell, a bell must match than a quadratic
+_CLEARLY = 0.005
 # how much better, in what misfits tell, a trend must match that lies so far from the throw expected, or farther
 _COMPANY, _AWAY = 0.06, 8.0
 
 
 def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about: float | None = None) -> Float32Array:
-    """Return the throws of the quadratic trend over a surface that costs least.
+    """Return the throws of the trend over a surface that costs least: a quadratic, or a bell.
+
+    Most throws change little over a surface, and a quadratic follows them. Where one dies away from the middle towards
+    the tips no quadratic does, and in noise, where no place tells its throw by itself, a bell finds what it would miss.
 
     What a misfit tells is its logarithm, as of noise whose strength is not known: where throws are right many places
     match nearly without one, while a throw of another cycle matches everywhere by half. Trends of any throw match by
@@ -61,19 +74,21 @@ def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about:
     longest = cost.shape[2] // 2
     starts = np.arange(-longest + 2.0, longest - 1.0, 4.0) if longest > 3 else np.zeros(1)
     terms, scores = np.zeros((len(starts), 6)), np.zeros(len(starts))
-    slopes = np.array([-12.0, -6.0, 0.0, 6.0, 12.0])
-    search_trends(costs, u, v, starts, slopes, 1.5 * unmatched, 40, terms, scores)
+    search_trends(costs, u, v, starts, _SLOPES, np.zeros(1), False, 1.5 * unmatched, 40, terms, scores)
     trends = np.array([_throws_of(term, u, v) for term in terms])
-    level = _level_of_chance(costs, blind, trends, unmatched)
-    costs[blind] = level
-    search_trends(costs, u, v, starts, slopes, 1.5 * level, 40, terms, scores)
-    if about is not None:
-        away = np.abs(np.array([_throws_of(term, u, v).mean() for term in terms]) - about)
-        scores += _COMPANY * np.minimum(away / _AWAY, 1.0)
-    best = terms[scores.argmin()]
+    costs[blind] = level = _level_of_chance(costs, blind, trends, unmatched)
+    best, least, is_bell = terms[0], np.inf, False
+    for bell, slopes, bends in ((False, _SLOPES, np.zeros(1)), (True, _BELL_SLOPES, _BELL_BENDS)):
+        search_trends(costs, u, v, starts, slopes, bends, bell, 1.5 * level, 40, terms, scores)
+        if about is not None:
+            away = np.abs(np.array([_throws_of(term, u, v, bell).mean() for term in terms]) - about)
+            scores += _COMPANY * np.minimum(away / _AWAY, 1.0)
+        if scores.min() < least:
+            best, least, is_bell = terms[scores.argmin()].copy(), scores.min() - _CLEARLY, bell
     grid = np.indices(inside.shape).astype(np.float64)
     a, b = (grid[0] - middle[0]) / half[0], (grid[1] - middle[1]) / half[1]
-    return np.asarray(np.clip(_throws_of(best, a, b), -longest, longest), np.float32)
+    throws = _throws_of(best, a.ravel(), b.ravel(), is_bell).reshape(inside.shape)
+    return np.asarray(np.clip(throws, -longest, longest), np.float32)
 
 
 def _surprise(ratio: Any) -> Any:
@@ -81,10 +96,11 @@ def _surprise(ratio: Any) -> Any:
     return (np.log1p(ratio / _SILENCE) / np.log1p(1.0 / _SILENCE)).astype(np.float32)
 
 
-def _throws_of(terms: Float64Array, a: Float64Array, b: Float64Array) -> Float64Array:
-    """Return the throws of a quadratic trend at places from -1 to 1 along rows and columns."""
-    flat = terms[0] + terms[1] * a + terms[2] * b
-    return np.asarray(flat + terms[3] * a * a + terms[4] * a * b + terms[5] * b * b, np.float64)
+def _throws_of(terms: Float64Array, a: Float64Array, b: Float64Array, bell: bool = False) -> Float64Array:
+    """Return the throws of a trend at places from -1 to 1 along rows and columns."""
+    throws = np.empty(len(a))
+    throws_of_trend(a, b, terms, bell, throws)
+    return throws
 
 
 def _level_of_chance(costs: Float32Array, blind: BoolArray, trends: Float64Array, unmatched: float) -> float:

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from seismo3d.seismic.slip_fields import smooth_field
-from seismo3d.seismic.throw_bells import carry_on, fit_bell
+from seismo3d.seismic.throw_bells import carry_on, fit_bell, smooth_about_bell
 
 
 def bell(*, largest=30.0, middle=(26.0, 34.0), widths=(30.0, 24.0), shape=(60, 64)):
@@ -54,7 +56,8 @@ def test_a_throw_that_grows_evenly_goes_on_nearly_so():
 
 def test_what_the_bell_misses_fades_with_the_distance_from_where_it_is_known():
     truth, weight = bell(), seen()
-    bump = 1.5 * np.exp(-0.5 * ((np.arange(64) - 30.0) / 2.0) ** 2).astype(np.float32)
+    r, k = np.indices(truth.shape)
+    bump = (1.5 * np.exp(-0.5 * ((r - 30.0) / 6.0) ** 2 - 0.5 * ((k - 30.0) / 2.0) ** 2)).astype(np.float32)
     over = (carry_on(truth + bump, weight) - fit_bell(truth + bump, weight))[30]
     assert over[26] > over[18] > over[8] > over[0] > 0.0
     np.testing.assert_allclose(over[0] / over[20], np.exp(-2.0), rtol=0.05)
@@ -87,3 +90,19 @@ def test_a_section_has_a_bell_too():
     weight = np.ones_like(truth)
     weight[:, 120:] = 0.0
     np.testing.assert_allclose(fit_bell(truth, weight), truth, atol=0.1)
+
+
+def test_the_top_of_a_bell_is_not_flattened(rng):
+    truth = bell(largest=30.0, widths=(16.0, 16.0))
+    smooth = partial(smooth_field, stiffness=300.0)
+    weight = np.where(rng.random(truth.shape) < 0.3, truth > 2.0, 0.0).astype(np.float32)
+    top = truth > 20.0
+    assert np.abs(smooth(truth, weight) - truth)[top].max() > 1.5
+    assert np.abs(smooth_about_bell(truth, weight, smooth) - truth)[top].max() < 0.4
+
+
+def test_without_a_bell_throws_are_smoothed_by_themselves():
+    throw = np.where(np.arange(64) < 32, 10.0, -10.0).astype(np.float32) * np.ones((60, 1), np.float32)
+    smooth = partial(smooth_field, stiffness=30.0)
+    weight = np.ones_like(throw)
+    np.testing.assert_array_equal(smooth_about_bell(throw, weight, smooth), smooth(throw, weight))

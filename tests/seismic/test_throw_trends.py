@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seismo3d.seismic._kernels_trends import search_trends, trend_cost
+from seismo3d.seismic._kernels_trends import search_trends, throws_of_trend, trend_cost
 from seismo3d.seismic.throw_trends import fit_trend, local_trend
 
 
@@ -87,8 +87,47 @@ def test_trend_cost_is_the_mean_over_places():
     u, v = np.array([-1.0, 1.0]), np.array([0.0, 1.0])
     # throws: 0 and 1
     terms = np.array([0.5, 0.5, 0.0, 0, 0, 0])
-    assert trend_cost(costs, u, v, terms, 9.0) == pytest.approx((costs[0, 2] + costs[1, 3]) / 2, abs=1e-3)
-    assert trend_cost(costs, u, v, np.array([7.0, 0, 0, 0, 0, 0]), 9.0) == 9.0
+    assert trend_cost(costs, u, v, terms, False, 9.0) == pytest.approx((costs[0, 2] + costs[1, 3]) / 2, abs=1e-3)
+    assert trend_cost(costs, u, v, np.array([7.0, 0, 0, 0, 0, 0]), False, 9.0) == 9.0
+
+
+@pytest.mark.parametrize("first", [24.0, -24.0])
+def test_a_bell_has_the_slopes_and_bends_of_its_quadratic_in_the_middle(first):
+    terms = np.array([first, 3.0, -5.0, -8.0, 2.0, -12.0]) * [1, 1, 1, np.sign(first), 1, np.sign(first)]
+    at = 1e-3 * np.array([[0, 1, -1, 0, 0, 1], [0, 0, 0, 1, -1, 1]])
+    straight, bell = np.empty(6), np.empty(6)
+    throws_of_trend(*at, terms, False, straight)
+    throws_of_trend(*at, terms, True, bell)
+    np.testing.assert_allclose(bell[1:3].sum() - 2 * first, straight[1:3].sum() - 2 * first + 9e-6 / first, atol=1e-9)
+    np.testing.assert_allclose(bell, straight, atol=2e-6)
+    # and dies away where the quadratic changes its sign
+    far = np.array([[2.5], [2.5]])
+    throws_of_trend(*far, terms, False, straight[:1])
+    throws_of_trend(*far, terms, True, bell[:1])
+    assert straight[0] * first < 0 < bell[0] * first < 0.1 * first**2
+
+
+def test_a_bell_without_throw_is_level():
+    throws = np.empty(1)
+    throws_of_trend(np.ones(1), np.ones(1), np.array([0.0, 5.0, 5.0, 0, 0, 0]), True, throws)
+    assert throws[0] == 0.0
+
+
+def bell_of(shape, largest, width):
+    r, k = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
+    return largest * np.exp(-((r - 0.1) ** 2 + (k + 0.1) ** 2) / width**2)
+
+
+@pytest.mark.parametrize("largest", [32.0, -32.0])
+def test_a_throw_that_dies_away_on_all_sides_is_found(rng, largest):
+    truth = bell_of((48, 44), largest, 0.8)
+    costs = costs_of(truth, noise=rng)
+    costs[rng.random(truth.shape) < 0.3] = 0.7
+    found = fit_trend(costs, np.ones(truth.shape, bool), unmatched=0.9)
+    terms = np.stack([surface(truth.shape, *row) for row in np.eye(4)], axis=-1).reshape(-1, 4)
+    quadratic = (terms @ np.linalg.lstsq(terms, truth.ravel(), rcond=None)[0]).reshape(truth.shape)
+    assert np.abs(quadratic - truth).mean() > 2.0
+    assert np.abs(found - truth).mean() < 1.0
 
 
 def test_descent_never_ends_above_its_start(rng):
@@ -96,10 +135,12 @@ def test_descent_never_ends_above_its_start(rng):
     u, v = rng.uniform(-1, 1, (2, 50))
     starts = np.array([-5.0, 0.0, 5.0])
     terms, scores = np.zeros((3, 6)), np.zeros(3)
-    search_trends(costs, u, v, starts, np.zeros(1), 1.0, 40, terms, scores)
-    for start, term, score in zip(starts, terms, scores, strict=True):
-        assert score <= trend_cost(costs, u, v, np.array([start, 0, 0, 0, 0, 0]), 1.0)
-        assert score == pytest.approx(trend_cost(costs, u, v, term, 1.0))
+    for bell in (False, True):
+        search_trends(costs, u, v, starts, np.zeros(1), np.zeros(1), bell, 1.0, 40, terms, scores)
+        for start, term, score in zip(starts, terms, scores, strict=True):
+            assert score <= trend_cost(costs, u, v, np.array([start, 0, 0, 0, 0, 0]), bell, 1.0)
+            assert score == pytest.approx(trend_cost(costs, u, v, term, bell, 1.0))
+        assert not bell or (terms[:, [3, 5]] * terms[:, :1] <= 0.0).all()
 
 
 def test_plane_is_carried_on_beyond_what_is_known(rng):
