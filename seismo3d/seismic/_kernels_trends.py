@@ -7,37 +7,41 @@ from numba import njit, prange
 
 # logarithm of what a bell may grow by over its throw at 0, and the throw there below which it is level
 _MOST, _LEAST = 1.5, 0.5
+# places that tell which slopes and bends a bell begins with
+_ENOUGH = 200
+
+
+@njit(cache=True, nogil=True)
+def throw_of_trend(u, v, terms, bell):  # type: ignore[no-untyped-def]
+    """Return the throw of a trend at a place: of second order in u and v, or the bell with the same slopes at 0."""
+    first = terms[0]
+    more = terms[1] * u + terms[2] * v + terms[3] * u * u + terms[4] * u * v + terms[5] * v * v
+    if not bell:
+        return first + more
+    return first * np.exp(min(more / first, _MOST)) if np.abs(first) > _LEAST else first
 
 
 @njit(cache=True, nogil=True)
 def throws_of_trend(u, v, terms, bell, throws):  # type: ignore[no-untyped-def]
-    """Write the throws of a trend: of second order in u and v, or the bell with the same slopes and bends at 0."""
-    first = terms[0]
+    """Write the throws of a trend at many places."""
     for i in range(len(u)):
-        more = terms[1] * u[i] + terms[2] * v[i]
-        more += terms[3] * u[i] * u[i] + terms[4] * u[i] * v[i] + terms[5] * v[i] * v[i]
-        if bell:
-            throws[i] = first * np.exp(min(more / first, _MOST)) if np.abs(first) > _LEAST else first
-        else:
-            throws[i] = first + more
+        throws[i] = throw_of_trend(u[i], v[i], terms, bell)
 
 
 @njit(cache=True, nogil=True)
-def trend_cost(costs, u, v, terms, bell, beyond):  # type: ignore[no-untyped-def]
-    """Mean cost of the throws of a trend at all places, `beyond` for a throw out of range; a trifle for each slope."""
+def trend_cost(costs, u, v, terms, bell, beyond, every=1):  # type: ignore[no-untyped-def]
+    """Mean cost of a trend's throws at every so many places, `beyond` out of range; a trifle for each slope."""
     n, n_shifts = costs.shape
-    throws = np.empty(n)
-    throws_of_trend(u, v, terms, bell, throws)
     total = 0.0
-    for i in range(n):
-        c = int(np.floor(throws[i] + n_shifts // 2 + 0.5))
+    for i in range(0, n, every):
+        c = int(np.floor(throw_of_trend(u[i], v[i], terms, bell) + n_shifts // 2 + 0.5))
         total += costs[i, c] if 0 <= c < n_shifts else beyond
     change = np.abs(terms[1:]).sum()
     if bell:
         # however steeply it bends down, its throws change by little more than the largest
         change = min(change, 2.0 * np.abs(terms[0]))
     # where the costs cannot tell, the level trend is taken
-    return total / n + 1e-4 * change
+    return total / ((n - 1) // every + 1) + 1e-4 * change
 
 
 @njit(cache=True, nogil=True)
@@ -46,6 +50,7 @@ def _best_slopes(costs, u, v, start, slopes, bends, bell, beyond, best):  # type
     trial = np.zeros(6)
     score = np.inf
     scale = start if bell else 1.0
+    every = max(len(costs) // _ENOUGH, 1) if bell else 1
     for c in range(len(bends)):
         for d in range(len(bends)):
             # the mean stays as it is
@@ -56,11 +61,11 @@ def _best_slopes(costs, u, v, start, slopes, bends, bell, beyond, best):  # type
                 for b in range(len(slopes)):
                     trial[1] = scale * slopes[a]
                     trial[2] = scale * slopes[b]
-                    cost = trend_cost(costs, u, v, trial, bell, beyond)
+                    cost = trend_cost(costs, u, v, trial, bell, beyond, every)
                     if cost < score:
                         score = cost
                         best[:] = trial
-    return score
+    return trend_cost(costs, u, v, best, bell, beyond)
 
 
 @njit(cache=True, nogil=True)

@@ -25,8 +25,8 @@ _SILENCE = 0.15
 # slopes of quadratics that are tried first, over half of a surface; slopes and bends of bells, in shares of their throw
 _SLOPES = np.array([-12.0, -6.0, 0.0, 6.0, 12.0])
 _BELL_SLOPES, _BELL_BENDS = np.array([-0.8, -0.4, 0.0, 0.4, 0.8]), np.array([0.0, 0.7, 1.5, 3.0])
-# how much better, in what misfits tell, a bell must match than a quadratic
-_CLEARLY = 0.005
+# throw from which on a bell is tried, and how much better, in what misfits tell, it must match than a quadratic
+_LEAST_BELL, _CLEARLY = 8.0, 0.005
 # how much better, in what misfits tell, a trend must match that lies so far from the throw expected, or farther
 _COMPANY, _AWAY = 0.06, 8.0
 
@@ -73,22 +73,32 @@ def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about:
     u, v = (2.0 * rows - middle[0]) / half[0], (2.0 * columns - middle[1]) / half[1]
     longest = cost.shape[2] // 2
     starts = np.arange(-longest + 2.0, longest - 1.0, 4.0) if longest > 3 else np.zeros(1)
-    terms, scores = np.zeros((len(starts), 6)), np.zeros(len(starts))
-    search_trends(costs, u, v, starts, _SLOPES, np.zeros(1), False, 1.5 * unmatched, 40, terms, scores)
+    terms, _ = _search(costs, u, v, starts, bell=False, level=unmatched)
     trends = np.array([_throws_of(term, u, v) for term in terms])
     costs[blind] = level = _level_of_chance(costs, blind, trends, unmatched)
     best, least, is_bell = terms[0], np.inf, False
-    for bell, slopes, bends in ((False, _SLOPES, np.zeros(1)), (True, _BELL_SLOPES, _BELL_BENDS)):
-        search_trends(costs, u, v, starts, slopes, bends, bell, 1.5 * level, 40, terms, scores)
+    for bell in (False, True):
+        terms, scores = _search(costs, u, v, starts, bell=bell, level=level)
         if about is not None:
-            away = np.abs(np.array([_throws_of(term, u, v, bell).mean() for term in terms]) - about)
+            away = np.abs(np.array([float(_throws_of(term, u, v, bell).mean()) for term in terms]) - about)
             scores += _COMPANY * np.minimum(away / _AWAY, 1.0)
-        if scores.min() < least:
-            best, least, is_bell = terms[scores.argmin()].copy(), scores.min() - _CLEARLY, bell
+        if len(scores) and scores.min() < least:
+            best, least, is_bell = terms[scores.argmin()], scores.min() - _CLEARLY, bell
     grid = np.indices(inside.shape).astype(np.float64)
     a, b = (grid[0] - middle[0]) / half[0], (grid[1] - middle[1]) / half[1]
     throws = _throws_of(best, a.ravel(), b.ravel(), is_bell).reshape(inside.shape)
     return np.asarray(np.clip(throws, -longest, longest), np.float32)
+
+
+def _search(
+    costs: Float32Array, u: Float64Array, v: Float64Array, starts: Float64Array, *, bell: bool, level: float
+) -> tuple[Float64Array, Float64Array]:
+    """Return the trends reached from starting throws, and their scores; of bells only from those large enough."""
+    slopes, bends = (_BELL_SLOPES, _BELL_BENDS) if bell else (_SLOPES, np.zeros(1))
+    starts = starts[np.abs(starts) >= _LEAST_BELL] if bell else starts
+    terms, scores = np.zeros((len(starts), 6)), np.zeros(len(starts))
+    search_trends(costs, u, v, starts, slopes, bends, bell, 1.5 * level, 40, terms, scores)
+    return terms, scores
 
 
 def _surprise(ratio: Any) -> Any:
