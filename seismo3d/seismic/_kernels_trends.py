@@ -7,8 +7,8 @@ from numba import njit, prange
 
 # logarithm of what a bell may grow by over its throw at 0, and the throw there below which it is level
 _MOST, _LEAST = 1.5, 0.5
-# places that tell which slopes and bends a bell begins with
-_ENOUGH = 200
+# places by which a bell is begun with and found: exponentials take their time
+_FEW, _ENOUGH = 100, 400
 
 
 @njit(cache=True, nogil=True)
@@ -45,12 +45,11 @@ def trend_cost(costs, u, v, terms, bell, beyond, every=1):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def _best_slopes(costs, u, v, start, slopes, bends, bell, beyond, best):  # type: ignore[no-untyped-def]
-    """Write the trend from a starting throw, with the best of the given slopes and bends; return its cost."""
+def _best_slopes(costs, u, v, start, slopes, bends, bell, beyond, every, best):  # type: ignore[no-untyped-def]
+    """Write the trend from a starting throw, with the best of the given slopes and bends."""
     trial = np.zeros(6)
     score = np.inf
     scale = start if bell else 1.0
-    every = max(len(costs) // _ENOUGH, 1) if bell else 1
     for c in range(len(bends)):
         for d in range(len(bends)):
             # the mean stays as it is
@@ -65,12 +64,11 @@ def _best_slopes(costs, u, v, start, slopes, bends, bell, beyond, best):  # type
                     if cost < score:
                         score = cost
                         best[:] = trial
-    return trend_cost(costs, u, v, best, bell, beyond)
 
 
 @njit(cache=True, nogil=True)
-def _descend(costs, u, v, bell, beyond, rounds, best, score):  # type: ignore[no-untyped-def]
-    """Change one term at a time, by steps that are halved where none helps; return the cost reached."""
+def _descend(costs, u, v, bell, beyond, rounds, every, best, score):  # type: ignore[no-untyped-def]
+    """Change one term at a time, by steps that are halved where none helps."""
     trial = np.empty(6)
     step = 6.0
     for _ in range(rounds):
@@ -84,7 +82,7 @@ def _descend(costs, u, v, bell, beyond, rounds, best, score):  # type: ignore[no
                     trial[0] -= change / 3.0
                 if bell and (trial[3] * trial[0] > 0.0 or trial[5] * trial[0] > 0.0):
                     continue
-                cost = trend_cost(costs, u, v, trial, bell, beyond)
+                cost = trend_cost(costs, u, v, trial, bell, beyond, every)
                 if cost < score - 1e-5:
                     score = cost
                     best[:] = trial
@@ -93,7 +91,6 @@ def _descend(costs, u, v, bell, beyond, rounds, best, score):  # type: ignore[no
             step *= 0.5
             if step < 1.4:
                 break
-    return score
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -103,10 +100,13 @@ def search_trends(costs, u, v, starts, slopes, bends, bell, beyond, rounds, term
     Tried first are these slopes, of bells in shares of the starting throw, and bends down by these shares of it. A bell
     never bends up.
     """
+    few, every = (max(len(costs) // _FEW, 1), max(len(costs) // _ENOUGH, 1)) if bell else (1, 1)
     for start in prange(len(starts)):
         best = np.zeros(6)
-        score = _best_slopes(costs, u, v, starts[start], slopes, bends, bell, beyond, best)
-        scores[start] = _descend(costs, u, v, bell, beyond, rounds, best, score)
+        _best_slopes(costs, u, v, starts[start], slopes, bends, bell, beyond, few, best)
+        score = trend_cost(costs, u, v, best, bell, beyond, every)
+        _descend(costs, u, v, bell, beyond, rounds, every, best, score)
+        scores[start] = trend_cost(costs, u, v, best, bell, beyond)
         for term in range(6):
             terms[start, term] = best[term]
 
