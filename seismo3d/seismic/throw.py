@@ -135,9 +135,9 @@ def measure_throw(
     Each side is read along the surface, a few traces off and carried to it along its dips. The throw at a place is how
     far the hanging wall there lies below its counterpart in the footwall today. For every throw the squared difference
     of the two is averaged over a small window and divided by their energy. The trend over the whole surface that costs
-    least, a quadratic or a bell, tells repeated reflectors apart; then the cheapest paths along rows and columns are added up
-    (semi-global matching [1]_) near the trend, which is fitted anew to what matched. Where the counterpart lies outside
-    the surface, as it does below the top of the cube, the throw is that of the bell through what matches.
+    least, a quadratic or a bell, tells repeated reflectors apart; then the cheapest paths along rows and columns are
+    added up (semi-global matching [1]_) near the trend, which is fitted anew to what matched. Where the counterpart
+    lies outside the surface, as it does below the top of the cube, the throw is that of the bell through what matches.
 
     Parameters
     ----------
