@@ -134,7 +134,7 @@ def refine_slip(
     """
     longest = float(max(1, sides.hanging.shape[1] - 1))
     known = np.where(inside, fit, 0.0).astype(np.float32)
-    field = smooth_about_bell(throw, known, partial(smooth_field, stiffness=settings.start))
+    field = smooth_about_bell(throw, known, partial(smooth_field, weights=known, stiffness=settings.start))
     field = np.clip(field, -longest, longest)
     return _refine(sides, field, share, inside, thin, settings.rounds, settings)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -300,9 +301,8 @@ def _match(
 
 def _trend_about_bell(throw: Float32Array, known: BoolArray, thin: int) -> Float32Array:
     """Return the trend around every place of the throws known, the bell through all of them taken off first."""
-    return smooth_about_bell(
-        throw, known.astype(np.float32), lambda values, _: local_trend(values, known, width=24.0 / thin)
-    )
+    around = partial(local_trend, known=known, width=24.0 / thin)
+    return smooth_about_bell(throw, known.astype(np.float32), around)
 
 
 def _costs(sides: Sides, settings: ThrowSettings) -> Float32Array:

@@ -56,7 +56,7 @@ def carry_on(throw: Float32Array, weight: Float32Array) -> Float32Array:
 
 
 def smooth_about_bell(
-    throw: Float32Array, weight: Float32Array, smooth: Callable[[Float32Array, Float32Array], Float32Array]
+    throw: Float32Array, weight: Float32Array, smooth: Callable[[Float32Array], Float32Array]
 ) -> Float32Array:
     """Smooth throws about the bell through them.
 
@@ -68,7 +68,7 @@ def smooth_about_bell(
     throw, weight
         As for :func:`carry_on`.
     smooth : callable
-        Takes values and their weights, and gives a smooth field of the same shape.
+        Takes values, and gives a smooth field of the same shape.
 
     Returns
     -------
@@ -77,8 +77,8 @@ def smooth_about_bell(
     """
     bell = fit_bell(throw, weight)
     if bell is None:
-        return smooth(throw, weight)
-    return (bell + smooth((throw - bell).astype(np.float32), weight)).astype(np.float32)
+        return smooth(throw)
+    return (bell + smooth((throw - bell).astype(np.float32))).astype(np.float32)
 
 
 def fit_bell(throw: Float32Array, weight: Float32Array) -> Float64Array | None:

@@ -80,7 +80,7 @@ def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about:
     for bell in (False, True):
         terms, scores = _search(costs, u, v, starts, bell=bell, level=level)
         if about is not None:
-            away = np.abs(np.array([float(_throws_of(term, u, v, bell).mean()) for term in terms]) - about)
+            away = np.abs(np.array([_throws_of(term, u, v, bell).mean() for term in terms]) - about)
             scores += _COMPANY * np.minimum(away / _AWAY, 1.0)
         if len(scores) and scores.min() < least:
             best, least, is_bell = terms[scores.argmin()], scores.min() - _CLEARLY, bell

@@ -91,6 +91,14 @@ def test_trend_cost_is_the_mean_over_places():
     assert trend_cost(costs, u, v, np.array([7.0, 0, 0, 0, 0, 0]), False, 9.0) == 9.0
 
 
+@pytest.mark.parametrize("bell", [False, True])
+def test_trend_cost_of_every_third_place_is_that_of_these_alone(rng, bell):
+    costs, (u, v) = rng.random((50, 21)), rng.uniform(-1, 1, (2, 50))
+    terms = np.array([6.0, 2.0, -1.0, -3.0, 0.5, -2.0])
+    alone = trend_cost(costs[::3].copy(), u[::3].copy(), v[::3].copy(), terms, bell, 9.0)
+    assert trend_cost(costs, u, v, terms, bell, 9.0, 3) == pytest.approx(alone)
+
+
 @pytest.mark.parametrize("first", [24.0, -24.0])
 def test_a_bell_has_the_slopes_and_bends_of_its_quadratic_in_the_middle(first):
     terms = np.array([first, 3.0, -5.0, -8.0, 2.0, -12.0]) * [1, 1, 1, np.sign(first), 1, np.sign(first)]
