@@ -55,8 +55,11 @@ class HistorySettings:
     least_match : float
         How well the sides of a fault must match where others are taken back, in parts of how well they do today: what
         is moved there is interpolated, and matches a little worse for that alone.
-    least_decay, most_decay : float
-        Share of a fault's slip that is lost a trace off it: less counts as nothing, and no more is believed.
+    lift_spread : float
+        How far the share of slip that a hanging wall took is expected to lie off one.
+    decay_odds, decay_spread : float
+        Logarithm of the odds that slip does not die away off a fault, before the layers are looked at; and how well
+        their tilts beside it tell which share is lost a trace, where nothing scatters.
     turn_deg, gap, around, overlap, roughness : float
         Two faults are parts of one where they strike alike within the first, lie no farther apart than the second, one
         covers no more than the fourth of the other, and one quadratic surface through both, within the third of each
@@ -77,8 +80,9 @@ class HistorySettings:
     least_area: float = 1500.0
     stiffness: float = 300.0
     least_match: float = 0.9
-    least_decay: float = 0.006
-    most_decay: float = 0.05
+    lift_spread: float = 0.2
+    decay_odds: float = 2.0
+    decay_spread: float = 0.006
     turn_deg: float = 20.0
     gap: float = 30.0
     around: float = 25.0

@@ -77,6 +77,8 @@ class FaultMotion:
     decay : float
         Share of the slip that is lost with the first trace off the surface, across the strike: it dies away to zero at
         twice the inverse of that, as a parabola does.
+    lift : float
+        Share of the slip that the hanging wall took; the footwall took the rest, the other way.
     """
 
     frame: Frame
@@ -88,6 +90,7 @@ class FaultMotion:
     hanging_side: int
     share: float
     decay: float = 0.0
+    lift: float = 1.0
 
     def height_at(self, s: Float64Array, samples: Float64Array) -> Float64Array:
         """Return w of the surface, straight on beyond the grid."""
@@ -100,6 +103,11 @@ class FaultMotion:
         """Return how far points of shape (n, 3) lie on the side of the hanging wall, across the strike."""
         s, samples, w = self.frame.lay(points)
         return self.hanging_side * (w - self.height_at(s, samples))
+
+    def throw_at(self, points: Float64Array) -> Float64Array:
+        """Return the throw where points of shape (n, 3), carried across the strike, lie on the surface."""
+        s, samples, _ = self.frame.lay(points)
+        return np.asarray(read_between(self.throw, s - self.first[0], samples - self.first[1]), np.float64)
 
     def apart_at(self, points: Float64Array) -> Float64Array:
         """Return how far points, carried across the strike onto the surface, are from where it was found."""
@@ -122,15 +130,15 @@ class FaultMotion:
         return found, self.hanging_side * off
 
     def undo(self, points: Float64Array) -> Float64Array:
-        """Return where points of shape (n, 3) lay before the fault moved; the footwall stays where it is."""
+        """Return where points of shape (n, 3) lay before the fault moved; a wall that did not move stays as it is."""
         s, samples, w = self.frame.lay(points)
         off = w - self.height_at(s, samples)
-        rows, columns = s - self.first[0], samples - self.first[1]
+        part = np.where(off * self.hanging_side > 0, self.lift, self.lift - 1.0)
         left = np.maximum(0.0, 1.0 - 0.5 * self.decay * np.abs(off)) ** 2
-        throw = np.where(off * self.hanging_side > 0, left * read_between(self.throw, rows, columns), 0)
-        s0, samples0 = s - self.share * throw, samples - throw
-        moved = self.frame.place(s0, samples0, self.height_at(s0, samples0) + off)
-        return np.where((off * self.hanging_side > 0)[:, None], moved, points)
+        moved = part * left * read_between(self.throw, s - self.first[0], samples - self.first[1])
+        s0, samples0 = s - self.share * moved, samples - moved
+        before = self.frame.place(s0, samples0, self.height_at(s0, samples0) + off)
+        return np.where((part != 0.0)[:, None], before, points)
 
 
 def undo_parts(parts: Sequence[FaultMotion], points: Float64Array) -> Float64Array:
@@ -141,12 +149,19 @@ def undo_parts(parts: Sequence[FaultMotion], points: Float64Array) -> Float64Arr
     """
     if len(parts) == 1:
         return parts[0].undo(points)
-    nearest = np.argmin([part.apart_at(points) for part in parts], axis=0)
+    nearest = nearest_parts(parts, points)
     before = points.copy()
     for number, part in enumerate(parts):
         mine = nearest == number
         before[mine] = part.undo(points[mine])
     return before
+
+
+def nearest_parts(parts: Sequence[FaultMotion], points: Float64Array) -> IntArray:
+    """Return the number of the part of a fault that was found nearest, along it, to each of some points."""
+    if len(parts) == 1:
+        return np.zeros(len(points), np.int64)
+    return np.asarray(np.argmin([part.apart_at(points) for part in parts], axis=0), np.int64)
 
 
 def find_motion(

@@ -23,6 +23,7 @@ from seismo3d.seismic.extending import ExtendSettings, extend_sheets
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
+from seismo3d.seismic.layer_strain import LayerSlopes, sample_slopes
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
 from seismo3d.seismic.misfit import NOISES, MisfitSettings
 from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
@@ -200,6 +201,7 @@ def trace_faults(
     if sheets:
         del slopes
         slopes = slopes_beside(volume, valid, sheets, dip=settings.dip, settings=settings.throw)
+    layers = sample_slopes(slopes, valid, sheets)
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
@@ -213,6 +215,7 @@ def trace_faults(
         sheets,
         today,
         lambda n: gather_sides(volume, valid, slopes, chosen[n], settings=settings.throw),
+        layers,
         settings,
         is_section=is_section,
     )
@@ -298,6 +301,7 @@ def finish_throws(
     sheets: list[Sheet],
     today: list[SheetThrow],
     read_sides: Callable[[int], SheetSides],
+    layers: LayerSlopes,
     settings: FaultSettings,
     *,
     is_section: bool,
@@ -305,7 +309,7 @@ def finish_throws(
     """Return the throws of faults when they moved; in a section, as they seem today."""
     if is_section:
         return today
-    return restore_throws(sheets, today, read_sides, settings=settings.throw, history=settings.history)
+    return restore_throws(sheets, today, read_sides, layers, settings=settings.throw, history=settings.history)
 
 
 def build_surfaces(

@@ -20,9 +20,9 @@ from seismo3d.seismic.fault_ages import (
     tell_strike_slips,
 )
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, enlarge, find_motion, undo_parts
+from seismo3d.seismic.layer_strain import LayerSlopes, tell_strains
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import are_near, bounds_of
-from seismo3d.seismic.slip_decay import find_decay
 from seismo3d.seismic.slip_direction import refine_free_slip
 from seismo3d.seismic.slip_fields import Sides, SlipField
 from seismo3d.seismic.throw import (
@@ -64,6 +64,7 @@ def restore_throws(
     sheets: list[Sheet],
     throws: list[SheetThrow],
     read_sides: Callable[[int], SheetSides],
+    layers: LayerSlopes,
     *,
     settings: ThrowSettings,
     history: HistorySettings,
@@ -72,10 +73,10 @@ def restore_throws(
 
     Faults that moved later have strained an older one, offset its parts, and taken what once touched to different
     places: what lies apart today is not what it threw. So the youngest fault is taken back first; the places of all
-    that is known to be older move with its hanging wall, the less the farther off where the tilt of its layers says
-    that slip dies away. What was read on the two sides of the next fault moves along; its parts come to lie on one
-    surface, are matched together, and it is taken back in turn. Where it has offset older ones they tell how far it
-    moved along its strike.
+    that is known to be older move with its walls, by the shares of its slip that the slopes of the layers around say
+    that each took, the less the farther off where slip dies away. What was read on the two sides of the next fault
+    moves along; its parts come to lie on one surface, are matched together, and it is taken back in turn. Where it has
+    offset older ones they tell how far it moved along its strike.
 
     Parameters
     ----------
@@ -85,6 +86,8 @@ def restore_throws(
         Their throws as they seem today.
     read_sides : callable
         Takes the number of a sheet, and gives its two sides as :func:`~seismo3d.seismic.throw.gather_sides` does.
+    layers : LayerSlopes
+        Slopes of the layers all over the cube.
     settings : ThrowSettings
         How sides are matched.
     history : HistorySettings
@@ -106,10 +109,22 @@ def restore_throws(
     places, areas = [parts[n].points(_EVERY) for n in known], [sheets[n].area for n in known]
     families = np.full(len(sheets), -1)
     families[known] = find_families(moved, places, areas, history)
+
+    def beside(number: int) -> tuple[SheetThrow, SheetSides, int]:
+        return throws[known[number]], read_sides(known[number]), sheets[known[number]].step
+
     slips = tell_strike_slips(moved, places, areas, families[known], history)
     moved = [slip.of(motion) for slip, motion in zip(slips, moved, strict=True)]
     younger = np.zeros((len(sheets), len(sheets)), bool)
     younger[np.ix_(known, known)] = order_faults(moved, places, areas, families[known], history)
+    strains = tell_strains(
+        moved,
+        families[known],
+        layers,
+        lambda n: (throws[known[n]], read_sides(known[n]), sheets[known[n]].step),
+        history,
+    )
+    strain = dict(zip(known, strains, strict=True))
     told, today = dict(zip(known, slips, strict=True)), dict(zip(known, moved, strict=True))
     found, undone = list(throws), _Undone(parts, younger, families, history.reach)
     for group in _groups(parts, known, undone, history):
@@ -120,8 +135,7 @@ def restore_throws(
         if not as_it_lies or told[first].share is not None:
             motion = _measure(group, parts, found, today, read, undone, settings, history, told[first]) or motion
         if motion is not None and younger[group].any():
-            decay = find_decay([(throws[n], read(n), sheets[n].step) for n in group], history)
-            undone.add(group, replace(motion, decay=decay))
+            undone.add(group, strain[first].of(motion))
     return found
 
 

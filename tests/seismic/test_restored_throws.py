@@ -10,6 +10,7 @@ from scipy import ndimage
 from seismo3d.seismic import restored_throws
 from seismo3d.seismic._kernels_restore import read_between, spread
 from seismo3d.seismic.fault_ages import HistorySettings
+from seismo3d.seismic.layer_strain import LayerSlopes
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.restored_throws import restore_throws
 from seismo3d.seismic.throw import ThrowSettings, gather_sides, match_sides
@@ -17,6 +18,7 @@ from seismo3d.synthetic import SyntheticFault, fault_cube
 
 SHAPE = (72, 72, 96)
 SETTINGS = ThrowSettings()
+NOWHERE = LayerSlopes(np.zeros((0, 3)), np.zeros((2, 0), np.float32))
 OLD = SyntheticFault((36, 36, 48), 0.0, 68.0, 9.0)
 YOUNG = SyntheticFault((36, 36, 48), 90.0, 66.0, 13.0, trend=(0.0, 0.006))
 
@@ -71,7 +73,7 @@ def error(sheet, throw, truth):
 def test_an_old_fault_is_measured_as_it_lay_before_the_young_one_moved():
     _, sheets = crossed()
     throws, read = measured(sheets)
-    found = restore_throws(sheets, throws, read, settings=SETTINGS, history=HistorySettings())
+    found = restore_throws(sheets, throws, read, NOWHERE, settings=SETTINGS, history=HistorySettings())
     today, then = (np.median(error(sheets[0], throw, 9.0)) for throw in (throws[0], found[0]))
     assert then < 0.4
     assert then < 0.6 * today
@@ -84,7 +86,7 @@ def test_the_offset_of_an_old_fault_tells_the_strike_slip_of_a_young_one():
     cube, sheets = crossed(118.0)
     throws, read = measured(sheets, 118.0)
     assert throws[1].strike_share == 0.0
-    found = restore_throws(sheets, throws, read, settings=SETTINGS, history=HistorySettings())
+    found = restore_throws(sheets, throws, read, NOWHERE, settings=SETTINGS, history=HistorySettings())
     slip = np.median(cube.slip[cube.faults[cube.faults > 0] == 2], axis=0)
     truth = slip[:2] @ sheets[1].along / slip[2]
     assert abs(truth) > 0.4
@@ -112,9 +114,9 @@ def test_places_that_match_today_lay_apart_by_what_is_not_taken_back():
 def test_the_order_of_the_sheets_does_not_matter():
     _, sheets = crossed()
     throws, read = measured(sheets)
-    found = restore_throws(sheets, throws, read, settings=SETTINGS, history=HistorySettings())
+    found = restore_throws(sheets, throws, read, NOWHERE, settings=SETTINGS, history=HistorySettings())
     turned = restore_throws(
-        sheets[::-1], throws[::-1], lambda n: read(1 - n), settings=SETTINGS, history=HistorySettings()
+        sheets[::-1], throws[::-1], lambda n: read(1 - n), NOWHERE, settings=SETTINGS, history=HistorySettings()
     )
     np.testing.assert_array_equal(found[0].throw, turned[1].throw)
 
@@ -125,7 +127,7 @@ def test_parts_of_a_fault_are_matched_together():
     pieces = [sheet_of(cube.faults == 2, 0, np.s_[:, part]) for part in (slice(0, 52), slice(56, 96))]
     throws, read = measured([*pieces])
     throws[1] = replace(throws[1], throw=np.where(np.isfinite(throws[1].throw), np.float32(-9.0), np.float32(np.nan)))
-    found = restore_throws(pieces, throws, read, settings=SETTINGS, history=HistorySettings())
+    found = restore_throws(pieces, throws, read, NOWHERE, settings=SETTINGS, history=HistorySettings())
     known = np.isfinite(found[1].throw)
     assert young.inside.sum() > known.sum() > 0
     assert np.median(found[1].throw[known]) > 11.0
@@ -137,9 +139,9 @@ def test_a_young_fault_found_in_parts_is_taken_back_once():
     throws, read = measured([sheets[0], *pieces])
     # by no roughness do they lie on one surface: each is measured by itself
     history = HistorySettings(roughness=0.0)
-    found = restore_throws([sheets[0], *pieces], throws, read, settings=SETTINGS, history=history)
+    found = restore_throws([sheets[0], *pieces], throws, read, NOWHERE, settings=SETTINGS, history=history)
     whole_throws, whole_read = measured(sheets)
-    whole = restore_throws(sheets, whole_throws, whole_read, settings=SETTINGS, history=HistorySettings())
+    whole = restore_throws(sheets, whole_throws, whole_read, NOWHERE, settings=SETTINGS, history=HistorySettings())
     assert np.median(error(sheets[0], found[0], 9.0)) < np.median(error(sheets[0], whole[0], 9.0)) + 0.1
 
 
@@ -147,8 +149,8 @@ def test_without_an_order_throws_are_those_of_today():
     _, sheets = crossed()
     throws, read = measured(sheets)
     history = HistorySettings(least_gain=np.inf)
-    assert restore_throws(sheets, throws, read, settings=SETTINGS, history=history) == throws
-    assert restore_throws([], [], read, settings=SETTINGS, history=history) == []
+    assert restore_throws(sheets, throws, read, NOWHERE, settings=SETTINGS, history=history) == throws
+    assert restore_throws([], [], read, NOWHERE, settings=SETTINGS, history=history) == []
 
 
 @pytest.mark.parametrize("beyond", [(-0.5, 1.0), (1.0, 4.0), (np.nan, 1.0)])

@@ -1,0 +1,321 @@
+"""What faults did to the layers around them: which share of the slip either wall took, and how it dies away."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d.seismic._kernels_strain import add_products
+from seismo3d.seismic.fault_ages import HistorySettings
+from seismo3d.seismic.fault_motion import FaultMotion, nearest_parts
+from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.throw import SheetSides, SheetThrow, mask_sheets
+
+# traces, traces and samples from one place to the next at which the layers' slopes are kept, and traces clear of faults
+_SPACING, _CLEAR = (4, 4, 8), 4
+# numbers that the terms of all faults may take: of many faults fewer places are used
+_MOST = 10_000_000
+# voxels within which slopes are no independent of each other, and places that it takes to tell anything
+_ALIKE, _LEAST_PLACES = 12_800.0, 200
+# distance, in traces, over which slopes of what a fault did are taken
+_APART = 2.0
+# shares of the slip that are lost a trace off a fault, among which that is found that fits best
+_DECAYS = np.array([0.0, 0.004, 0.008, 0.012, 0.017, 0.023, 0.03])
+# rounds of robust fits, and of trying all decays of all faults in each; where its weight falls off, in spreads
+_ROUNDS, _SWEEPS, _SPREADS = 4, 4, 2.0
+# fit from which on a throw counts, smallest throw that tells, how many places it takes, and how many tell as one
+_FITS, _TELLS, _LEAST_BESIDE, _FEW = 0.5, 1.0, 100, 30.0
+# at most so much, as a logarithm of odds, speak the tilts beside a fault for or against a decay
+_MOST_ODDS = 6.0
+
+
+class LayerSlopes(NamedTuple):
+    """Slopes of the layers at places spread over a cube, clear of its faults.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n, 3), float64
+        Places, in the order of the cube's axes.
+    slopes : ndarray of shape (2, n), float32
+        How much deeper layers lie an inline, and a crossline, farther on, in samples.
+    """
+
+    points: Float64Array
+    slopes: Float32Array
+
+
+@dataclass(frozen=True, slots=True)
+class Strain:
+    """How a fault moved what lies on its two sides.
+
+    Attributes
+    ----------
+    lift : float
+        Share of the slip that the hanging wall took, 0.5 to 1; the footwall took the rest, the other way.
+    decay : float
+        Share of the slip that is lost with the first trace off it.
+    """
+
+    lift: float = 1.0
+    decay: float = 0.0
+
+    def of(self, motion: FaultMotion) -> FaultMotion:
+        """Return a motion with this strain."""
+        return replace(motion, lift=self.lift, decay=self.decay)
+
+
+def sample_slopes(
+    slopes: tuple[Float32Array, Float32Array],
+    valid: BoolArray,
+    sheets: list[Sheet],
+    *,
+    corner: tuple[int, int] = (0, 0),
+) -> LayerSlopes:
+    """Keep the slopes of a cube, or of a block that begins at a corner, at places where there are data and no sheet.
+
+    The places are every so many traces and samples of the cube, so that blocks give those of the whole.
+    """
+    clear = mask_sheets(sheets, valid, beside=_CLEAR, corner=corner)
+    first = np.array([-corner[0] % _SPACING[0], -corner[1] % _SPACING[1], _SPACING[2]])
+    end = max(valid.shape[2] - _SPACING[2], 0)
+    at = np.s_[first[0] :: _SPACING[0], first[1] :: _SPACING[1], first[2] : end : _SPACING[2]]
+    places = np.argwhere(clear[at])
+    points = (places * np.array(_SPACING) + first + np.array((*corner, 0))).astype(np.float64)
+    return LayerSlopes(points, np.stack([slope[at][tuple(places.T)] for slope in slopes]))
+
+
+def tell_strains(
+    motions: list[FaultMotion],
+    families: IntArray,
+    layers: LayerSlopes,
+    beside: Callable[[int], tuple[SheetThrow, SheetSides, int]],
+    settings: HistorySettings,
+) -> list[Strain]:
+    r"""Tell which share of its slip each wall of a fault took, and how slip dies away off it.
+
+    Where a fault has thrown layers by :math:`T`, which changes along it, those of the hanging wall lie deeper than
+    before by :math:`\lambda T g`, and those of the footwall higher by :math:`(1 - \lambda) T g`, if the hanging wall
+    took the share :math:`\lambda` and :math:`g = (1 - c\,d / 2)^2` is left at a distance :math:`d` (rollover and
+    footwall uplift [1]_ [2]_). So the slopes of layers around all faults are fitted at once, robustly, by those of what
+    each did on either side and of a quadratic that grows with depth, as layers lay before. :math:`\lambda` is found by
+    least squares, held at 1 where slopes do not tell; :math:`c` is the best of a few. By
+    :math:`(2\lambda - 1)\,c\,T` a trace more layers tilt in the hanging wall than in the footwall where they came from:
+    close to the fault that is seen even where layers are folded, and counts as well.
+
+    Parameters
+    ----------
+    motions : list of FaultMotion
+        The faults, or parts of them, as they lie today.
+    families : ndarray of shape (part,), int64
+        Which are parts of one.
+    layers : LayerSlopes
+        Slopes of the layers around them.
+    beside : callable
+        Takes the number of a part, and gives its throw as it seems today, its two sides, and every how many samples
+        its sheet has a node.
+    settings : HistorySettings
+        How firmly it is held that the hanging wall alone moved, all of it alike.
+
+    Returns
+    -------
+    list of Strain
+        One for each part.
+
+    References
+    ----------
+    .. [1] W. K. Hamblin, Geological Society of America Bulletin 76(10), 1145-1164, 1965.
+    .. [2] J. A. Jackson, D. P. McKenzie, Journal of Structural Geology 5(5), 471-482, 1983.
+    """
+    if not motions:
+        return []
+    n_families = int(families.max()) + 1
+    parts = [np.flatnonzero(families == family).tolist() for family in range(n_families)]
+    near = [_Beside.of([beside(n) for n in members]) for members in parts]
+    layers = _thinned(layers, n_families)
+    if len(layers.points) < _LEAST_PLACES:
+        layers = LayerSlopes(layers.points[:0], layers.slopes[:, :0])
+    walls = [_terms_of([motions[n] for n in members], layers.points) for members in parts]
+    terms = np.concatenate([np.concatenate(walls), _regional_terms(layers.points)])
+    slopes = np.ascontiguousarray(layers.slopes.astype(np.float32).reshape(-1))
+    lifts, decays = _fit(terms, slopes, near, settings)
+    # what threads leave in the last bits must not go on from here
+    told = [
+        Strain(round(float(np.clip(lift, 0.5, 1.0)), 4), float(_DECAYS[n]))
+        for lift, n in zip(lifts, decays, strict=True)
+    ]
+    return [told[family] for family in families]
+
+
+def _thinned(layers: LayerSlopes, n_families: int) -> LayerSlopes:
+    """Return fewer places where faults are many."""
+    most = max(1, _MOST // (4 * len(_DECAYS) * n_families))
+    every = -(-len(layers.points) // most)
+    return layers if every <= 1 else LayerSlopes(layers.points[::every], layers.slopes[:, ::every])
+
+
+def _terms_of(parts: list[FaultMotion], points: Float64Array) -> Float32Array:
+    """Return the slopes of what a fault did, of a slip as large as its throw: (decay and wall, direction and place).
+
+    For each decay there are two terms: those of the hanging wall moved down alone, and of the footwall moved up alone.
+    """
+    off = _throw_around(parts, points)[1]
+    out = np.zeros((len(_DECAYS), 2, 2, len(points)), np.float32)
+    for axis in (0, 1):
+        step = np.zeros(3)
+        step[axis] = _APART
+        (above, before), (below, after) = (_throw_around(parts, points + sign * step) for sign in (1.0, -1.0))
+        one_wall = (before > 0.0) == (after > 0.0)
+        for n, decay in enumerate(_DECAYS):
+            change = (above * _left(before, decay) - below * _left(after, decay)) / (2.0 * _APART)
+            out[n, 0, axis] = np.where((off > 0.0) & one_wall, change, 0.0)
+            out[n, 1, axis] = np.where((off <= 0.0) & one_wall, -change, 0.0)
+    return out.reshape(2 * len(_DECAYS), -1)
+
+
+def _left(off: Float64Array, decay: float) -> Float64Array:
+    """Return the share of slip that is left at some distances."""
+    return np.asarray(np.maximum(0.0, 1.0 - 0.5 * decay * np.abs(off)) ** 2)
+
+
+def _throw_around(parts: list[FaultMotion], points: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Return the throw of a fault, carried across its strike to points, and how far on the hanging side they lie."""
+    nearest = nearest_parts(parts, points)
+    thrown, off = np.zeros(len(points)), np.zeros(len(points))
+    for number, part in enumerate(parts):
+        mine = nearest == number
+        thrown[mine], off[mine] = part.throw_at(points[mine]), part.side(points[mine])
+    return thrown, off
+
+
+def _regional_terms(points: Float64Array) -> Float32Array:
+    """Return the slopes of quadratics over a cube, alike at all depths and growing with it, as no fault made them."""
+    middle = 0.5 * (points.max(axis=0) + points.min(axis=0)) if len(points) else np.zeros(3)
+    half = np.maximum(0.5 * np.ptp(points, axis=0), 1.0) if len(points) else np.ones(3)
+    i, x, s = ((points - middle) / half).T
+    one, none = np.ones_like(i), np.zeros_like(i)
+    level = [(one, none), (none, one), (2.0 * i, none), (x, i), (none, 2.0 * x)]
+    return np.array([np.concatenate([grows * a, grows * b]) for grows in (one, s) for a, b in level], np.float32)
+
+
+class _Beside(NamedTuple):
+    """How much more layers tilt in the hanging wall than in the footwall, by throw, and the variance of that."""
+
+    tilt: float
+    variance: float
+
+    @staticmethod
+    def of(parts: Sequence[tuple[SheetThrow, SheetSides, int]]) -> _Beside:
+        """Return what is seen close to the parts of a fault; of infinite variance where that is next to nothing."""
+        found = [_tilt_by_throw(*part) for part in parts]
+        tilt, throw, weight = (np.concatenate([part[k] for part in found]) for k in range(3))
+        if len(tilt) < _LEAST_BESIDE:
+            return _Beside(0.0, np.inf)
+        factor, spread, weights = 0.0, 0.0, weight
+        for _ in range(8):
+            factor = -float((weights * tilt * throw).sum()) / float((weights * throw**2).sum())
+            left = tilt + factor * throw
+            spread = 1.4826 * float(np.median(np.abs(left))) + 1e-4
+            weights = weight / (1.0 + (left / (2.0 * spread)) ** 2)
+        energy = float((weights * throw**2).sum() / weights.sum())
+        # more than the most that is tried speaks for that
+        return _Beside(min(factor, float(_DECAYS[-1])), spread**2 / (energy * _FEW))
+
+    def odds_against(self, lift: float, decay: float, spread: float) -> float:
+        """Return the logarithm of the odds against a strain."""
+        wrong = (2.0 * lift - 1.0) * decay - self.tilt
+        return min(0.5 * wrong**2 / (spread**2 + self.variance), _MOST_ODDS)
+
+
+def _tilt_by_throw(throw: SheetThrow, sides: SheetSides, step: int) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Return how much more layers tilt in the hanging wall than where they came from, the throw, and its weight."""
+    rows, columns = np.nonzero(np.isfinite(throw.throw) & (throw.fit > _FITS) & (np.abs(throw.throw) > _TELLS))
+    thrown, fit = (values[rows, columns].astype(np.float64) for values in (throw.throw, throw.fit))
+    below = columns * step
+    above = np.rint(below - thrown).astype(np.int64)
+    n_samples = sides.tilts.shape[2]
+    inside = (below < n_samples) & (above >= 0) & (above < n_samples)
+    rows, below, above, thrown, fit = (values[inside] for values in (rows, below, above, thrown, fit))
+    up = 1 if throw.hanging_side > 0 else 0
+    hanging, foot = ((side, rows, at) for side, at in ((up, below), (1 - up, above)))
+    known = (sides.known[hanging] > 0.0) & (sides.known[foot] > 0.0)
+    tilt = throw.hanging_side * (sides.tilts[hanging].astype(np.float64) - sides.tilts[foot])
+    return tilt[known], thrown[known], fit[known] ** 2
+
+
+def _fit(
+    terms: Float32Array, slopes: Float32Array, near: list[_Beside], settings: HistorySettings
+) -> tuple[Float64Array, IntArray]:
+    """Return the lift of each fault, and the number of its decay, that fit slopes best."""
+    decays = np.zeros(len(near), np.int64)
+    weights = np.ones(len(slopes))
+    spread = _spread(slopes - np.median(slopes)) if len(slopes) else 1.0
+    lifts = np.ones(len(near))
+    for _ in range(_ROUNDS if len(slopes) else 1):
+        matrix, right = np.zeros((len(terms), len(terms))), np.zeros(len(terms))
+        energy = add_products(terms, slopes, weights, matrix, right)
+        system = _System(matrix, right, energy, spread**2 * _ALIKE / float(np.prod(_SPACING)), near, settings)
+        for _ in range(_SWEEPS):
+            before = decays.copy()
+            for fault in range(len(near)):
+                tried = [np.where(np.arange(len(near)) == fault, n, decays) for n in range(len(_DECAYS))]
+                decays = min(tried, key=lambda numbers: system.solve(numbers)[2])
+            if (decays == before).all():
+                break
+        lifts, factors, _ = system.solve(decays)
+        if len(slopes):
+            left = slopes - np.tensordot(factors.astype(np.float32), terms[system.chosen(decays)], 1)
+            spread = _spread(left)
+            weights = 1.0 / (1.0 + (left.astype(np.float64) / (_SPREADS * spread)) ** 2)
+    return lifts, decays
+
+
+def _spread(left: Float32Array) -> float:
+    return 1.4826 * float(np.median(np.abs(left))) + 1e-4
+
+
+class _System:
+    """Sums of products of all terms, solved for the lifts of faults at given decays."""
+
+    def __init__(
+        self, matrix: Float64Array, right: Float64Array, energy: float, variance: float, near: list[_Beside],
+        settings: HistorySettings,
+    ) -> None:  # fmt: skip
+        n = len(near)
+        self._matrix, self._right, self._energy, self._variance = matrix, right, energy, variance
+        self._near, self._settings = near, settings
+        n_regional = len(right) - 2 * n * len(_DECAYS)
+        # each fault has one factor, its lift: what the footwall took is what that leaves of one
+        self._spread_out = np.zeros((2 * n + n_regional, n + n_regional))
+        self._spread_out[np.arange(n), np.arange(n)] = 1.0
+        self._spread_out[n + np.arange(n), np.arange(n)] = -1.0
+        self._spread_out[2 * n + np.arange(n_regional), n + np.arange(n_regional)] = 1.0
+        self._one = np.zeros(2 * n + n_regional)
+        self._one[n : 2 * n] = 1.0
+        self._expected = np.concatenate([np.ones(n), np.zeros(n_regional)])
+        held = variance / settings.lift_spread**2
+        self._ridge = np.concatenate([np.full(n, held), np.full(n_regional, 1e-3 * min(held, 1.0))])
+
+    def chosen(self, decays: IntArray) -> IntArray:
+        """Return the numbers of the terms that count at some decays: hanging walls, footwalls, layers as they lay."""
+        n = len(decays)
+        hanging = 2 * (np.arange(n) * len(_DECAYS) + decays)
+        return np.concatenate([hanging, hanging + 1, np.arange(2 * n * len(_DECAYS), len(self._right))])
+
+    def solve(self, decays: IntArray) -> tuple[Float64Array, Float64Array, float]:
+        """Return the lifts, the factors of the chosen terms, and the logarithm of the odds against these decays."""
+        at = self.chosen(decays)
+        matrix, right, out = self._matrix[np.ix_(at, at)], self._right[at], self._spread_out
+        normal = out.T @ matrix @ out + np.diag(self._ridge)
+        found = np.linalg.solve(normal, out.T @ (right - matrix @ self._one) + self._ridge * self._expected)
+        factors = out @ found + self._one
+        left = self._energy + factors @ matrix @ factors - 2.0 * factors @ right
+        left += float((self._ridge * (found - self._expected) ** 2).sum())
+        lifts = found[: len(decays)]
+        odds = 0.5 * left / self._variance + self._settings.decay_odds * float((decays > 0).sum())
+        for near, lift, n in zip(self._near, np.clip(lifts, 0.5, 1.0), decays, strict=True):
+            odds += near.odds_against(float(lift), float(_DECAYS[n]), self._settings.decay_spread)
+        return lifts, factors, float(odds)
