@@ -201,7 +201,7 @@ def trace_faults(
     if sheets:
         del slopes
         slopes = slopes_beside(volume, valid, sheets, dip=settings.dip, settings=settings.throw)
-    layers = sample_slopes(slopes, valid, sheets)
+    layers = sample_slopes(slopes, valid, sheets, volume.shape)
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))

@@ -16,9 +16,10 @@ from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.throw import SheetSides, SheetThrow, mask_sheets
 
 # traces, traces and samples from one place to the next at which the layers' slopes are kept, and traces clear of faults
-_SPACING, _CLEAR = (4, 4, 8), 4
-# numbers that the terms of all faults may take: of many faults fewer places are used
-_MOST = 10_000_000
+_SPACING, _CLEAR = np.array([4, 4, 8]), 4
+# places at which slopes are kept at most: of a larger cube they lie farther apart; and numbers that the terms of all
+# faults may take: of many faults fewer places are used
+_MOST_PLACES, _MOST = 262_144, 10_000_000
 # voxels within which slopes are no independent of each other, and places that it takes to tell anything
 _ALIKE, _LEAST_PLACES = 12_800.0, 200
 # distance, in traces, over which slopes of what a fault did are taken
@@ -42,10 +43,13 @@ class LayerSlopes(NamedTuple):
         Places, in the order of the cube's axes.
     slopes : ndarray of shape (2, n), float32
         How much deeper layers lie an inline, and a crossline, farther on, in samples.
+    voxels : int
+        Voxels of the cube for one place.
     """
 
     points: Float64Array
     slopes: Float32Array
+    voxels: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,20 +76,33 @@ def sample_slopes(
     slopes: tuple[Float32Array, Float32Array],
     valid: BoolArray,
     sheets: list[Sheet],
+    shape: tuple[int, ...],
     *,
     corner: tuple[int, int] = (0, 0),
 ) -> LayerSlopes:
-    """Keep the slopes of a cube, or of a block that begins at a corner, at places where there are data and no sheet.
+    """Keep the slopes of a cube of some shape, or of a block of it, at places where there are data and no sheet.
 
-    The places are every so many traces and samples of the cube, so that blocks give those of the whole.
+    The places are every so many traces and samples of the cube, so that blocks, of which each begins at a corner, give
+    those of the whole.
     """
+    apart = int(np.ceil(np.cbrt(np.prod(shape, dtype=np.float64) / np.prod(_SPACING) / _MOST_PLACES)))
+    spacing = _SPACING * max(apart, 1)
     clear = mask_sheets(sheets, valid, beside=_CLEAR, corner=corner)
-    first = np.array([-corner[0] % _SPACING[0], -corner[1] % _SPACING[1], _SPACING[2]])
-    end = max(valid.shape[2] - _SPACING[2], 0)
-    at = np.s_[first[0] :: _SPACING[0], first[1] :: _SPACING[1], first[2] : end : _SPACING[2]]
+    first = np.array([-corner[0] % spacing[0], -corner[1] % spacing[1], spacing[2]])
+    end = max(valid.shape[2] - int(_SPACING[2]), 0)
+    at = tuple(
+        np.s_[a : z : int(every)] for a, z, every in zip(first.tolist(), (None, None, end), spacing, strict=True)
+    )
     places = np.argwhere(clear[at])
-    points = (places * np.array(_SPACING) + first + np.array((*corner, 0))).astype(np.float64)
-    return LayerSlopes(points, np.stack([slope[at][tuple(places.T)] for slope in slopes]))
+    points = (places * spacing + first + np.array((*corner, 0))).astype(np.float64)
+    return LayerSlopes(points, np.stack([slope[at][tuple(places.T)] for slope in slopes]), int(np.prod(spacing)))
+
+
+def join_slopes(parts: Sequence[LayerSlopes]) -> LayerSlopes:
+    """Put together what was kept of the blocks of a cube."""
+    points, slopes = (np.concatenate([part[k] for part in parts], axis=k) for k in (0, 1))
+    order = np.lexsort(points.T[::-1])
+    return LayerSlopes(points[order], slopes[:, order], parts[0].voxels)
 
 
 def tell_strains(
@@ -137,11 +154,11 @@ def tell_strains(
     near = [_Beside.of([beside(n) for n in members]) for members in parts]
     layers = _thinned(layers, n_families)
     if len(layers.points) < _LEAST_PLACES:
-        layers = LayerSlopes(layers.points[:0], layers.slopes[:, :0])
+        layers = LayerSlopes(layers.points[:0], layers.slopes[:, :0], layers.voxels)
     walls = [_terms_of([motions[n] for n in members], layers.points) for members in parts]
     terms = np.concatenate([np.concatenate(walls), _regional_terms(layers.points)])
     slopes = np.ascontiguousarray(layers.slopes.astype(np.float32).reshape(-1))
-    lifts, decays = _fit(terms, slopes, near, settings)
+    lifts, decays = _fit(terms, slopes, max(_ALIKE / layers.voxels, 1.0), near, settings)
     # what threads leave in the last bits must not go on from here
     told = [
         Strain(round(float(np.clip(lift, 0.5, 1.0)), 4), float(_DECAYS[n]))
@@ -153,8 +170,8 @@ def tell_strains(
 def _thinned(layers: LayerSlopes, n_families: int) -> LayerSlopes:
     """Return fewer places where faults are many."""
     most = max(1, _MOST // (4 * len(_DECAYS) * n_families))
-    every = -(-len(layers.points) // most)
-    return layers if every <= 1 else LayerSlopes(layers.points[::every], layers.slopes[:, ::every])
+    every = max(1, -(-len(layers.points) // most))
+    return LayerSlopes(layers.points[::every], layers.slopes[:, ::every], layers.voxels * every)
 
 
 def _terms_of(parts: list[FaultMotion], points: Float64Array) -> Float32Array:
@@ -247,9 +264,9 @@ def _tilt_by_throw(throw: SheetThrow, sides: SheetSides, step: int) -> tuple[Flo
 
 
 def _fit(
-    terms: Float32Array, slopes: Float32Array, near: list[_Beside], settings: HistorySettings
+    terms: Float32Array, slopes: Float32Array, alike: float, near: list[_Beside], settings: HistorySettings
 ) -> tuple[Float64Array, IntArray]:
-    """Return the lift of each fault, and the number of its decay, that fit slopes best."""
+    """Return the lift of each fault, and the number of its decay, that fit slopes best, of which some tell as one."""
     decays = np.zeros(len(near), np.int64)
     weights = np.ones(len(slopes))
     spread = _spread(slopes - np.median(slopes)) if len(slopes) else 1.0
@@ -257,7 +274,7 @@ def _fit(
     for _ in range(_ROUNDS if len(slopes) else 1):
         matrix, right = np.zeros((len(terms), len(terms))), np.zeros(len(terms))
         energy = add_products(terms, slopes, weights, matrix, right)
-        system = _System(matrix, right, energy, spread**2 * _ALIKE / float(np.prod(_SPACING)), near, settings)
+        system = _System(matrix, right, energy, spread**2 * alike, near, settings)
         for _ in range(_SWEEPS):
             before = decays.copy()
             for fault in range(len(near)):

@@ -15,7 +15,7 @@ from seismo3d.seismic._kernels_strain import add_products
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.fault_motion import FaultMotion, Frame
 from seismo3d.seismic.faults import FaultSettings
-from seismo3d.seismic.layer_strain import LayerSlopes, Strain, sample_slopes, tell_strains
+from seismo3d.seismic.layer_strain import LayerSlopes, Strain, join_slopes, sample_slopes, tell_strains
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.scores import throw_score
 from seismo3d.seismic.throw import SheetSides, SheetThrow
@@ -29,7 +29,7 @@ SILENT = (
     SheetSides(*(np.zeros((2, 2, 3), np.float32) for _ in range(3))),
     STEP,
 )
-NOWHERE = LayerSlopes(np.zeros((0, 3)), np.zeros((2, 0), np.float32))
+NOWHERE = LayerSlopes(np.zeros((0, 3)), np.zeros((2, 0), np.float32), 128)
 
 
 def bell(*, across: tuple[float, float] = (0.0, 1.0), at: float = 48.0, throw: float = 20.0) -> FaultMotion:
@@ -56,7 +56,7 @@ def strained(rng: np.random.Generator, motions: list[FaultMotion], *, scatter: f
 
     steps = 0.5 * np.eye(3)[:2]
     slopes = np.stack([depth(step) - depth(-step) for step in steps])
-    return LayerSlopes(points, (slopes + scatter * rng.standard_normal(slopes.shape)).astype(np.float32))
+    return LayerSlopes(points, (slopes + scatter * rng.standard_normal(slopes.shape)).astype(np.float32), 125)
 
 
 @pytest.mark.parametrize(("lift", "decay"), [(1.0, 0.0), (1.0, 0.017), (0.5, 0.03), (0.7, 0.017), (0.5, 0.008)])
@@ -195,30 +195,35 @@ def test_each_wall_is_moved_back_by_its_share_and_less_farther_off() -> None:
         np.testing.assert_allclose(points[:, 1], back[:, 1], atol=1e-9)
 
 
-def test_blocks_keep_the_slopes_of_the_whole(rng: np.random.Generator) -> None:
+@pytest.mark.parametrize(("most", "spacing"), [(10**6, 4), (100, 8)])
+def test_blocks_keep_the_slopes_of_the_whole(
+    rng: np.random.Generator, most: int, spacing: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(layer_strain, "_MOST_PLACES", most)
     shape = (37, 42, 53)
     slopes = tuple(rng.standard_normal(shape).astype(np.float32) for _ in range(2))
     valid = rng.random(shape) > 0.1
     w = np.full((60, 27), 3.0, np.float32)
     sheet = Sheet(np.array([20.0, 18.0]), np.array([0.6, 0.8]), 0, 2, -30.0, w, np.ones_like(w))
-    whole = sample_slopes((slopes[0], slopes[1]), valid, [sheet])
+    whole = sample_slopes((slopes[0], slopes[1]), valid, [sheet], shape)
     i, x, s = whole.points.astype(int).T
     np.testing.assert_array_equal(whole.slopes, [slope[i, x, s] for slope in slopes])
     assert valid[i, x, s].all()
     off = (whole.points[:, :2] - sheet.origin) @ sheet.across - 3.0
     assert np.abs(off).min() > 4.0
-    assert set(i % 4) == set(x % 4) == set(s % 8) == {0}
-    assert s.min() == 8
+    assert set(i % spacing) == set(x % spacing) == set(s % (2 * spacing)) == {0}
+    assert s.min() == 2 * spacing
     assert s.max() < 45
+    assert len(s) < most
     found = []
     for i0, i1 in ((0, 10), (10, 37)):
         for x0, x1 in ((0, 21), (21, 42)):
             box = np.s_[i0:i1, x0:x1]
-            found.append(sample_slopes((slopes[0][box], slopes[1][box]), valid[box], [sheet], corner=(i0, x0)))
-    points = np.concatenate([part.points for part in found])
-    order = np.lexsort(points.T[::-1])
-    np.testing.assert_array_equal(points[order], whole.points)
-    np.testing.assert_array_equal(np.concatenate([part.slopes for part in found], axis=1)[:, order], whole.slopes)
+            found.append(sample_slopes((slopes[0][box], slopes[1][box]), valid[box], [sheet], shape, corner=(i0, x0)))
+    joined = join_slopes(found)
+    np.testing.assert_array_equal(joined.points, whole.points)
+    np.testing.assert_array_equal(joined.slopes, whole.slopes)
+    assert joined.voxels == whole.voxels == spacing**2 * 2 * spacing
 
 
 def test_products_are_numpy_s_and_do_not_depend_on_threads(rng: np.random.Generator) -> None:

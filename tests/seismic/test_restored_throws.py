@@ -18,7 +18,7 @@ from seismo3d.synthetic import SyntheticFault, fault_cube
 
 SHAPE = (72, 72, 96)
 SETTINGS = ThrowSettings()
-NOWHERE = LayerSlopes(np.zeros((0, 3)), np.zeros((2, 0), np.float32))
+NOWHERE = LayerSlopes(np.zeros((0, 3)), np.zeros((2, 0), np.float32), 128)
 OLD = SyntheticFault((36, 36, 48), 0.0, 68.0, 9.0)
 YOUNG = SyntheticFault((36, 36, 48), 90.0, 66.0, 13.0, trend=(0.0, 0.006))
 

@@ -17,7 +17,7 @@ from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.choosing import choose_faults, end_where_still
 from seismo3d.seismic.doubles import part_doubles
 from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws
-from seismo3d.seismic.layer_strain import LayerSlopes, sample_slopes
+from seismo3d.seismic.layer_strain import LayerSlopes, join_slopes, sample_slopes
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.placing import place_sheet, read_profile
 from seismo3d.seismic.throw import (
@@ -58,18 +58,14 @@ def beside(run: BlockRun, number: int) -> None:
     )
     for name, slope in zip(("beside_p", "beside_q"), slopes, strict=True):
         run.store.write(name, box, slope)
-    layers = sample_slopes(slopes, valid, sheets, corner=(box.i0, box.j0))
-    run.write_part("beside", number, layers._asdict())
+    layers = sample_slopes(slopes, valid, sheets, run.plan.shape, corner=(box.i0, box.j0))
+    run.write_part("beside", number, {"points": layers.points, "slopes": layers.slopes}, meta=layers.voxels)
 
 
-def _gathered_layers(run: BlockRun) -> LayerSlopes:
-    """Return the slopes kept of all blocks, in the order of the cube's axes."""
-    found = [run.read_part("beside", number)[0] for number in range(len(run.plan.tiling("dip")))]
-    points, slopes = (
-        np.concatenate([part[name] for part in found], axis=axis) for name, axis in (("points", 0), ("slopes", 1))
-    )
-    order = np.lexsort(points.T[::-1])
-    return LayerSlopes(points[order], slopes[:, order])
+def _joined_slopes(run: BlockRun) -> LayerSlopes:
+    """Return the slopes that were kept of all blocks."""
+    parts = (run.read_part("beside", number) for number in range(len(run.plan.tiling("dip"))))
+    return join_slopes([LayerSlopes(found["points"], found["slopes"], voxels) for found, voxels in parts])
 
 
 def sides(run: BlockRun, number: int) -> None:
@@ -135,7 +131,7 @@ def choice_facts(run: BlockRun) -> None:
     sheets, today = [moving[number][0] for number in numbers], [moving[number][1] for number in numbers]
     throws = finish_throws(
         sheets, today,
-        lambda n: _joined_sides(run, candidates[numbers[n]], numbers[n]), _gathered_layers(run), run.settings,
+        lambda n: _joined_sides(run, candidates[numbers[n]], numbers[n]), _joined_slopes(run), run.settings,
         is_section=1 in run.plan.shape[:2],
     )  # fmt: skip
     run.write_fact(
