@@ -175,9 +175,10 @@ def _thinned(layers: LayerSlopes, n_families: int) -> LayerSlopes:
 
 
 def _terms_of(parts: list[FaultMotion], points: Float64Array) -> Float32Array:
-    """Return the slopes of what a fault did, of a slip as large as its throw: (decay and wall, direction and place).
+    """Return the slopes of what a fault did: (decay and part of it, direction and place).
 
-    For each decay there are two terms: those of the hanging wall moved down alone, and of the footwall moved up alone.
+    For each decay there are two terms: those of both walls moved down by all of the slip, which its lift counts, and of
+    the footwall moved up by all of it.
     """
     off = _throw_around(parts, points)[1]
     out = np.zeros((len(_DECAYS), 2, 2, len(points)), np.float32)
@@ -188,7 +189,7 @@ def _terms_of(parts: list[FaultMotion], points: Float64Array) -> Float32Array:
         one_wall = (before > 0.0) == (after > 0.0)
         for n, decay in enumerate(_DECAYS):
             change = (above * _left(before, decay) - below * _left(after, decay)) / (2.0 * _APART)
-            out[n, 0, axis] = np.where((off > 0.0) & one_wall, change, 0.0)
+            out[n, 0, axis] = np.where(one_wall, change, 0.0)
             out[n, 1, axis] = np.where((off <= 0.0) & one_wall, -change, 0.0)
     return out.reshape(2 * len(_DECAYS), -1)
 
@@ -270,7 +271,7 @@ def _fit(
     decays = np.zeros(len(near), np.int64)
     weights = np.ones(len(slopes))
     spread = _spread(slopes - np.median(slopes)) if len(slopes) else 1.0
-    lifts = np.ones(len(near))
+    factors = np.ones(len(near))
     for _ in range(_ROUNDS if len(slopes) else 1):
         matrix, right = np.zeros((len(terms), len(terms))), np.zeros(len(terms))
         energy = add_products(terms, slopes, weights, matrix, right)
@@ -279,18 +280,19 @@ def _fit(
             before = decays.copy()
             for fault in range(len(near)):
                 tried = [np.where(np.arange(len(near)) == fault, n, decays) for n in range(len(_DECAYS))]
-                decays = min(tried, key=lambda numbers: system.solve(numbers)[2])
+                decays = min(tried, key=lambda numbers: system.solve(numbers)[1])
             if (decays == before).all():
                 break
-        lifts, factors, _ = system.solve(decays)
+        factors, _ = system.solve(decays)
         if len(slopes):
-            left = slopes - np.tensordot(factors.astype(np.float32), terms[system.chosen(decays)], 1)
+            free, fixed = system.chosen(decays)
+            left = slopes - terms[fixed].sum(axis=0) - (factors[:, None] * terms[free]).sum(axis=0)
             spread = _spread(left)
-            weights = 1.0 / (1.0 + (left.astype(np.float64) / (_SPREADS * spread)) ** 2)
-    return lifts, decays
+            weights = 1.0 / (1.0 + (left / (_SPREADS * spread)) ** 2)
+    return factors[: len(near)], decays
 
 
-def _spread(left: Float32Array) -> float:
+def _spread(left: Float64Array | Float32Array) -> float:
     return 1.4826 * float(np.median(np.abs(left))) + 1e-4
 
 
@@ -301,38 +303,30 @@ class _System:
         self, matrix: Float64Array, right: Float64Array, energy: float, variance: float, near: list[_Beside],
         settings: HistorySettings,
     ) -> None:  # fmt: skip
-        n = len(near)
         self._matrix, self._right, self._energy, self._variance = matrix, right, energy, variance
         self._near, self._settings = near, settings
-        n_regional = len(right) - 2 * n * len(_DECAYS)
-        # each fault has one factor, its lift: what the footwall took is what that leaves of one
-        self._spread_out = np.zeros((2 * n + n_regional, n + n_regional))
-        self._spread_out[np.arange(n), np.arange(n)] = 1.0
-        self._spread_out[n + np.arange(n), np.arange(n)] = -1.0
-        self._spread_out[2 * n + np.arange(n_regional), n + np.arange(n_regional)] = 1.0
-        self._one = np.zeros(2 * n + n_regional)
-        self._one[n : 2 * n] = 1.0
-        self._expected = np.concatenate([np.ones(n), np.zeros(n_regional)])
+        self._regional = np.arange(2 * len(near) * len(_DECAYS), len(right))
         held = variance / settings.lift_spread**2
-        self._ridge = np.concatenate([np.full(n, held), np.full(n_regional, 1e-3 * min(held, 1.0))])
+        self._ridge = np.full(len(near) + len(self._regional), 1e-3 * min(held, 1.0))
+        self._ridge[: len(near)] = held
+        self._expected = np.zeros(len(self._ridge))
+        self._expected[: len(near)] = 1.0
 
-    def chosen(self, decays: IntArray) -> IntArray:
-        """Return the numbers of the terms that count at some decays: hanging walls, footwalls, layers as they lay."""
-        n = len(decays)
-        hanging = 2 * (np.arange(n) * len(_DECAYS) + decays)
-        return np.concatenate([hanging, hanging + 1, np.arange(2 * n * len(_DECAYS), len(self._right))])
+    def chosen(self, decays: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the numbers of the terms that count at some decays: free ones, lifted first, and fixed ones."""
+        lifted = 2 * (np.arange(len(decays)) * len(_DECAYS) + decays)
+        return np.concatenate([lifted, self._regional]), lifted + 1
 
-    def solve(self, decays: IntArray) -> tuple[Float64Array, Float64Array, float]:
-        """Return the lifts, the factors of the chosen terms, and the logarithm of the odds against these decays."""
-        at = self.chosen(decays)
-        matrix, right, out = self._matrix[np.ix_(at, at)], self._right[at], self._spread_out
-        normal = out.T @ matrix @ out + np.diag(self._ridge)
-        found = np.linalg.solve(normal, out.T @ (right - matrix @ self._one) + self._ridge * self._expected)
-        factors = out @ found + self._one
-        left = self._energy + factors @ matrix @ factors - 2.0 * factors @ right
-        left += float((self._ridge * (found - self._expected) ** 2).sum())
-        lifts = found[: len(decays)]
+    def solve(self, decays: IntArray) -> tuple[Float64Array, float]:
+        """Return the factors of the free terms, lifts first, and the logarithm of the odds against these decays."""
+        free, fixed = self.chosen(decays)
+        matrix, right = self._matrix[np.ix_(free, free)], self._right[free]
+        right = right - self._matrix[np.ix_(free, fixed)].sum(axis=1)
+        factors = np.linalg.solve(matrix + np.diag(self._ridge), right + self._ridge * self._expected)
+        left = self._energy + float(self._matrix[np.ix_(fixed, fixed)].sum() - 2.0 * self._right[fixed].sum())
+        left += float((factors * (matrix @ factors - 2.0 * right)).sum())
+        left += float((self._ridge * (factors - self._expected) ** 2).sum())
         odds = 0.5 * left / self._variance + self._settings.decay_odds * float((decays > 0).sum())
-        for near, lift, n in zip(self._near, np.clip(lifts, 0.5, 1.0), decays, strict=True):
+        for near, lift, n in zip(self._near, np.clip(factors[: len(decays)], 0.5, 1.0), decays, strict=True):
             odds += near.odds_against(float(lift), float(_DECAYS[n]), self._settings.decay_spread)
-        return lifts, factors, float(odds)
+        return factors, odds
