@@ -20,7 +20,7 @@ from seismo3d.seismic.fault_ages import (
     tell_strike_slips,
 )
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, enlarge, find_motion, undo_parts
-from seismo3d.seismic.layer_strain import LayerSlopes, tell_strains
+from seismo3d.seismic.layer_strain import LayerSlopes, Strain, tell_strains
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import are_near, bounds_of
 from seismo3d.seismic.slip_direction import refine_free_slip
@@ -109,21 +109,17 @@ def restore_throws(
     places, areas = [parts[n].points(_EVERY) for n in known], [sheets[n].area for n in known]
     families = np.full(len(sheets), -1)
     families[known] = find_families(moved, places, areas, history)
-
-    def beside(number: int) -> tuple[SheetThrow, SheetSides, int]:
-        return throws[known[number]], read_sides(known[number]), sheets[known[number]].step
-
     slips = tell_strike_slips(moved, places, areas, families[known], history)
     moved = [slip.of(motion) for slip, motion in zip(slips, moved, strict=True)]
     younger = np.zeros((len(sheets), len(sheets)), bool)
     younger[np.ix_(known, known)] = order_faults(moved, places, areas, families[known], history)
-    strains = tell_strains(
-        moved,
-        families[known],
-        layers,
-        lambda n: (throws[known[n]], read_sides(known[n]), sheets[known[n]].step),
-        history,
-    )
+
+    def beside(number: int) -> tuple[SheetThrow, SheetSides, int]:
+        return throws[known[number]], read_sides(known[number]), sheets[known[number]].step
+
+    strains = [Strain()] * len(moved)
+    if younger.any():
+        strains = tell_strains(moved, families[known], layers, beside, history)
     strain = dict(zip(known, strains, strict=True))
     told, today = dict(zip(known, slips, strict=True)), dict(zip(known, moved, strict=True))
     found, undone = list(throws), _Undone(parts, younger, families, history.reach)
