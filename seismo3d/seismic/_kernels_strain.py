@@ -15,8 +15,11 @@ def _product(one, other, weights):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def add_products(terms, values, weights, matrix, right):  # type: ignore[no-untyped-def]
-    """Write the weighted sums of products of all pairs of terms (one a row), and of each with some values."""
+def sum_products(terms, values, weights, matrix, right):  # type: ignore[no-untyped-def]
+    """Write the weighted sums of products of all pairs of terms (one a row), and of each with some values.
+
+    Return that of the values with themselves.
+    """
     for a in prange(len(terms)):
         # each sum is one thread's: it does not depend on how many there are
         for b in range(a + 1):

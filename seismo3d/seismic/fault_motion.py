@@ -134,11 +134,15 @@ class FaultMotion:
         s, samples, w = self.frame.lay(points)
         off = w - self.height_at(s, samples)
         part = np.where(off * self.hanging_side > 0, self.lift, self.lift - 1.0)
-        left = np.maximum(0.0, 1.0 - 0.5 * self.decay * np.abs(off)) ** 2
-        moved = part * left * read_between(self.throw, s - self.first[0], samples - self.first[1])
+        moved = part * slip_left(off, self.decay) * read_between(self.throw, s - self.first[0], samples - self.first[1])
         s0, samples0 = s - self.share * moved, samples - moved
         before = self.frame.place(s0, samples0, self.height_at(s0, samples0) + off)
         return np.where((part != 0.0)[:, None], before, points)
+
+
+def slip_left(off: Float64Array, decay: float) -> Float64Array:
+    """Return the share of a fault's slip that is left at distances off it; a decay is as in :class:`FaultMotion`."""
+    return np.asarray(np.maximum(0.0, 1.0 - 0.5 * decay * np.abs(off)) ** 2)
 
 
 def undo_parts(parts: Sequence[FaultMotion], points: Float64Array) -> Float64Array:

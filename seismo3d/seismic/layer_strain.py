@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
-from seismo3d.seismic._kernels_strain import add_products
+from seismo3d.registration.robust import robust_scale
+from seismo3d.seismic._kernels_strain import sum_products
 from seismo3d.seismic.fault_ages import HistorySettings
-from seismo3d.seismic.fault_motion import FaultMotion, nearest_parts
+from seismo3d.seismic.fault_motion import FaultMotion, nearest_parts, slip_left
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.throw import SheetSides, SheetThrow, mask_sheets
 
@@ -188,15 +189,10 @@ def _terms_of(parts: list[FaultMotion], points: Float64Array) -> Float32Array:
         (above, before), (below, after) = (_throw_around(parts, points + sign * step) for sign in (1.0, -1.0))
         one_wall = (before > 0.0) == (after > 0.0)
         for n, decay in enumerate(_DECAYS):
-            change = (above * _left(before, decay) - below * _left(after, decay)) / (2.0 * _APART)
+            change = (above * slip_left(before, decay) - below * slip_left(after, decay)) / (2.0 * _APART)
             out[n, 0, axis] = np.where(one_wall, change, 0.0)
             out[n, 1, axis] = np.where((off <= 0.0) & one_wall, -change, 0.0)
     return out.reshape(2 * len(_DECAYS), -1)
-
-
-def _left(off: Float64Array, decay: float) -> Float64Array:
-    """Return the share of slip that is left at some distances."""
-    return np.asarray(np.maximum(0.0, 1.0 - 0.5 * decay * np.abs(off)) ** 2)
 
 
 def _throw_around(parts: list[FaultMotion], points: Float64Array) -> tuple[Float64Array, Float64Array]:
@@ -236,8 +232,8 @@ class _Beside(NamedTuple):
         for _ in range(8):
             factor = -float((weights * tilt * throw).sum()) / float((weights * throw**2).sum())
             left = tilt + factor * throw
-            spread = 1.4826 * float(np.median(np.abs(left))) + 1e-4
-            weights = weight / (1.0 + (left / (2.0 * spread)) ** 2)
+            spread = _spread(left)
+            weights = weight * _weights(left, spread)
         energy = float((weights * throw**2).sum() / weights.sum())
         # more than the most that is tried speaks for that
         return _Beside(min(factor, float(_DECAYS[-1])), spread**2 / (energy * _FEW))
@@ -274,7 +270,7 @@ def _fit(
     factors = np.ones(len(near))
     for _ in range(_ROUNDS if len(slopes) else 1):
         matrix, right = np.zeros((len(terms), len(terms))), np.zeros(len(terms))
-        energy = add_products(terms, slopes, weights, matrix, right)
+        energy = sum_products(terms, slopes, weights, matrix, right)
         system = _System(matrix, right, energy, spread**2 * alike, near, settings)
         for _ in range(_SWEEPS):
             before = decays.copy()
@@ -288,12 +284,17 @@ def _fit(
             free, fixed = system.chosen(decays)
             left = slopes - terms[fixed].sum(axis=0) - (factors[:, None] * terms[free]).sum(axis=0)
             spread = _spread(left)
-            weights = 1.0 / (1.0 + (left / (_SPREADS * spread)) ** 2)
+            weights = _weights(left, spread)
     return factors[: len(near)], decays
 
 
 def _spread(left: Float64Array | Float32Array) -> float:
-    return 1.4826 * float(np.median(np.abs(left))) + 1e-4
+    return robust_scale(left) + 1e-4
+
+
+def _weights(left: Float64Array, spread: float) -> Float64Array:
+    """Return what values count of which so much is left over: less the more that is (Cauchy)."""
+    return np.asarray(1.0 / (1.0 + (left / (_SPREADS * spread)) ** 2))
 
 
 class _System:

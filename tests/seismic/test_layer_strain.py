@@ -11,7 +11,7 @@ import pytest
 import seismo3d as s3
 from seismo3d._typing import Float64Array
 from seismo3d.seismic import layer_strain
-from seismo3d.seismic._kernels_strain import add_products
+from seismo3d.seismic._kernels_strain import sum_products
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.fault_motion import FaultMotion, Frame
 from seismo3d.seismic.faults import FaultSettings
@@ -122,9 +122,9 @@ def test_of_many_faults_fewer_places_are_used(rng: np.random.Generator, monkeypa
     layers = strained(rng, [replace(fault, lift=0.5, decay=0.023)])
     monkeypatch.setattr(layer_strain, "_MOST", 4 * 7 * len(layers.points) // 4)
     seen: list[int] = []
-    products = layer_strain.add_products
+    products = layer_strain.sum_products
     monkeypatch.setattr(
-        layer_strain, "add_products", lambda terms, *more: seen.append(terms.shape[1]) or products(terms, *more)
+        layer_strain, "sum_products", lambda terms, *more: seen.append(terms.shape[1]) or products(terms, *more)
     )
     (told,) = tell_strains([fault], np.zeros(1, np.int64), layers, lambda _: SILENT, HISTORY)
     assert max(seen) <= 2 * (len(layers.points) // 4 + 1)
@@ -234,7 +234,7 @@ def test_products_are_numpy_s_and_do_not_depend_on_threads(rng: np.random.Genera
         before = numba.get_num_threads()
         numba.set_num_threads(n_threads)
         matrix, right = np.empty((9, 9)), np.empty(9)
-        energy = add_products(terms, values, weights, matrix, right)
+        energy = sum_products(terms, values, weights, matrix, right)
         numba.set_num_threads(before)
         found.append((matrix, right, energy))
     wide = terms.astype(np.float64)
