@@ -29,6 +29,7 @@ def run(
     from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
     from seismo3d.cli.app import shown_progress
+    from seismo3d.geometry.axis import unit_of
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
     from seismo3d.io.segy import check_coordinates, write_segy
@@ -60,7 +61,7 @@ def run(
             "alignment": facts,
         }
         write_record(aside / RECORD, {**record, "timings_s": clock.stop()})
-    unit = {"time": "ms", "depth": "m"}.get(str(first.dims[2]), "samples")
+    unit = unit_of(first)
     typer.echo(
         f"monitor deeper by {facts['shift_median']:.3g} {unit} (median; 90 % between {facts['shift_5_percent']:.3g} "
         f"and {facts['shift_95_percent']:.3g}), standard deviation {facts['shift_std_median']:.2g} {unit}"

@@ -80,3 +80,10 @@ class Axis:
                 f"{name} is not evenly spaced; expected a constant step. Interpolate it onto one first."
             )
         return cls(float(numbers[0]), step, int(numbers.size))
+
+
+def unit_of(cube: Any) -> str:
+    """Return the unit of a cube's or section's last axis: what it says itself, else ms of a time, m of a depth."""
+    if not hasattr(cube, "dims"):
+        return "samples"
+    return str(cube.attrs.get("sample_unit", {"time": "ms", "depth": "m"}.get(str(cube.dims[-1]), "samples")))

@@ -196,6 +196,8 @@ def _parse_opendtect(line: str) -> _Node | None:
         # without tabs or quotes the name ends where only numbers follow, of which there are five at most
         first = len(words) - min(leading_numbers(words[::-1]), 5)
         name, words = " ".join(words[:first]), words[first:]
+    if not name and len(words) == 6:
+        name, words = words[0], words[1:]  # a fault may well be called by a number
     values = numbers_of(words)
     if values is None or len(values) not in (4, 5) or any(v != int(v) for v in values[3:]):
         return None

@@ -9,7 +9,7 @@ import numpy as np
 from seismo3d.errors import GeometryError, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.plot.drawing import draw_amplitudes, draw_faults, new_axes
-from seismo3d.plot.pictures import Picture, axis_coordinates, axis_label, live_traces, name_axes, take_picture
+from seismo3d.plot.pictures import Picture, axis_coordinates, axis_labels, live_traces, name_axes, take_picture
 from seismo3d.plot.traces_of_faults import check_colour, cut_faults, display_throw, value_colours
 from seismo3d.seismic.cube_checks import check_faults_of
 
@@ -130,10 +130,10 @@ def throw_map(faults: Any, cube: Any, *, ax: Any = None) -> Any:
 
 
 def _blank_picture(cube: Any) -> Picture:
-    names = name_axes(cube)
+    row_name, column_name, *_ = axis_labels(cube)
     live = live_traces(cube)
     rows, columns = axis_coordinates(cube, 0), axis_coordinates(cube, 1)
-    return Picture(np.zeros(live.shape), live, rows, columns, axis_label(names[0]), axis_label(names[1]), "", 2, 0.0)
+    return Picture(np.zeros(live.shape), live, rows, columns, row_name, column_name, "", 2, 0.0)
 
 
 def _bin_aspect(cube: Any, picture: Picture) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import new_axes
 from seismo3d.plot.picture_set import PictureFile
-from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes
+from seismo3d.plot.pictures import axis_coordinates, axis_labels
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS
 from seismo3d.seismic.cube_checks import check_faults_of
 
@@ -127,7 +127,7 @@ def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | 
         import matplotlib.pyplot as plt
 
         axes = plt.subplots(1, 3, figsize=(14.0, 4.8), layout="constrained")[1]
-    names = name_axes(cube)
+    labels = axis_labels(cube)
     at, likelihood = _likelihood_near(path, faults)
     for ax, (across, down) in zip(axes, ((1, 0), (1, 2), (0, 2)), strict=True):
         x, y = axis_coordinates(cube, across), axis_coordinates(cube, down)
@@ -138,7 +138,7 @@ def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | 
         for end, marker in ((0, "o"), (-1, "s")):
             place = x[path.voxels[end, across]], y[path.voxels[end, down]]
             ax.plot(*place, marker, color="#e6194b", markeredgecolor="white", markersize=8)
-        ax.set(xlabel=axis_label(names[across]), ylabel=axis_label(names[down]))
+        ax.set(xlabel=labels[across], ylabel=labels[down])
         ax.set_ylim(max(y), min(y)) if down == 2 else ax.invert_yaxis()
         ax.locator_params(axis="x", nbins=6)
     axes[0].set_title(
@@ -230,10 +230,10 @@ def _edges(numbers: Any, cell: int) -> Any:
 
 
 def _frame(ax: Any, cube: Any) -> None:
-    names = name_axes(cube)
+    labels = axis_labels(cube)
     rows, columns = axis_coordinates(cube, 0), axis_coordinates(cube, 1)
     ax.set_facecolor("white")
-    ax.set(xlabel=axis_label(names[1]), ylabel=axis_label(names[0]))
+    ax.set(xlabel=labels[1], ylabel=labels[0])
     ax.set_xlim(columns[0], columns[-1])
     ax.set_ylim(rows[-1], rows[0])
     ax.locator_params(axis="x", nbins=6)

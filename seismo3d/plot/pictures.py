@@ -9,6 +9,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array
 from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.geometry.axis import unit_of
 
 _LABELS = {
     "inline": "Inline",
@@ -116,9 +117,11 @@ def axis_coordinates(cube: Any, axis: int) -> Float64Array:
     return np.arange(cube.shape[axis], dtype=np.float64)
 
 
-def axis_label(name: str) -> str:
-    """Return what is written beside an axis."""
-    return _LABELS.get(name, name)
+def axis_labels(cube: Any) -> tuple[str, ...]:
+    """Return what is written beside each axis of a cube; a time or depth in samples is a sample number."""
+    names = name_axes(cube)
+    last = "sample" if unit_of(cube) == "samples" else names[-1]
+    return tuple(_LABELS.get(name, name) for name in (*names[:-1], last))
 
 
 def find_index(cube: Any, axis: int, value: float, *, as_index: bool = False) -> int:
@@ -166,33 +169,29 @@ def _picture(cube: Any, names: tuple[str, ...], *, axis: int, index: int) -> Pic
     cut = cube if axis < 0 else cube[(slice(None),) * axis + (index,)]
     values = np.asarray(cut.data if hasattr(cut, "dims") else cut)
     live = live_on_slice(cube, axis, index)
+    labels = axis_labels(cube)
     kept = [k for k in range(len(names)) if k != axis]
     if axis == 2:
-        mask, title = (
-            live,
-            f"{axis_label(names[2]).split(' (')[0]} {axis_coordinates(cube, 2)[index]:g}{_unit(names[2])}",
-        )
+        unit = unit_of(cube)
+        mask, title = live, f"{labels[2].split(' (')[0]} {axis_coordinates(cube, 2)[index]:g}"
+        title += "" if unit == "samples" else f" {unit}"
         column, row = 1, 0
     else:
         column, row = kept
         mask = np.broadcast_to(live[None, :], values.T.shape)
         values = values.T
-        title = "" if axis < 0 else f"{axis_label(names[axis])} {axis_coordinates(cube, axis)[index]:g}"
+        title = "" if axis < 0 else f"{labels[axis]} {axis_coordinates(cube, axis)[index]:g}"
     return Picture(
         values=values,
         live=mask & np.isfinite(values),
         rows=axis_coordinates(cube, row),
         columns=axis_coordinates(cube, column),
-        row_name=axis_label(names[row]),
-        column_name=axis_label(names[column]),
+        row_name=labels[row],
+        column_name=labels[column],
         title=title,
         axis=axis,
         index=float(index),
     )
-
-
-def _unit(name: str) -> str:
-    return {"time": " ms", "depth": " m"}.get(name, "")
 
 
 def _step(coordinates: Float64Array) -> float:

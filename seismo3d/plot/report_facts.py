@@ -9,7 +9,7 @@ import numpy as np
 
 from seismo3d.errors import GeometryError
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.plot.pictures import axis_coordinates, axis_label, live_traces, name_axes
+from seismo3d.plot.pictures import axis_coordinates, axis_labels, live_traces
 from seismo3d.plot.sections import count_fault_voxels
 from seismo3d.seismic.fault_table import mean_strike_deg
 
@@ -36,16 +36,15 @@ _HEADINGS = {
 
 def survey_facts(cube: Any) -> list[tuple[str, str]]:
     """Name and value of what the survey is."""
-    names = name_axes(cube)
+    labels = axis_labels(cube)
     facts = []
-    for axis, name in enumerate(names):
+    for axis, label in enumerate(labels):
         coordinates = axis_coordinates(cube, axis)
         step = f", step {np.diff(coordinates).mean():g}" if len(coordinates) > 1 else ""
-        label = axis_label(name)
         facts.append((label, f"{coordinates[0]:g} to {coordinates[-1]:g}{step} ({len(coordinates):,})"))
     live = live_traces(cube)
     facts.append(("Live traces", f"{int(live.sum()):,} of {live.size:,} ({_percent(live.mean())})"))
-    if len(names) == 3:
+    if len(labels) == 3:
         facts += _map_facts(cube)
     return facts
 

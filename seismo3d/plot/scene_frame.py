@@ -11,7 +11,7 @@ from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import as_number
 from seismo3d.errors import GeometryError, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.plot.pictures import axis_coordinates, axis_label, live_traces, name_axes
+from seismo3d.plot.pictures import axis_coordinates, axis_labels, live_traces, name_axes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +76,7 @@ class SceneFrame:
 
     def axis_titles(self, cube: Any) -> tuple[str, str, str]:
         """Return what is written beside the axes right, back and up."""
-        names = [axis_label(name) for name in name_axes(cube)]
+        names = axis_labels(cube)
         return names[self.order[0]], names[self.order[1]], names[2]
 
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d.geometry.axis import unit_of
 from seismo3d.plot.drawing import amplitude_limit, draw_amplitudes
-from seismo3d.plot.pictures import Picture, axis_label, name_axes, take_picture
+from seismo3d.plot.pictures import Picture, take_picture
 
 
 def time_lapse_section(
@@ -49,8 +50,7 @@ def time_lapse_section(
         ax.set_title(title, loc="left", fontsize="medium")
         ax.set_xlabel(first.column_name)
     axes[0].set_ylabel(first.row_name)
-    unit = {"Time (ms)": "ms", "Depth (m)": "m"}.get(axis_label(name_axes(base)[2]), "samples")
-    _draw_shift(axes[3], shift, unit)
+    _draw_shift(axes[3], shift, unit_of(base))
     return list(axes)
 
 

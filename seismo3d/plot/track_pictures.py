@@ -12,7 +12,7 @@ from seismo3d._typing import AnyArray
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import new_axes
 from seismo3d.plot.picture_set import PictureFile
-from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes, take_picture
+from seismo3d.plot.pictures import axis_coordinates, axis_labels, take_picture
 from seismo3d.plot.sections import section
 from seismo3d.seismic.track_pieces import LARGEST_STEP, are_joined
 
@@ -49,7 +49,7 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
     if track.depth.ndim != 2:
         raise ShapeError(f"track has shape {track.depth.shape}: one of a section has no map. Use plot.track_section.")
     rows, columns = axis_coordinates(cube, 0), axis_coordinates(cube, 1)
-    names = name_axes(cube)
+    labels = axis_labels(cube)
     ax = new_axes(8.0, 6.0) if ax is None else ax
     depth = np.ma.masked_invalid(track.depth)
     ax.set_facecolor("#e9edf2")
@@ -58,10 +58,10 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
         lines = ax.contour(columns, rows, depth, levels=contours, colors="black", linewidths=0.6)
         ax.clabel(lines, fontsize="x-small", fmt="%g")
     ax.plot(track.seeds[:, 1], track.seeds[:, 0], "*", color="red", markeredgecolor="white", markersize=12)
-    ax.set_xlabel(axis_label(names[1]))
-    ax.set_ylabel(axis_label(names[0]))
+    ax.set_xlabel(labels[1])
+    ax.set_ylabel(labels[0])
     ax.invert_yaxis()
-    ax.figure.colorbar(drawn, ax=ax, label=axis_label(names[2]), pad=0.02, shrink=0.8).ax.invert_yaxis()
+    ax.figure.colorbar(drawn, ax=ax, label=labels[2], pad=0.02, shrink=0.8).ax.invert_yaxis()
     return ax
 
 
@@ -95,14 +95,14 @@ def loop_map(closure: Any, cube: Any, *, cmap: str = "magma_r", most: float = 1.
         raise ShapeError(
             f"closure has shape {closure.error.shape}; expected {tuple(cube.shape[:-1])}. Give the cube it is of."
         )
-    names = name_axes(cube)
+    labels = axis_labels(cube)
     ax = new_axes(8.0, 6.0) if ax is None else ax
     ax.set_facecolor("#e9edf2")
     columns, rows = axis_coordinates(cube, 1), axis_coordinates(cube, 0)
     error = np.ma.masked_invalid(closure.error)
     drawn = ax.pcolormesh(columns, rows, error, cmap=cmap, vmin=0.0, vmax=most, shading="nearest")
-    ax.set_xlabel(axis_label(names[1]))
-    ax.set_ylabel(axis_label(names[0]))
+    ax.set_xlabel(labels[1])
+    ax.set_ylabel(labels[0])
     ax.invert_yaxis()
     ax.figure.colorbar(drawn, ax=ax, label="median loop error (samples)", pad=0.02, shrink=0.8, extend="max")
     return ax

@@ -9,6 +9,7 @@ from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from seismo3d.errors import ShapeError
+from seismo3d.geometry.axis import unit_of
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic._kernels_valid import mark_valid, same_as_next
 from seismo3d.seismic.cube_checks import check_order
@@ -39,7 +40,7 @@ def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[flo
     geometry : SurveyGeometry or None
         None for a section.
     sampling : tuple of (float, str)
-        Sample interval and its unit: ``"ms"``, ``"m"`` or, for bare arrays, ``"samples"``.
+        Sample interval and its unit: ``"ms"``, ``"m"`` or, where none is known, ``"samples"``.
 
     Raises
     ------
@@ -67,7 +68,7 @@ def describe_volume(cube: Any) -> tuple[float, str]:
     dims = getattr(cube, "dims", None)
     if dims is not None and dims[-1] in ("time", "depth") and dims[-1] in cube.coords:
         coordinate = cube[dims[-1]].values
-        return float(coordinate[1] - coordinate[0]), "ms" if dims[-1] == "time" else "m"
+        return float(coordinate[1] - coordinate[0]), unit_of(cube)
     return 1.0, "samples"
 
 

@@ -19,6 +19,8 @@ from seismo3d.seismic.preparing import find_scale, scale_amplitudes
 
 # how many times as like a monitor is with its sign changed where its polarity is reversed, and how like it must be
 _OPPOSED, _TOLD = 1.25, 0.2
+# share of the base's data that must have a counterpart at a shift of the whole
+_OVERLAP = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +209,10 @@ def _choose_start(
         field = np.broadcast_to(shift.astype(np.float32)[:, None, None, None], (3, *target.shape))
         carried, weight = _carry(source, known_source, field)
         weight *= known_target
-        return float((weight * (target - carried) ** 2).sum() / max(float(weight.sum()), 1.0))
+        seen = float(weight.sum())
+        if seen <= _OVERLAP * known_target.sum():
+            return np.inf
+        return float((weight * (target - carried) ** 2).sum() / seen)
 
     found = -coarse.T_target_source[:3, 3]
     # along layers of one dip a lateral shift costs next to nothing: it must pay

@@ -23,6 +23,8 @@ _SCRAP, _AROUND = 16, 4
 _CONFIDENT = 0.7
 # how far below or above a seed a part may pass there
 _PASSING = 6.0
+# samples within which seeds agree
+_AGREE = 3.0
 # samples by which a depth may miss the cube by rounding alone
 _ROUNDED = 1e-3
 
@@ -44,7 +46,7 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
         Fractional sample; NaN where the horizon was not traced.
     confidence : ndarray of the same shape, float32
     """
-    inner = move_inwards(layers, index)
+    inner = _without_strays(layers, move_inwards(layers, index))
     horizon = _find_horizon(layers, inner, settings)
     refined = _refine(layers, horizon, inner, settings)
     stand_in = _find_stand_in(layers, horizon, *refined, settings)
@@ -56,6 +58,31 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
     depth = _within_cube(depth, layers.times.shape[2] - 1)
     kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
     return np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
+
+
+def _without_strays(layers: LayerModel, index: Float64Array) -> Float64Array:
+    """Return the seeds without those that contradict most of them.
+
+    A stray lies on the part of the layer on which others lie, more than three samples off it, while most seeds agree.
+    Across a fault seeds may well differ in layer time: there they tell how far it is off.
+    """
+    if len(index) < 3:
+        return index
+    times = np.array([_seed_time(layers, at) for at in index])
+    agree = np.abs(times[:, None] - times[None]) <= _AGREE
+    most = agree[agree.sum(axis=1).argmax()]
+    if most.all() or 2 * most.sum() <= len(index):
+        return index
+    crossings = find_crossings(layers, index[most])
+    parts = label_parts(crossings, layers.cuts, find_shapes(layers, crossings))
+    theirs = {_nearest_part(crossings, parts, at) for at in index[most]} - {-1}
+    kept = most.copy()
+    for n in np.flatnonzero(~most):
+        i, j = np.rint(index[n, :2]).astype(int)
+        on_theirs = np.isin(parts[:, i, j], list(theirs))
+        off = np.abs(crossings[:, i, j][on_theirs] - index[n, 2])
+        kept[n] = not (off.size and off.min() > _AGREE)
+    return index[kept]
 
 
 def _within_cube(depth: Float64Array, last: int) -> Float64Array:
@@ -151,11 +178,15 @@ def find_crossings(layers: LayerModel, index: Float64Array, *, beyond: float = 0
     n0, n1 = layers.times.shape[:2]
     i, j = np.meshgrid(np.arange(n0), np.arange(n1), indexing="ij")
     for at in index:
-        row, cut = (a[tuple(np.rint(at[:2]).astype(int))] for a in (layers.times, layers.cuts))
-        times.append(_time_at(row, cut, float(at[2])))
+        times.append(_seed_time(layers, at))
         weights.append(1.0 / ((i - at[0]) ** 2 + (j - at[1]) ** 2 + 0.25))
     target = np.tensordot(times, weights, axes=1) / np.sum(weights, axis=0)
     return find_levels(layers, target, beyond)
+
+
+def _seed_time(layers: LayerModel, at: Float64Array) -> float:
+    row, cut = (a[tuple(np.rint(at[:2]).astype(int))] for a in (layers.times, layers.cuts))
+    return _time_at(row, cut, float(at[2]))
 
 
 def _time_at(row: AnyArray, cut: AnyArray, z: float) -> float:

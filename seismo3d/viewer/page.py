@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from seismo3d.errors import Seismo3dError
-from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes
+from seismo3d.plot.pictures import axis_coordinates, axis_labels
 from seismo3d.viewer.colours import ATTRIBUTES
 from seismo3d.viewer.layout import PANELS, STYLE, make_template
 from seismo3d.viewer.panels import CMAPS
@@ -70,7 +70,7 @@ class Page:
                 numbers = axis_coordinates(session.cube, along)
                 first, last = (f"{numbers[k]:g}" for k in (0, -1))
                 low, high = (first, last) if along == across else (last, first)
-                words = (low, axis_label(name_axes(session.cube)[along]), high)
+                words = (low, axis_labels(session.cube)[along], high)
                 state.update({f"{name}_{end}": word for end, word in zip(ends, words, strict=True)})
             most = _COARSE if session.reader.is_lazy else 1024
             self._put(axis, session.panel(axis, most=most))

@@ -13,7 +13,7 @@ import numpy as np
 from seismo3d._typing import Float64Array, Progress
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.axis import Axis
-from seismo3d.plot.pictures import axis_coordinates, axis_label, name_axes
+from seismo3d.plot.pictures import axis_coordinates, axis_labels
 from seismo3d.seismic.cube_checks import check_faults_of
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.tracks import Track
@@ -205,8 +205,7 @@ class Session:
 
     def label(self, axis: int) -> str:
         """Say which line a panel shows."""
-        name = axis_label(name_axes(self.cube)[axis])
-        return f"{name} {axis_coordinates(self.cube, axis)[self.index[axis]]:g}"
+        return f"{axis_labels(self.cube)[axis]} {axis_coordinates(self.cube, axis)[self.index[axis]]:g}"
 
     def place(self, axis: int, column: float, row: float) -> Float64Array:
         """Return the index coordinates of a point on a panel, where column and row count from the panel's corner."""
