@@ -12,6 +12,7 @@ from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.plot.pictures import axis_coordinates, axis_labels, live_traces
 from seismo3d.plot.sections import count_fault_voxels
 from seismo3d.seismic.fault_table import mean_strike_deg
+from seismo3d.seismic.index_frame import IndexFrame
 
 _HEADINGS = {
     "fault": "Fault",
@@ -113,8 +114,8 @@ def table_cell(key: str, value: Any) -> tuple[str, str]:
 
 
 def _dip_meaning(cube: Any) -> str:
-    in_depth = hasattr(cube, "dims") and "depth" in cube.dims
-    return "mean dip" if in_depth else "mean dip, in bins and samples"
+    is_true = np.ndim(cube) == 3 and IndexFrame.of(cube).unit == "m"
+    return "mean dip" if is_true else "mean dip, in bins and samples"
 
 
 def _map_facts(cube: Any) -> list[tuple[str, str]]:

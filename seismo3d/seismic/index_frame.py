@@ -31,7 +31,11 @@ class IndexFrame:
     @classmethod
     def of(cls, cube: Any) -> IndexFrame:
         """Return the frame of a cube: a DataArray as ``open_cube`` gives it, or a bare array of three axes."""
-        geometry = SurveyGeometry.from_cube(cube)
+        return cls.of_survey(SurveyGeometry.from_cube(cube))
+
+    @classmethod
+    def of_survey(cls, geometry: SurveyGeometry) -> IndexFrame:
+        """Return the frame of a cube that lies there."""
         if geometry.map_fit is None or geometry.unit != "m":
             return cls(np.eye(3), "bin")
         matrix = np.zeros((3, 3))

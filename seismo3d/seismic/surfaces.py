@@ -10,6 +10,7 @@ from seismo3d._typing import Float32Array, Float64Array, Int32Array, IntArray
 from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.faultset import FaultSurface
+from seismo3d.seismic.index_frame import IndexFrame
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.throw import SheetThrow
 
@@ -36,7 +37,7 @@ def build_surface(
     likelihood : ndarray of the sheet's shape, float32
         Fault likelihood at its nodes.
     geometry : SurveyGeometry or None
-        Turns normals into strikes; None for a section, whose surface is a polyline in (trace, sample).
+        Turns normals into strikes and dips; None for a section, whose surface is a polyline in (trace, sample).
     sampling : tuple of (float, str)
         Sample interval and its unit.
 
@@ -48,7 +49,8 @@ def build_surface(
     rows, columns = np.nonzero(number >= 0)
     vertices = sheet.points(rows.astype(float), columns.astype(float), sheet.w[rows, columns].astype(float))
     normals = _normals(sheet)[rows, columns] * throw.hanging_side
-    dip_deg = np.degrees(np.arccos(np.clip(np.abs(normals[:, 2]), 0.0, 1.0)))
+    upright = normals if geometry is None else IndexFrame.of_survey(geometry).normals(normals)
+    dip_deg = np.degrees(np.arccos(np.clip(np.abs(upright[:, 2]), 0.0, 1.0)))
     if geometry is None:
         trace = int(np.argmax(np.abs(sheet.across)))
         keep = [trace, 2]

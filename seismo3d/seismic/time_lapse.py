@@ -19,6 +19,8 @@ from seismo3d.seismic.preparing import find_scale, scale_amplitudes
 
 # how many times as like a monitor is with its sign changed where its polarity is reversed, and how like it must be
 _OPPOSED, _TOLD = 1.25, 0.2
+# widths of a smoothing within which it takes what lies beyond an end
+_ENDS = 2.0
 # share of the base's data that must have a counterpart at a shift of the whole
 _OVERLAP = 0.5
 
@@ -139,9 +141,10 @@ def align_cubes(
     steps = len(settings.levels) * settings.passes
     for number, width in enumerate(settings.levels):
         first, second = (_smooth_down(volume, width) for volume in (target, source))
+        within = [_off_the_ends(known, width) for known in (known_target, known_source)]
         for k in range(settings.passes):
             report("local shifts", (number * settings.passes + k) / steps)
-            shift, variance = _refine(first, second, known_target, known_source, shift, start, settings)
+            shift, variance = _refine(first, second, *within, shift, start, settings)
     variance += _unevenness(shift, settings)
     report("local shifts", 1.0)
     return _pack(base, monitor, shift, variance, (coarse, start), (known_target, known_source))
@@ -251,6 +254,15 @@ def _best_lag(correlation: Float64Array) -> float:
 
 def _smooth_down(volume: Float32Array, width: float) -> Float32Array:
     return volume if width <= 0.0 else np.asarray(ndimage.gaussian_filter1d(volume, width, axis=2, mode="nearest"))
+
+
+def _off_the_ends(known: BoolArray, width: float) -> BoolArray:
+    """Return what is known so far off the ends of its traces, and gaps in them, that smoothing takes nothing beyond."""
+    reach = round(_ENDS * width)
+    if reach == 0:
+        return known
+    around = np.ones((1, 1, 2 * reach + 1), bool)
+    return np.asarray(ndimage.binary_erosion(known, around))
 
 
 def _refine(

@@ -46,7 +46,7 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
         Fractional sample; NaN where the horizon was not traced.
     confidence : ndarray of the same shape, float32
     """
-    inner = _without_strays(layers, move_inwards(layers, index))
+    inner = leave_out_strays(layers, move_inwards(layers, index))
     horizon = _find_horizon(layers, inner, settings)
     refined = _refine(layers, horizon, inner, settings)
     stand_in = _find_stand_in(layers, horizon, *refined, settings)
@@ -60,8 +60,8 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
     return np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
 
 
-def _without_strays(layers: LayerModel, index: Float64Array) -> Float64Array:
-    """Return the seeds without those that contradict most of them.
+def leave_out_strays(layers: LayerModel, index: Float64Array) -> Float64Array:
+    """Return the seeds, fractional indices of shape (n, 3), without those that contradict most of them.
 
     A stray lies on the part of the layer on which others lie, more than three samples off it, while most seeds agree.
     Across a fault seeds may well differ in layer time: there they tell how far it is off.

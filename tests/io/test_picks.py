@@ -64,6 +64,14 @@ def test_without_names_another_fault_begins_where_counting_does(
     assert found == counts
 
 
+def test_a_fault_may_be_called_by_a_number(tmp_path: Path) -> None:
+    path = tmp_path / "numbered.txt"
+    path.write_text("12\t500\t600\t100\t1\t1\n12\t500\t601\t120\t1\t2\n")
+    (stick,) = read_sticks(path)
+    assert (stick.fault, stick.number) == ("12", 1)
+    np.testing.assert_array_equal(stick.points, [[500, 600, 100], [500, 601, 120]])
+
+
 def test_opendtect_dialects(tmp_path: Path) -> None:
     # names with blanks in quotes, before a tab, or plain; without a node index; nodes out of order; comments
     path = text(

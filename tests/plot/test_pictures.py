@@ -6,8 +6,10 @@ import pytest
 from fake_faults import make_cube, make_faults, make_section
 
 from seismo3d.errors import ParameterError, ShapeError
-from seismo3d.plot.pictures import take_picture
+from seismo3d.io._as_cube import as_cube
+from seismo3d.plot.pictures import axis_labels, take_picture
 from seismo3d.plot.traces_of_faults import cut_faults
+from seismo3d.seismic.preparing import describe_volume
 
 
 def test_pictures_are_the_cube_s_slices() -> None:
@@ -93,3 +95,11 @@ def test_fault_lines_lie_where_the_surface_is() -> None:
     np.testing.assert_allclose(level.segments[first][..., 0], 520 - 0.25, atol=1e-3)
     assert level.segments[first][..., 1].min() == pytest.approx(104)
     assert len(cut_faults(faults, take_picture(cube, sample=0)).segments) == 0
+
+
+def test_samples_without_a_unit_are_not_said_to_be_milliseconds() -> None:
+    cube = as_cube(np.zeros((4, 5, 6), np.float32))
+    assert describe_volume(as_cube(np.zeros((8, 8, 16), np.float32))) == (1.0, "samples")
+    assert axis_labels(cube) == axis_labels(cube.values) == ("Inline", "Crossline", "Sample")
+    assert axis_labels(cube.assign_attrs(sample_unit="ms")) == ("Inline", "Crossline", "Time (ms)")
+    assert take_picture(cube, time=3.0).title == "Sample 3"

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.linking import Sheet
@@ -191,3 +192,16 @@ def test_section_becomes_a_polyline():
     np.testing.assert_allclose(line.slip, np.tile([1.5, 3.0], (4, 1)), atol=1e-5)
     np.testing.assert_allclose(line.dip_deg, np.degrees(np.arctan(2.0)), atol=1e-3)
     assert line.area == pytest.approx(3 * np.sqrt(5), rel=1e-5)
+
+
+def test_dips_are_true_in_a_cube_in_depth_on_a_map():
+    """A plane half a trace across for a sample down, in bins of 12.5 m and samples of 5 m: 6.25 m for 5 m."""
+    lines = np.arange(40)
+    coords = {"inline": lines, "crossline": lines, "depth": 5.0 * np.arange(60)}
+    coords["cdp_x"] = (("inline", "crossline"), np.broadcast_to(12.5 * lines[:, None], (40, 40)))
+    coords["cdp_y"] = (("inline", "crossline"), np.broadcast_to(12.5 * lines, (40, 40)))
+    cube = xr.DataArray(np.zeros((40, 40, 60), np.float32), dims=list(coords)[:3], coords=coords)
+    for unit, across in (("m", 6.25 / 5.0), ("ms", 0.5)):
+        geometry = SurveyGeometry.from_cube(cube.assign_attrs(sample_unit=unit))
+        surface = surface_of(flat_sheet(30.0), geometry=geometry, sampling=(5.0, unit))
+        np.testing.assert_allclose(surface.dip_deg, np.degrees(np.arctan2(1.0, across)), atol=0.1)

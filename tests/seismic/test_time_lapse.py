@@ -187,3 +187,31 @@ def test_cubes_of_other_lines_or_axes_are_refused(folded: SyntheticCube) -> None
         align_cubes(beside, beside.assign_coords(inline=beside["inline"] + 1))
     with pytest.raises(ShapeError, match=r"monitor\.transpose\('inline', 'crossline', 'time'\)"):
         align_cubes(cube, cube.transpose("crossline", "inline", "time"))
+
+
+def test_a_shift_off_the_survey_is_no_start(folded: SyntheticCube, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nothing lies on nothing, nothing misfits; the best vertical shift is taken."""
+    coarse = time_lapse.register(folded.seismic, folded.seismic, model="translation")
+    off = coarse.T_target_source.copy()
+    off[0, 3] = 1.2 * SHAPE[0]
+    monkeypatch.setattr(time_lapse, "register", lambda *_, **__: replace(coarse, T_target_source=off))
+    monitor = np.roll(folded.seismic, 2, axis=2)
+    start = align_cubes(folded.seismic, monitor, settings=TimeLapseSettings(levels=(0.0,))).start
+    np.testing.assert_allclose(start, [0.0, 0.0, 2.0], atol=0.1)
+
+
+@pytest.mark.parametrize("dip", [0.0, 0.3])
+def test_shifts_hold_to_the_ends_of_the_traces(rng: np.random.Generator, dip: float) -> None:
+    """Of a wavelet of eight samples coarse smoothing leaves little but what lies beyond the ends."""
+    n, count = 32, 96
+    k, fine = np.arange(float(count)), np.arange(-40.0, count + 40.0, 0.125)
+    t = np.arange(-160, 161) / 2000.0
+    wavelet = (1.0 - 2.0 * (30.0 * np.pi * t) ** 2) * np.exp(-((30.0 * np.pi * t) ** 2))
+    trace = np.convolve(rng.normal(size=len(fine)) * (rng.random(len(fine)) < 0.04), wavelet, "same")
+    deeper = np.interp(k, [40.0, 60.0], [0.0, 1.0])
+    at = k - dip * (np.arange(n)[:, None, None] - n / 2) + np.zeros((n, n, 1))
+    base, monitor = (np.interp(place, fine, trace / trace.std()) for place in (at, at - deeper))
+    noise = 0.05 * rng.normal(size=(2, *base.shape))
+    found = align_cubes(base + noise[0], monitor + noise[1])
+    inner = np.asarray(found.shift)[6:-6, 6:-6]
+    np.testing.assert_allclose(np.median(inner, axis=(0, 1))[[20, 70, 80, 90]], [0.0, 1.0, 1.0, 1.0], atol=0.2)

@@ -7,7 +7,7 @@ import pytest
 from laid_out_layers import SHAPE, THROW, WALL, lay_out
 
 from seismo3d.seismic.layer_time import LayerModel
-from seismo3d.seismic.track_fitting import fit_track
+from seismo3d.seismic.track_fitting import fit_track, leave_out_strays
 from seismo3d.seismic.track_refining import TrackSettings
 
 SEED = 60.0
@@ -74,3 +74,21 @@ def test_all_parts_that_layer_time_has_farther_off_than_they_are_moved_are_put_r
     layers.volume[...] = 0.42 * layers.volume + 1.5 * period
     found = track(layers, 8)
     np.testing.assert_allclose(found, SEED + shift, atol=0.3)
+
+
+@pytest.mark.parametrize("others", [[8, 14], [4, 8, 12, 14]])
+def test_a_stray_among_seeds_that_agree_does_not_count(
+    rng: np.random.Generator, shift: np.ndarray, others: list[int]
+) -> None:
+    layers = lay_out(rng, shift, np.arange(SHAPE[2]) - shift[:, None], cut=True)
+    seeds = np.array([[20.0, float(j), SEED] for j in others] + [[10.0, 6.0, SEED + 20.0]])
+    depth, _ = fit_track(layers, seeds, TrackSettings())
+    np.testing.assert_allclose(np.nanmedian(depth, axis=0), SEED + shift, atol=0.3)
+    assert abs(depth[10, 6] - SEED) < 0.3
+
+
+def test_a_seed_beyond_a_fault_is_no_stray(rng: np.random.Generator, shift: np.ndarray) -> None:
+    """There it tells how far layer time is off."""
+    times = np.broadcast_to(np.arange(SHAPE[2]), SHAPE[1:]).astype(np.float64)
+    seeds = np.array([[20.0, 8.0, SEED], [10.0, 14.0, SEED], [20.0, WALL + 6.0, SEED + THROW]])
+    np.testing.assert_array_equal(leave_out_strays(lay_out(rng, shift, times, cut=True), seeds), seeds)
