@@ -141,10 +141,10 @@ def align_cubes(
     steps = len(settings.levels) * settings.passes
     for number, width in enumerate(settings.levels):
         first, second = (_smooth_down(volume, width) for volume in (target, source))
-        within = [_off_the_ends(known, width) for known in (known_target, known_source)]
+        off_ends = _off_the_ends(known_target, width), _off_the_ends(known_source, width)
         for k in range(settings.passes):
             report("local shifts", (number * settings.passes + k) / steps)
-            shift, variance = _refine(first, second, *within, shift, start, settings)
+            shift, variance = _refine(first, second, *off_ends, shift, start, settings)
     variance += _unevenness(shift, settings)
     report("local shifts", 1.0)
     return _pack(base, monitor, shift, variance, (coarse, start), (known_target, known_source))
