@@ -47,7 +47,8 @@ def survey_facts(cube: Any) -> list[tuple[str, str]]:
     facts.append(("Live traces", f"{int(live.sum()):,} of {live.size:,} ({_percent(live.mean())})"))
     if len(labels) == 3:
         facts += _map_facts(cube)
-    return facts
+    # such as that lengths are in feet
+    return facts + [("Note", str(note)) for note in getattr(cube, "attrs", {}).get("notes", ())]
 
 
 def key_numbers(faults: Any, cube: Any, rows: list[dict[str, Any]]) -> list[tuple[str, str]]:

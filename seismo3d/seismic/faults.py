@@ -163,8 +163,8 @@ def trace_faults(
     Notes
     -----
     Memory at its peak, in one piece, is about eleven times the cube as float32, the cube itself included. In blocks,
-    what is held of the whole cube is sparse: see :mod:`seismo3d.seismic.blocks`. Dips are true
-    ones in a cube in depth on a map, else in samples a trace: those of a time cube need a velocity.
+    what is held of the whole cube is sparse: see :mod:`seismo3d.seismic.blocks`. Dips are true ones
+    in a cube in depth on a map, else in samples a trace: those of a time cube need a velocity.
 
     References
     ----------

@@ -55,8 +55,8 @@ class FaultSurface:
         How well the two match: 1 where they are equal, 0 where they are unrelated and where the throw is carried on
         from matched places around, because the other side lies outside the surface or the cube.
     strike_deg, dip_deg : ndarray of shape (n,), float32
-        Orientation at each vertex in degrees; strike 0 to 360 by the right-hand rule, dip 0 to 90: true in a
-        cube in depth on a map, else in bins and samples. In a section strike is NaN.
+        Orientation at each vertex in degrees; strike 0 to 360 by the right-hand rule, dip 0 to 90: true in a cube in
+        depth on a map, else in bins and samples. In a section strike is NaN.
     sample_interval : float
         Size of a sample in ms or m, or 1 where the input was a bare array.
     sample_unit : str

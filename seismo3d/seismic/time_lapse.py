@@ -32,7 +32,8 @@ class TimeLapseSettings:
     Attributes
     ----------
     levels : tuple of float
-        Widths of the smoothing of the amplitudes down the samples, from coarse to fine.
+        Widths of the smoothing of the amplitudes down the samples, from coarse to fine; within twice a width of an end
+        or a gap they do not count.
     passes : int
         Least-squares steps a level.
     lateral, vertical : float

@@ -74,7 +74,7 @@ def test_pictures_of_a_cube(drawn: tuple[Path, list]) -> None:  # type: ignore[t
 
 
 def test_report_is_self_contained_and_whole(drawn: tuple[Path, list], tmp_path: Path) -> None:  # type: ignore[type-arg]
-    cube = make_cube()
+    cube = make_cube().assign_attrs(notes=["the binary header says feet"])
     faults = make_faults(cube)
     run = {"input": {"file": "a<b>.sgy"}, "timings_s": {"scan": 12.345}, "versions": {"seismo3d": "0.1.0"}}
     path = plot.write_report(
@@ -91,6 +91,7 @@ def test_report_is_self_contained_and_whole(drawn: tuple[Path, list], tmp_path: 
     assert "<b>" not in text.split("<body>")[1].split('<div class="numbers">')[0]  # the name is escaped
     for words in (
         "Faults in a<b>.sgy",
+        "the binary header says feet",
         "2",
         "faults found",
         "16 ms",
