@@ -259,11 +259,8 @@ def _smooth_down(volume: Float32Array, width: float) -> Float32Array:
 
 def _off_the_ends(known: BoolArray, width: float) -> BoolArray:
     """Return what is known so far off the ends of its traces, and gaps in them, that smoothing takes nothing beyond."""
-    reach = round(_ENDS * width)
-    if reach == 0:
-        return known
-    around = np.ones((1, 1, 2 * reach + 1), bool)
-    return np.asarray(ndimage.binary_erosion(known, around))
+    size = 2 * round(_ENDS * width) + 1
+    return np.asarray(ndimage.minimum_filter1d(known, size, axis=2, mode="constant"))
 
 
 def _refine(
