@@ -204,7 +204,7 @@ def _say(out: Path, faults: Any, cube: Any, timings: dict[str, float]) -> None: 
     rows = tabulate_faults(faults, cube)
     typer.echo(f"{len(rows)} {'fault' if len(rows) == 1 else 'faults'}")
     for row in rows[:10]:
-        unit = next((u for u in ("ms", "m") if f"throw_mean_{u}" in row), "samples")
+        unit = next((u for u in ("ms", "m", "ft") if f"throw_mean_{u}" in row), "samples")
         strike = f"strike {row['strike_deg']:5.0f}  " if "strike_deg" in row else ""
         throws = f"throw {row[f'throw_mean_{unit}']:7.1f} mean {row[f'throw_max_{unit}']:7.1f} largest ({unit})"
         typer.echo(

@@ -77,19 +77,21 @@ def _data_lines(amplitude: dict[str, Any], traces: dict[str, Any]) -> list[tuple
 def _map_lines(where: dict[str, Any] | None) -> list[tuple[str, str]]:
     if where is None:
         return [("map", "no map coordinates")]
-    if "length_m" in where:
+    unit = where["unit"]
+    if f"length_{unit}" in where:
         (x0, y0), (x1, y1) = where["first"], where["last"]
-        return [("map", f"({x0:.1f}, {y0:.1f}) to ({x1:.1f}, {y1:.1f}), {where['length_m']:.0f} m along the line")]
-    along, across = where["bin_size_m"]
+        length = f"{where[f'length_{unit}']:.0f} {unit} along the line"
+        return [("map", f"({x0:.1f}, {y0:.1f}) to ({x1:.1f}, {y1:.1f}), {length}")]
+    along, across = where[f"bin_size_{unit}"]
     hand = "right" if where["right_handed"] else "left"
     inlines, crosslines = where["inline_axis_azimuth_deg"], where["crossline_axis_azimuth_deg"]
     corners = " ".join(f"({x:.1f}, {y:.1f})" for x, y in where["corners"])
     return [
-        ("bins", f"{along:.4g} m from inline to inline, {across:.4g} m from crossline to crossline"),
+        ("bins", f"{along:.4g} {unit} from inline to inline, {across:.4g} {unit} from crossline to crossline"),
         (
             "azimuth",
             f"inlines grow towards {inlines:.2f} deg from north, crosslines towards {crosslines:.2f}; {hand}-handed",
         ),
         ("corners", corners),
-        ("fit", f"coordinates within {where['fit_rms_m']:.3g} m rms of a regular grid"),
+        ("fit", f"coordinates within {where[f'fit_rms_{unit}']:.3g} {unit} rms of a regular grid"),
     ]

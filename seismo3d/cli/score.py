@@ -25,7 +25,7 @@ def run(
         None,
         min=0.0,
         help="Distance that counts as agreement: traces and samples (sticks) [default: 3], "
-        "or ms, m or samples (horizons) [default: 4]",
+        "or ms, m, ft or samples (horizons) [default: 4]",
     ),
     columns: Columns = None,
     out: Path | None = typer.Option(None, "--out", "-o", help="Folder to make for the results. [default: DIR/score]"),

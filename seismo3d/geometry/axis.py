@@ -10,6 +10,9 @@ import numpy as np
 from seismo3d._typing import ArrayLike, Float64Array
 from seismo3d.errors import GeometryError
 
+METRES = {"m": 1.0, "ft": 0.3048}
+"""Metres in each unit of length."""
+
 
 @dataclass(frozen=True, slots=True)
 class Axis:
@@ -87,3 +90,23 @@ def unit_of(cube: Any) -> str:
     if not hasattr(cube, "dims"):
         return "samples"
     return str(cube.attrs.get("sample_unit", {"time": "ms", "depth": "m"}.get(str(cube.dims[-1]), "samples")))
+
+
+def length_unit_of(cube: Any) -> str:
+    """Return the unit of a cube's or section's map coordinates: "ft" where they say so, else "m"."""
+    if not hasattr(cube, "dims"):
+        return "m"
+    stored = (cube.attrs.get("survey") or {}).get("length_unit", "m")
+    says = cube.coords["cdp_x"].attrs.get("units", stored) if "cdp_x" in cube.coords else stored
+    return "ft" if str(says).lower() in ("ft", "feet", "foot") else "m"
+
+
+def depth_scale(unit: str, length_unit: str) -> float | None:
+    """Return the lengths on the map that one unit of depth is; None where the samples are not in depth.
+
+    Examples
+    --------
+    >>> depth_scale("m", "m"), depth_scale("ms", "m"), round(depth_scale("m", "ft"), 3)
+    (1.0, None, 3.281)
+    """
+    return METRES[unit] / METRES[length_unit] if unit in METRES else None

@@ -10,7 +10,7 @@ import numpy as np
 from seismo3d._typing import ArrayLike, Float64Array
 from seismo3d._validate import as_points
 from seismo3d.errors import GeometryError
-from seismo3d.geometry.axis import Axis
+from seismo3d.geometry.axis import Axis, depth_scale, length_unit_of, unit_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,16 +20,19 @@ class SectionGeometry:
     Attributes
     ----------
     xy : ndarray of shape (n, 2), float64, or None
-        Map coordinates of the traces in metres.
+        Map coordinates of the traces.
     sample : Axis
         The sample coordinate in ``unit``.
     unit : str
-        "ms", "m" or "samples".
+        "ms", "m", "ft" or "samples".
+    length_unit : {"m", "ft"}
+        Of map coordinates.
     """
 
     xy: Float64Array | None
     sample: Axis
     unit: str = "samples"
+    length_unit: str = "m"
 
     @classmethod
     def from_cube(cls, section: Any) -> SectionGeometry:
@@ -44,12 +47,17 @@ class SectionGeometry:
         xy = None
         if "cdp_x" in section.coords and "cdp_y" in section.coords:
             xy = np.stack([np.asarray(section[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y")], axis=1)
-        return cls(xy, Axis.from_coordinates(values, str(vertical)), str(section.attrs.get("sample_unit", "samples")))
+        return cls(xy, Axis.from_coordinates(values, str(vertical)), unit_of(section), length_unit_of(section))
 
     @property
     def has_map(self) -> bool:
         """Whether map coordinates are known."""
         return self.xy is not None
+
+    @property
+    def depth_scale(self) -> float | None:
+        """Lengths on the map that one unit of depth is; None where the section is not in depth."""
+        return depth_scale(self.unit, self.length_unit)
 
     def index_to_map(self, points: ArrayLike) -> Float64Array:
         """Carry (trace, sample) indices to (x, y, z); x is the trace index and y 0 where there is no map.

@@ -1,12 +1,12 @@
-"""Where a cube lies: fractional indices, line numbers, and metres on the map.
+"""Where a cube lies: fractional indices, line numbers, and coordinates on the map.
 
 Frame and sign conventions, here once:
 
 - Index space is ``(inline, crossline, sample)``, fractional and zero-based; a section's is ``(trace, sample)``.
 - The *inline axis* is axis 0: the direction in which the inline *number* grows. (An inline itself, the line that a boat
   shoots, runs along the crossline axis.)
-- Map coordinates are ``(x, y)`` = (east, north) in metres, as in ``cdp_x`` and ``cdp_y``; z is the sample coordinate in
-  ms or m, positive downwards.
+- Map coordinates are ``(x, y)`` = (east, north) in metres or, where the survey is in feet, in feet, as in ``cdp_x`` and
+  ``cdp_y``; z is the sample coordinate in ms, m or ft, positive downwards.
 - Azimuths are in degrees, clockwise from north; without map coordinates they are counted from the inline axis towards
   the crossline axis. Surveys may be rotated, sheared and of either handedness: all goes through one 2 x 2 matrix.
 """
@@ -21,7 +21,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array, FloatArray
 from seismo3d._validate import as_points
 from seismo3d.errors import GeometryError
-from seismo3d.geometry.axis import Axis
+from seismo3d.geometry.axis import Axis, depth_scale, length_unit_of, unit_of
 from seismo3d.geometry.map_fit import MapFit, fit_map
 from seismo3d.geometry.section import SectionGeometry
 
@@ -40,9 +40,11 @@ class SurveyGeometry:
     inline, crossline, sample : Axis
         Line numbers, and the sample coordinate in ``unit``.
     unit : str
-        "ms", "m" or "samples".
+        "ms", "m", "ft" or "samples".
     map_fit : MapFit or None
         None where the cube has no map coordinates.
+    length_unit : {"m", "ft"}
+        Of map coordinates.
     """
 
     inline: Axis
@@ -50,6 +52,7 @@ class SurveyGeometry:
     sample: Axis
     unit: str = "samples"
     map_fit: MapFit | None = None
+    length_unit: str = "m"
 
     @classmethod
     def from_cube(cls, cube: Any) -> SurveyGeometry:
@@ -75,7 +78,7 @@ class SurveyGeometry:
             Axis.from_coordinates(cube[d].values if d in cube.coords else np.arange(cube.sizes[d]), str(d))
             for d in dims
         ]
-        return cls(axes[0], axes[1], axes[2], str(cube.attrs.get("sample_unit", "samples")), _map_of(cube, axes))
+        return cls(axes[0], axes[1], axes[2], unit_of(cube), _map_of(cube, axes), length_unit_of(cube))
 
     @property
     def has_map(self) -> bool:
@@ -83,8 +86,13 @@ class SurveyGeometry:
         return self.map_fit is not None
 
     @property
+    def depth_scale(self) -> float | None:
+        """Lengths on the map that one unit of depth is; None where the cube is not in depth."""
+        return depth_scale(self.unit, self.length_unit)
+
+    @property
     def bin_size(self) -> tuple[float, float]:
-        """Metres to the next index along the inline axis and along the crossline axis; NaN without a map."""
+        """Lengths on the map to the next index along the inline and along the crossline axis; NaN without a map."""
         if self.map_fit is None:
             return (float("nan"), float("nan"))
         return (float(np.hypot(*self.map_fit.inline_step)), float(np.hypot(*self.map_fit.crossline_step)))
@@ -115,7 +123,7 @@ class SurveyGeometry:
         Returns
         -------
         ndarray of shape (n, 3), float64
-            x, y in metres (inline and crossline numbers where there is no map), z in ``unit``, positive down.
+            x, y on the map (inline and crossline numbers where there is no map), z in ``unit``, positive down.
         """
         p = as_points(points, "points", dim=3, finite=False)
         out = np.empty_like(p)
@@ -200,7 +208,7 @@ class SurveyGeometry:
             name: [axis.first, axis.step, axis.n]
             for name, axis in (("inline", self.inline), ("crossline", self.crossline), ("sample", self.sample))
         }
-        out["unit"] = self.unit
+        out |= {"unit": self.unit, "length_unit": self.length_unit}
         if self.map_fit is not None:
             fit = self.map_fit
             out["map"] = {

@@ -50,9 +50,9 @@ class SampleAxis:
     Attributes
     ----------
     axis : Axis
-        In ms or m.
+        In ms, m or ft.
     domain, unit : str
-        "time" and "ms", or "depth" and "m".
+        "time" and "ms", or "depth" and "m" or, in a survey in feet, "ft".
     reason : str
         Why time, or why depth.
     notes : tuple of str
@@ -78,7 +78,7 @@ def sample_axis(
     domain : {"time", "depth"}, optional
         What the samples run along.
     interval, start : float, optional
-        Sample interval and first sample, in ms or m.
+        Sample interval and first sample, in ms, m or ft.
     """
     if domain not in (None, "time", "depth"):
         raise ParameterError(f"domain is {domain!r}; expected 'time' or 'depth'.")
@@ -89,7 +89,7 @@ def sample_axis(
     if domain is None:
         domain, reason = judge_domain(layout, step)
     axis = Axis(first, step, layout.n_samples)
-    return SampleAxis(axis, domain, "ms" if domain == "time" else "m", reason, tuple(notes))
+    return SampleAxis(axis, domain, "ms" if domain == "time" else layout.length_unit, reason, tuple(notes))
 
 
 def judge_domain(layout: SegyLayout, interval: float, *, by_name: bool = True) -> tuple[str, str]:

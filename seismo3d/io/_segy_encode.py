@@ -8,7 +8,8 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Int64Array
 from seismo3d.errors import GeometryError
-from seismo3d.geometry.survey import Axis, usual_spacing
+from seismo3d.geometry.axis import Axis, length_unit_of, unit_of
+from seismo3d.geometry.survey import usual_spacing
 from seismo3d.io._segy_layout import set_header_field
 
 _MAX_SHORT = 32767
@@ -75,7 +76,7 @@ def fresh_file_header(volume: Any, code: int, title: str) -> bytes:
         (3221, volume.shape[-1]),
         (3225, code),
         (3229, 4),
-        (3255, 1),
+        (3255, 2 if "ft" in (unit_of(volume), length_unit_of(volume)) else 1),
         (3501, 0x0100),
         (3503, 1),
     ):

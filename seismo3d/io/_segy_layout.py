@@ -65,6 +65,11 @@ class SegyLayout:
     in_feet: bool = False
 
     @property
+    def length_unit(self) -> str:
+        """Unit of lengths: "m" or "ft"."""
+        return "ft" if self.in_feet else "m"
+
+    @property
     def stored_dtype(self) -> np.dtype[Any]:
         """Type of a stored sample, in the file's order of bytes (IBM floats as unsigned integers)."""
         dtype = np.dtype(SAMPLE_FORMATS[self.format_code][0])

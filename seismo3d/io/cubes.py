@@ -51,7 +51,7 @@ def open_cube(
         What the samples run along; judged from the textual header, the interval and the file's name where it is not
         given, and ``domain_reason`` says why.
     interval, start : float, optional
-        Sample interval and first sample in ms or m, in place of the headers'.
+        Sample interval and first sample in ms, m or ft (a depth of a file in feet), in place of the headers'.
     lazy : bool, optional
         True: backed by dask, in chunks of whole inlines, read when asked for. False: in memory. Without it, lazy
         above 2 GiB. Values are identical.

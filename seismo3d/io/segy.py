@@ -67,9 +67,11 @@ def _read_cube(
     if xy_bytes is not None:
         for name, byte in zip(("cdp_x", "cdp_y"), xy_bytes):
             header = SegyHeaders(layout, grid, byte)
-            coords[name] = (("inline", "crossline"), _as_dask(header) if is_lazy else header[:], {"units": "m"})
+            places = _as_dask(header) if is_lazy else header[:]
+            coords[name] = (("inline", "crossline"), places, {"units": layout.length_unit})
     attrs = _attributes(layout, found, axis, xy_bytes)
-    survey = SurveyGeometry(grid.inline, grid.crossline, axis.axis, axis.unit, _fit_grid(layout, found, xy_bytes))
+    map_fit = _fit_grid(layout, found, xy_bytes)
+    survey = SurveyGeometry(grid.inline, grid.crossline, axis.axis, axis.unit, map_fit, layout.length_unit)
     attrs["survey"] = survey.to_dict()
     return xr.DataArray(data, dims=("inline", "crossline", axis.domain), coords=coords, name="amplitude", attrs=attrs)
 
@@ -97,7 +99,7 @@ def _read_line(
         coords["cdp"] = ("trace", cdp)
     if xy_bytes is not None:
         for name, byte in zip(("cdp_x", "cdp_y"), xy_bytes):
-            coords[name] = ("trace", read_coordinate(layout, rows, byte), {"units": "m"})
+            coords[name] = ("trace", read_coordinate(layout, rows, byte), {"units": layout.length_unit})
     return xr.DataArray(data, dims=("trace", axis.domain), coords=coords, name="amplitude", attrs=attrs)
 
 
@@ -135,7 +137,7 @@ def _attributes(layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tu
     if xy_bytes is not None:
         attrs["x_byte"], attrs["y_byte"] = xy_bytes
     if layout.in_feet:
-        attrs["notes"].append("the binary header says feet: map coordinates, and depths, are as stored, not in metres")
+        attrs["notes"].append("the binary header says feet: map coordinates, and depths, are in feet")
     if found.is_sampled:
         attrs["notes"].append(
             "a regular file: geometry read from a sample of the trace headers, checked as traces are read"

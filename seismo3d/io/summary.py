@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray
+from seismo3d.geometry.axis import length_unit_of
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io._as_cube import as_cube
 
@@ -122,19 +123,22 @@ def _map(volume: Any) -> dict[str, Any] | None:
     if volume.ndim == 2:
         if "cdp_x" not in volume.coords:
             return None
+        unit = length_unit_of(volume)
         x, y = (np.asarray(volume[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y"))
         length = float(np.hypot(np.diff(x), np.diff(y)).sum())
-        return {"first": [float(x[0]), float(y[0])], "last": [float(x[-1]), float(y[-1])], "length_m": length}
+        first, last = ([float(x[k]), float(y[k])] for k in (0, -1))
+        return {"unit": unit, "first": first, "last": last, f"length_{unit}": length}
     survey = SurveyGeometry.from_cube(volume)
     if survey.map_fit is None:
         return None
     n_il, n_xl = volume.shape[:2]
     corners = survey.index_to_map([[0, 0, 0], [0, n_xl - 1, 0], [n_il - 1, n_xl - 1, 0], [n_il - 1, 0, 0]])[:, :2]
     return {
-        "bin_size_m": list(survey.bin_size),
+        "unit": survey.length_unit,
+        f"bin_size_{survey.length_unit}": list(survey.bin_size),
         "inline_axis_azimuth_deg": survey.inline_axis_azimuth_deg,
         "crossline_axis_azimuth_deg": survey.crossline_axis_azimuth_deg,
         "right_handed": survey.is_right_handed,
-        "fit_rms_m": survey.map_fit.rms,
+        f"fit_rms_{survey.length_unit}": survey.map_fit.rms,
         "corners": corners.tolist(),
     }

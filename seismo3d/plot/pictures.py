@@ -15,9 +15,8 @@ _LABELS = {
     "inline": "Inline",
     "crossline": "Crossline",
     "trace": "Trace",
-    "time": "Time (ms)",
-    "depth": "Depth (m)",
-    "sample": "Sample",
+    "time": "Time",
+    "depth": "Depth",
 }
 
 
@@ -120,8 +119,9 @@ def axis_coordinates(cube: Any, axis: int) -> Float64Array:
 def axis_labels(cube: Any) -> tuple[str, ...]:
     """Return what is written beside each axis of a cube; a time or depth in samples is a sample number."""
     names = name_axes(cube)
-    last = "sample" if unit_of(cube) == "samples" else names[-1]
-    return tuple(_LABELS.get(name, name) for name in (*names[:-1], last))
+    unit = unit_of(cube)
+    last = "Sample" if unit == "samples" else f"{_LABELS.get(names[-1], names[-1])} ({unit})"
+    return *(_LABELS.get(name, name) for name in names[:-1]), last
 
 
 def find_index(cube: Any, axis: int, value: float, *, as_index: bool = False) -> int:

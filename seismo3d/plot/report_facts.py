@@ -14,6 +14,10 @@ from seismo3d.plot.sections import count_fault_voxels
 from seismo3d.seismic.fault_table import mean_strike_deg
 from seismo3d.seismic.index_frame import IndexFrame
 
+_SAMPLE_UNITS = ("ms", "m", "ft")
+# the unit in which long ways are told, and how many of the short ones it is
+_FAR = {"m": ("km", 1000.0), "ft": ("mi", 5280.0)}
+
 _HEADINGS = {
     "fault": "Fault",
     "confidence": "Confidence",
@@ -21,15 +25,15 @@ _HEADINGS = {
     "area_index": "Area (bins x samples)",
     "length_index": "Length (bins, samples)",
     "area_m2": "Area (km²)",
+    "area_ft2": "Area (mi²)",
     "length_m": "Length (m)",
+    "length_ft": "Length (ft)",
     "strike_deg": "Strike (°)",
     "dip_deg": "Dip (°)",
     "throw_mean_samples": "Mean throw (samples)",
     "throw_max_samples": "Largest throw (samples)",
-    "throw_mean_ms": "Mean throw (ms)",
-    "throw_max_ms": "Largest throw (ms)",
-    "throw_mean_m": "Mean throw (m)",
-    "throw_max_m": "Largest throw (m)",
+    **{f"throw_mean_{unit}": f"Mean throw ({unit})" for unit in _SAMPLE_UNITS},
+    **{f"throw_max_{unit}": f"Largest throw ({unit})" for unit in _SAMPLE_UNITS},
     "throw_known": "Throw known",
     "kind": "Kind",
 }
@@ -56,13 +60,15 @@ def key_numbers(faults: Any, cube: Any, rows: list[dict[str, Any]]) -> list[tupl
     numbers = [(f"{len(rows):,}", "fault found" if len(rows) == 1 else "faults found")]
     if not rows:
         return numbers
-    unit = next((key.rsplit("_", 1)[1] for key in rows[0] if key in ("throw_mean_ms", "throw_mean_m")), "samples")
+    unit = _sample_unit(rows[0])
     # the largest single value of a cube is an outlier more often than not: the mean of a fault holds
     finite = [row[f"throw_mean_{unit}"] for row in rows if math.isfinite(row[f"throw_mean_{unit}"])]
     if finite:
         numbers.append((f"{max(finite, key=abs):.3g} {unit}", "largest mean throw of a fault"))
-    if rows[0].get("length_m"):
-        numbers.append((f"{max(row['length_m'] for row in rows) / 1000:.2f} km", "longest fault, along strike"))
+    for short, (far, size) in _FAR.items():
+        if rows[0].get(f"length_{short}"):
+            longest = max(row[f"length_{short}"] for row in rows)
+            numbers.append((f"{longest / size:.2f} {far}", "longest fault, along strike"))
     weights = np.array([row.get("area_index", row.get("length_index")) for row in rows])
     numbers.append((f"{np.average([row['dip_deg'] for row in rows], weights=weights):.0f}°", _dip_meaning(cube)))
     if "strike_deg" in rows[0]:
@@ -74,6 +80,11 @@ def key_numbers(faults: Any, cube: Any, rows: list[dict[str, Any]]) -> list[tupl
     return numbers
 
 
+def _sample_unit(row: dict[str, Any]) -> str:
+    """Return the unit that throws are told in: that of the samples where it is known."""
+    return next((unit for unit in _SAMPLE_UNITS if f"throw_mean_{unit}" in row), "samples")
+
+
 def _fault_share(faults: Any) -> float:
     """Share of the voxels that lie on a fault."""
     if np.ndim(faults.labels) == 2:
@@ -82,11 +93,11 @@ def _fault_share(faults: Any) -> float:
 
 
 def table_columns(rows: list[dict[str, Any]]) -> list[tuple[str, str]]:
-    """Key and heading of the table's columns; samples are left out where ms or m are known."""
+    """Key and heading of the table's columns; samples are left out where their unit is known."""
     if not rows:
         return []
     keys = [key for key in rows[0] if key in _HEADINGS and key != "likelihood_mean"]
-    if "throw_mean_ms" in keys or "throw_mean_m" in keys:
+    if _sample_unit(rows[0]) != "samples":
         keys = [key for key in keys if not key.endswith("_samples")]
     return [(key, _HEADINGS[key]) for key in keys]
 
@@ -98,8 +109,9 @@ def table_cell(key: str, value: Any) -> tuple[str, str]:
     number = float(value)
     if not math.isfinite(number):
         return "–", "-1e99"
-    if key == "area_m2":
-        return f"{number / 1e6:.3g}", repr(number)
+    for short, (_, size) in _FAR.items():
+        if key == f"area_{short}2":
+            return f"{number / size**2:.3g}", repr(number)
     if key == "throw_known":
         return _percent(number), repr(number)
     digits = {
@@ -110,12 +122,13 @@ def table_cell(key: str, value: Any) -> tuple[str, str]:
         "area_index": 0,
         "length_index": 0,
         "length_m": 0,
+        "length_ft": 0,
     }
     return f"{number:,.{digits.get(key, 1)}f}", repr(number)
 
 
 def _dip_meaning(cube: Any) -> str:
-    is_true = np.ndim(cube) == 3 and IndexFrame.of(cube).unit == "m"
+    is_true = np.ndim(cube) == 3 and IndexFrame.of(cube).unit != "bin"
     return "mean dip" if is_true else "mean dip, in bins and samples"
 
 
@@ -126,16 +139,17 @@ def _map_facts(cube: Any) -> list[tuple[str, str]]:
         return [("Map", f"none: {error}")]
     if not survey.has_map:
         return [("Map", "no coordinates in the file: distances are in bins, strikes from the inline axis")]
-    bins = survey.bin_size
+    bins, short = survey.bin_size, survey.length_unit
+    long, size = _FAR[short]
     far = np.array(cube.shape, dtype=np.float64) - 1
     corners = survey.index_to_map([[0, 0, 0], [far[0], 0, 0], [0, far[1], 0], [far[0], far[1], 0]])
-    area = bins[0] * far[0] * bins[1] * far[1] / 1e6
+    area = bins[0] * far[0] * bins[1] * far[1] / size**2
     (left, south), (right, north) = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
     return [
-        ("Bin size", f"{bins[0]:.4g} m (next inline) x {bins[1]:.4g} m (next crossline)"),
+        ("Bin size", f"{bins[0]:.4g} {short} (next inline) x {bins[1]:.4g} {short} (next crossline)"),
         ("Inline axis", f"azimuth {survey.inline_axis_azimuth_deg:.1f}° from north"),
         ("Extent", f"x {left:,.0f} to {right:,.0f}, y {south:,.0f} to {north:,.0f}"),
-        ("Box area", f"{area:,.4g} km²"),
+        ("Box area", f"{area:,.4g} {long}²"),
     ]
 
 

@@ -40,7 +40,7 @@ class FaultLines:
     throw, likelihood : ndarray of shape (s,), float64
         Means of both ends; throw in ``throw_unit``, NaN where not known.
     throw_unit : str
-        "ms", "m" or "samples".
+        "ms", "m", "ft" or "samples".
     throw_colours : (str, float, float)
         Colour map and limits for throw, the same on every picture of these faults.
     """
@@ -64,7 +64,7 @@ def check_colour(colour: str) -> None:
 
 
 def display_throw(surface: Any) -> tuple[AnyArray, str]:
-    """Throw of a surface in ms or m where its sample interval is known, else in samples, and that unit."""
+    """Throw of a surface in ms, m or ft where its sample interval is known, else in samples, and that unit."""
     return np.asarray(surface.throw, dtype=np.float64) * surface.sample_interval, str(surface.sample_unit)
 
 

@@ -124,8 +124,8 @@ def _measure_semblance(volume: Float32Array, live: BoolArray, slopes: Float32Arr
 def _cube_attributes(slopes: Float32Array, cube: Any) -> dict[str, AnyArray]:
     survey = SurveyGeometry.from_cube(cube)
     bins, step = np.ones(2), 1.0
-    if survey.has_map and survey.unit == "m":
-        bins, step = np.array(survey.bin_size), abs(survey.sample.step)
+    if survey.has_map and survey.depth_scale is not None:
+        bins, step = np.array(survey.bin_size), abs(survey.depth_scale * survey.sample.step)
     p, q = (slopes[axis] * np.float32(step / bins[axis]) for axis in range(2))
     steepness = np.degrees(np.arctan(np.hypot(p, q)))
     positive, negative = _principal_curvatures(slopes, bins, step)
@@ -170,9 +170,9 @@ def _along_reflector(slopes: Float32Array, axis: int, of: int) -> Float32Array:
 def _section_attributes(slope: Float32Array, section: Any) -> dict[str, AnyArray]:
     geometry = SectionGeometry.from_cube(section)
     spacing, step = 1.0, 1.0
-    if geometry.xy is not None and geometry.unit == "m" and len(geometry.xy) > 1:
+    if geometry.xy is not None and geometry.depth_scale is not None and len(geometry.xy) > 1:
         spacing = float(np.hypot(*np.diff(geometry.xy, axis=0).T).mean())
-        step = abs(geometry.sample.step)
+        step = abs(geometry.depth_scale * geometry.sample.step)
     slopes = np.stack([np.zeros_like(slope), slope])
     curvature = _along_reflector(slopes, 1, 1) * np.float32(step / spacing**2)
     return {"dip": np.degrees(np.arctan(slope * np.float32(step / spacing))), "curvature": curvature}

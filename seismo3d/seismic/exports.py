@@ -19,9 +19,9 @@ from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.sticks import cut_sticks
 
 _UNITS = {
-    "throw": "samples", "throw_ms": "ms", "throw_m": "m", "heave": "traces", "heave_m": "m", "strike_slip": "traces",
-    "strike_slip_m": "m", "rake": "deg", "strike": "deg", "dip": "deg",
-}  # fmt: skip
+    "throw": "samples", "throw_ms": "ms", "heave": "traces", "strike_slip": "traces", "rake": "deg", "strike": "deg",
+    "dip": "deg",
+} | {f"{name}_{unit}": unit for name in ("throw", "heave", "strike_slip") for unit in ("m", "ft")}  # fmt: skip
 _COLUMNS_3D = ("fault", "confidence", "likelihood_mean", "area_index", "strike_deg", "dip_deg", "throw_mean_samples")
 _COLUMNS_2D = ("fault", "confidence", "likelihood_mean", "length_index", "dip_deg", "throw_mean_samples")
 
@@ -30,8 +30,8 @@ def write_faults(faults: FaultSet, cube: Any, *, directory: str | Path) -> list[
     """Write faults in every exchange format.
 
     ``surfaces.vtp`` (VTK), ``surfaces.ts`` (GOCAD TSurf; ``surfaces.pl``, polylines, for a section),
-    ``sticks_opendtect.txt``, ``sticks_petrel.txt`` (Charisma) and ``faults.csv``. Coordinates are metres on the map
-    where the cube knows them, else line numbers; z is time or depth, positive downwards.
+    ``sticks_opendtect.txt``, ``sticks_petrel.txt`` (Charisma) and ``faults.csv``. Coordinates are those of the map
+    where the cube knows them, in metres or feet, else line numbers; z is time or depth, positive downwards.
 
     Parameters
     ----------
@@ -57,10 +57,10 @@ def write_faults(faults: FaultSet, cube: Any, *, directory: str | Path) -> list[
     check_faults_of(cube, faults)
     directory = Path(directory)
     meshes = mesh_faults(faults, cube)
-    unit, place = _describe(cube)
+    (unit, length_unit), notes = _describe(cube)
     gocad = directory / ("surfaces.ts" if np.ndim(faults.labels) == 3 else "surfaces.pl")
-    write_vtp(directory / "surfaces.vtp", meshes, notes=place)
-    write_gocad(gocad, meshes, horizontal_unit="m" if "metres" in place["xy"] else "none", z_unit=unit, units=_UNITS)
+    write_vtp(directory / "surfaces.vtp", meshes, notes=notes)
+    write_gocad(gocad, meshes, horizontal_unit=length_unit, z_unit=unit, units=_UNITS)
     sticks = cut_sticks(faults, cube)
     write_opendtect_sticks(directory / "sticks_opendtect.txt", sticks)
     write_charisma_sticks(directory / "sticks_petrel.txt", sticks)
@@ -86,8 +86,9 @@ def mesh_faults(faults: FaultSet, cube: Any) -> list[SurfaceMesh]:
     list of SurfaceMesh
         One a surface, named ``fault_001`` and so on by label; properties ``throw`` (samples), ``throw_ms`` or
         ``throw_m`` where the sample interval is known, ``throw_fit`` (0 to 1), ``heave`` and ``strike_slip`` (traces),
-        ``heave_m`` and ``strike_slip_m`` on a map, ``rake`` (degrees from strike, 90 straight down), ``likelihood``,
-        ``strike`` and ``dip`` (degrees); in a section no strike slip and no rake.
+        ``heave_m`` and ``strike_slip_m`` on a map, all three ``_ft`` in a survey in feet, ``rake`` (degrees from
+        strike, 90 straight down), ``likelihood``, ``strike`` and ``dip`` (degrees); in a section no strike slip and no
+        rake.
     """
     section = np.ndim(faults.labels) == 2
     geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
@@ -108,21 +109,23 @@ def _properties(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometr
         properties |= {"strike_slip": surface.strike_slip, "rake": surface.rake_deg}
     if geometry.has_map:
         heave, strike_slip = measure_slip(surface, geometry)
-        properties["heave_m"] = heave
+        properties[f"heave_{geometry.length_unit}"] = heave
         if isinstance(geometry, SurveyGeometry):
-            properties["strike_slip_m"] = strike_slip
+            properties[f"strike_slip_{geometry.length_unit}"] = strike_slip
     return properties | {"likelihood": surface.likelihood, "strike": surface.strike_deg, "dip": surface.dip_deg}
 
 
-def _describe(cube: Any) -> tuple[str, dict[str, str]]:
-    """Return the unit of z, and the notes that go into a VTK file."""
+def _describe(cube: Any) -> tuple[tuple[str, str], dict[str, str]]:
+    """Return the units of z and of x and y, and the notes that go into a VTK file."""
     geometry = SurveyGeometry.from_cube(cube) if np.ndim(cube) == 3 else SectionGeometry.from_cube(cube)
     unit = geometry.unit if geometry.unit != "samples" else "none"
-    place = "metres on the map" if geometry.has_map else "line numbers" if np.ndim(cube) == 3 else "trace index, 0"
-    z = {"ms": "two-way time in ms", "m": "depth in m"}.get(unit, "sample number")
+    length = {"m": "metres", "ft": "feet"}[geometry.length_unit]
+    place = f"{length} on the map" if geometry.has_map else "line numbers" if np.ndim(cube) == 3 else "trace index, 0"
+    z = {"ms": "two-way time in ms", "m": "depth in m", "ft": "depth in ft"}.get(unit, "sample number")
     properties = (
         "throw: samples, positive where the hanging wall is down; throw_fit: 1 where the sides match, 0 where throw is "
-        "carried on; heave and strike_slip: traces (_m: metres), positive where the fault opens and where the hanging "
-        "wall went along strike; rake: degrees from strike, 90 straight down the dip; strike and dip: degrees"
+        "carried on; heave and strike_slip: traces (_m, _ft: metres, feet), positive where the fault opens and where "
+        "the hanging wall went along strike; rake: degrees from strike, 90 straight down the dip; strike, dip: degrees"
     )
-    return unit, {"xy": f"x, y: {place}", "z": f"z: {z}, positive down", "properties": properties}
+    notes = {"xy": f"x, y: {place}", "z": f"z: {z}, positive down", "properties": properties}
+    return (unit, geometry.length_unit if geometry.has_map else "none"), notes

@@ -17,7 +17,8 @@ def tabulate_faults(faults: FaultSet, cube: Any) -> list[dict[str, Any]]:
     """Sum up each fault in one row.
 
     Means are weighted by area. Where throw is known at no vertex its cells are NaN; cells that make no sense for the
-    kind of data (crosslines of a section, square metres of a time cube) are absent.
+    kind of data (crosslines of a section, square metres of a time cube) are absent. Of a survey in feet ``_m`` and
+    ``_m2`` at the end of a name are ``_ft`` and ``_ft2``.
 
     Parameters
     ----------
@@ -87,12 +88,13 @@ def _size(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry) -> 
     sizes: dict[str, Any] = {"area_index": float(surface.area)}
     if not geometry.has_map:
         return sizes
-    points = geometry.index_to_map(surface.vertices)
-    if geometry.unit == "m":
-        sizes["area_m2"] = float(measure_cells(points, surface.cells).sum())
+    points, unit = geometry.index_to_map(surface.vertices), geometry.length_unit
+    if geometry.depth_scale is not None:
+        points[:, 2] *= geometry.depth_scale
+        sizes[f"area_{unit}2"] = float(measure_cells(points, surface.cells).sum())
     spread = points[:, :2] - points[:, :2].mean(axis=0)
     along = np.linalg.svd(spread, full_matrices=False)[2][0]
-    return sizes | {"length_m": float(np.ptp(spread @ along))}
+    return sizes | {f"length_{unit}": float(np.ptp(spread @ along))}
 
 
 def _throws(surface: FaultSurface, weights: Float64Array) -> dict[str, Any]:
@@ -113,7 +115,7 @@ def _throws(surface: FaultSurface, weights: Float64Array) -> dict[str, Any]:
 def measure_slip(
     surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry
 ) -> tuple[Float32Array, Float32Array]:
-    """Heave and strike slip of a surface in metres.
+    """Heave and strike slip of a surface in the map's unit of length.
 
     Parameters
     ----------
@@ -153,9 +155,9 @@ def _slips(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry, we
         }
     if not geometry.has_map:
         return row
-    heave, along = measure_slip(surface, geometry)
-    row["heave_mean_m"] = _mean(np.abs(heave), weights)
-    return row | ({"strike_slip_mean_m": _mean(along, weights)} if isinstance(geometry, SurveyGeometry) else {})
+    (heave, along), unit = measure_slip(surface, geometry), geometry.length_unit
+    row[f"heave_mean_{unit}"] = _mean(np.abs(heave), weights)
+    return row | ({f"strike_slip_mean_{unit}": _mean(along, weights)} if isinstance(geometry, SurveyGeometry) else {})
 
 
 def _kind(throw: Float64Array, weights: Float64Array) -> str:

@@ -234,7 +234,7 @@ def trace_faults(
         sheets = [weigh_line(sheet, settings.section) for sheet in sheets]
     else:
         sheets, throws, today = part_doubles(sheets, throws, today, settings.choice)
-    surfaces = build_surfaces(sheets, throws, today, geometry, sampling)
+    surfaces = build_surfaces(sheets, throws, today, volume.shape, geometry, sampling)
     labels, throw = draw_sheets(sheets, throws, volume.shape)
     likelihood = draw_ridges(ridges, found.step, volume.shape)
     if is_section:
@@ -316,12 +316,13 @@ def build_surfaces(
     sheets: list[Sheet],
     throws: list[SheetThrow],
     today: list[SheetThrow],
+    shape: tuple[int, ...],
     geometry: SurveyGeometry | None,
     sampling: tuple[float, str],
 ) -> tuple[FaultSurface, ...]:
     """Turn sheets, with their throws when they moved and what lies apart today, into surfaces."""
     return tuple(
-        build_surface(sheet, throw, now, to_likelihood(sheet.score), geometry=geometry, sampling=sampling)
+        build_surface(sheet, throw, now, to_likelihood(sheet.score), shape, geometry=geometry, sampling=sampling)
         for sheet, throw, now in zip(sheets, throws, today, strict=True)
     )
 

@@ -25,6 +25,7 @@ import numpy as np
 from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d._validate import freeze
 from seismo3d.errors import FileAccessError, FormatError, GeometryError
+from seismo3d.geometry.axis import METRES
 
 _FILE = "faultset.npz"
 _VERSION = 4
@@ -58,9 +59,9 @@ class FaultSurface:
         Orientation at each vertex in degrees; strike 0 to 360 by the right-hand rule, dip 0 to 90: true in a cube in
         depth on a map, else in bins and samples. In a section strike is NaN.
     sample_interval : float
-        Size of a sample in ms or m, or 1 where the input was a bare array.
+        Size of a sample in ``sample_unit``, 1 where the input was a bare array.
     sample_unit : str
-        "ms", "m" or "samples".
+        "ms", "m", "ft" or "samples".
     confidence : float
         Mean likelihood over the surface, weighed down for small surfaces; 0 to 1.
     area : float
@@ -95,8 +96,9 @@ class FaultSurface:
 
     @property
     def throw_m(self) -> Float32Array:
-        """Throw in m at each vertex, where the cube is in depth."""
-        return self._throw_in("m")
+        """Throw in m at each vertex, where the cube is in depth, in feet too."""
+        in_feet = self.sample_unit == "ft"
+        return self._throw_in("ft") * np.float32(METRES["ft"]) if in_feet else self._throw_in("m")
 
     @property
     def strike_slip(self) -> Float32Array:

@@ -1,4 +1,4 @@
-"""What one step along each axis of a cube is worth: metres where the cube is in depth on a map, else one."""
+"""What one step along each axis of a cube is worth: lengths where the cube is in depth on a map, else one."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class IndexFrame:
     Attributes
     ----------
     matrix : ndarray of shape (3, 3), float64
-        Carries (inline, crossline, sample) steps to (east, north, down) in metres; the identity where the cube is not
+        Carries (inline, crossline, sample) steps to (east, north, down) in ``unit``; the identity where the cube is not
         in depth or not on a map, because milliseconds and metres make no length together.
-    unit : {"m", "bin"}
-        What lengths are in; a bin is a trace sideways and a sample down.
+    unit : {"m", "ft", "bin"}
+        What lengths are in: the unit of the map; a bin is a trace sideways and a sample down.
     """
 
     matrix: Float64Array
@@ -36,11 +36,11 @@ class IndexFrame:
     @classmethod
     def of_survey(cls, geometry: SurveyGeometry) -> IndexFrame:
         """Return the frame of a cube that lies there."""
-        if geometry.map_fit is None or geometry.unit != "m":
+        if geometry.map_fit is None or geometry.depth_scale is None:
             return cls(np.eye(3), "bin")
         matrix = np.zeros((3, 3))
-        matrix[:2, :2], matrix[2, 2] = geometry.map_fit.matrix, geometry.sample.step
-        return cls(matrix, "m")
+        matrix[:2, :2], matrix[2, 2] = geometry.map_fit.matrix, geometry.depth_scale * geometry.sample.step
+        return cls(matrix, geometry.length_unit)
 
     @property
     def steps(self) -> tuple[float, float, float]:

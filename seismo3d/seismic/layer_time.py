@@ -37,7 +37,7 @@ class LayerModel:
     live : ndarray of shape (inline, crossline), bool
         Traces with data.
     sample_unit : str
-        "ms", "m" or "samples".
+        "ms", "m", "ft" or "samples".
     rejected : float
         Share of all measurements that the solution rejects.
     closure : LoopClosure

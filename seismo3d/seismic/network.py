@@ -70,7 +70,7 @@ class FractureNetwork:
         Poles at the vertices of all surfaces.
     sets : tuple of OrientationSet
         Faults by orientation, largest share of the area first.
-    unit : {"m", "bin"}
+    unit : {"m", "ft", "bin"}
         Metres where the cube is in depth on a map, else a trace sideways and a sample down.
     intensity : float
         Whole area over whole volume.

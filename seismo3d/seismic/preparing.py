@@ -40,7 +40,7 @@ def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[flo
     geometry : SurveyGeometry or None
         None for a section.
     sampling : tuple of (float, str)
-        Sample interval and its unit: ``"ms"``, ``"m"`` or, where none is known, ``"samples"``.
+        Sample interval and its unit: ``"ms"``, ``"m"``, ``"ft"`` or, where none is known, ``"samples"``.
 
     Raises
     ------

@@ -22,7 +22,7 @@ def cut_sticks(faults: FaultSet, cube: Any, *, spacing: int = 5) -> list[FaultSt
 
     A fault is cut by inline planes where it strikes more across the inlines than along them, else by crossline planes.
     Each stick runs from top to foot, without the points that lie within a quarter of a bin of its course. In a section
-    each fault line is one stick.
+    each fault line is one stick, at the section's inline and crossline numbers, or at inline 0 and its CDP numbers.
 
     Parameters
     ----------
@@ -85,11 +85,14 @@ def _place(
     """Map coordinates and line numbers of a stick's nodes."""
     if isinstance(geometry, SurveyGeometry):
         return geometry.index_to_map(line), geometry.index_to_lines(line)[:, :2]
-    return geometry.index_to_map(line), np.column_stack([_trace_numbers(line[:, 0], cube), np.zeros(len(line))])
+    return geometry.index_to_map(line), _section_numbers(line[:, 0], cube)
 
 
-def _trace_numbers(index: Float64Array, section: Any) -> Float64Array:
-    if not hasattr(section, "dims") or section.dims[0] not in section.coords:
-        return index
-    numbers = np.asarray(section[section.dims[0]].values, dtype=np.float64)
-    return np.interp(index, np.arange(len(numbers)), numbers)
+def _section_numbers(index: Float64Array, section: Any) -> Float64Array:
+    """Inline and crossline numbers along a section; one without them is inline 0, and its CDPs are its crosslines."""
+    known = getattr(section, "coords", {})
+    traces = np.arange(np.shape(section)[0], dtype=np.float64)
+    inline = known.get("inline", 0.0)
+    crossline = next((known[name] for name in ("crossline", "cdp", "trace") if name in known), traces)
+    numbers = (np.broadcast_to(np.asarray(n, dtype=np.float64), traces.shape) for n in (inline, crossline))
+    return np.column_stack([np.interp(index, traces, n) for n in numbers])

@@ -20,6 +20,7 @@ def build_surface(
     throw: SheetThrow,
     today: SheetThrow,
     likelihood: Float32Array,
+    shape: tuple[int, ...],
     *,
     geometry: SurveyGeometry | None,
     sampling: tuple[float, str],
@@ -36,6 +37,8 @@ def build_surface(
         What lies apart today.
     likelihood : ndarray of the sheet's shape, float32
         Fault likelihood at its nodes.
+    shape : tuple of int
+        Traces and samples of the cube, (inline, crossline, sample): the surface ends at the outer ones.
     geometry : SurveyGeometry or None
         Turns normals into strikes and dips; None for a section, whose surface is a polyline in (trace, sample).
     sampling : tuple of (float, str)
@@ -48,6 +51,8 @@ def build_surface(
     number = _number_nodes(sheet)
     rows, columns = np.nonzero(number >= 0)
     vertices = sheet.points(rows.astype(float), columns.astype(float), sheet.w[rows, columns].astype(float))
+    # the nodes of a sheet that follows its own strike do not fall on the outer traces
+    vertices = np.clip(vertices, 0.0, np.array(shape, dtype=np.float64) - 1.0)
     normals = _normals(sheet)[rows, columns] * throw.hanging_side
     upright = normals if geometry is None else IndexFrame.of_survey(geometry).normals(normals)
     dip_deg = np.degrees(np.arccos(np.clip(np.abs(upright[:, 2]), 0.0, 1.0)))

@@ -10,6 +10,7 @@ import numpy as np
 from seismo3d._typing import Float64Array
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import GeometryError
+from seismo3d.geometry.axis import METRES
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.terrain._kernels_align import bilinear
@@ -65,8 +66,8 @@ def outcrops(
     Raises
     ------
     GeometryError
-        If the cube has no map coordinates, the terrain no georeference in metres, the cube is in time and no velocity
-        is given, or the cube lies off the terrain.
+        If the cube has no map coordinates in metres, the terrain no georeference in metres, the cube is in time and no
+        velocity is given, or the cube lies off the terrain.
     """
     survey, grid = SurveyGeometry.from_cube(cube), MapGrid.from_elevation(elevation)
     if not survey.has_map:
@@ -76,6 +77,10 @@ def outcrops(
     if grid.unit != "metre":
         raise GeometryError(
             f"elevation's map unit is the {grid.unit}; expected a georeference in metres, as the cube's. Reproject it."
+        )
+    if survey.length_unit != "m":
+        raise GeometryError(
+            f"cube's map coordinates are in {survey.length_unit}; expected metres, as the elevation's. Project them."
         )
     scale = _metres_per_unit(survey.unit, velocity)
     z = elevation_values(elevation)
@@ -95,13 +100,13 @@ def outcrops(
 
 
 def _metres_per_unit(unit: str, velocity: float | None) -> float:
-    if unit == "m":
-        return 1.0
+    if unit in METRES:
+        return METRES[unit]
     if unit == "ms":
         if velocity is None:
             raise GeometryError("the cube is in time; expected a velocity in metres a second, to carry faults upwards.")
         return 0.5 * as_number(velocity, "velocity", low=0.0, strict=True) / 1000.0
-    raise GeometryError(f"the cube's sample unit is {unit!r}; expected 'ms' or 'm'. Give it a time or depth axis.")
+    raise GeometryError(f"the cube's sample unit is {unit!r}; expected ms, m or ft. Give it a time or depth axis.")
 
 
 def _outcrop(number: int, points: Float64Array, z: Float64Array, grid: MapGrid) -> Outcrop | None:

@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 
 import seismo3d as s3
 from seismo3d.errors import FormatError, ParameterError
+from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io._segy_grid import _spread_rows, scanned_grid
 from seismo3d.io._segy_layout import SegyLayout
+from seismo3d.io.summary import summarise
 
 INLINES, CROSSLINES, N_SAMPLES = np.arange(100, 105), np.arange(30, 44, 2), 9
 
@@ -426,6 +428,23 @@ def test_feet_are_said(tmp_path, maker):
     cube = s3.open_cube(full(maker, tmp_path / "a.sgy", b3255=2))
     assert "says feet" in " ".join(cube.attrs["notes"])
     assert not s3.open_cube(full(maker, tmp_path / "b.sgy")).attrs["notes"]
+
+
+def test_lengths_in_feet_are_so_in_memory_and_written(tmp_path, maker):
+    heads = [h | {181: 50000 + 25 * h[193], 185: 80000 - 30 * h[189]} for h in maker.headers(INLINES, CROSSLINES)]
+    cube = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(35), heads, b3255=2), domain="depth")
+    assert cube.attrs["sample_unit"] == cube["depth"].attrs["units"] == cube["cdp_x"].attrs["units"] == "ft"
+    assert SurveyGeometry.from_cube(cube).length_unit == "ft"
+    told = summarise(cube)["map"]
+    assert told["unit"] == "ft"
+    assert told["bin_size_ft"] == list(SurveyGeometry.from_cube(cube).bin_size)
+    # without the headers that it came from, and where no place of a trace is left
+    fresh = cube.drop_attrs(deep=False).assign_attrs(sample_unit="ft")
+    s3.write_segy(tmp_path / "b.sgy", fresh)
+    assert s3.open_cube(tmp_path / "b.sgy", domain="depth")["cdp_y"].attrs["units"] == "ft"
+    assert SurveyGeometry.from_cube(cube.drop_vars(["cdp_x", "cdp_y"])).length_unit == "ft"
+    in_time = s3.open_cube(tmp_path / "a.sgy", domain="time")
+    assert (in_time.attrs["sample_unit"], SurveyGeometry.from_cube(in_time).length_unit) == ("ms", "ft")
 
 
 def test_an_irregular_large_file_is_scanned(tmp_path, maker, monkeypatch):

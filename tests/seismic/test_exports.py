@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -137,6 +138,28 @@ def test_depth_cube_has_square_metres() -> None:
     # 25 inlines of 25 m along strike; down the plane 39 samples of 5 m and 19.5 crosslines of 12.5 m
     assert row["area_m2"] == pytest.approx(625 * np.hypot(39 * 5, 19.5 * 12.5), rel=1e-3)
     assert "depth_min" in row
+
+
+def test_survey_in_feet_is_told_in_feet(tmp_path: Path) -> None:
+    cube = make_cube().rename(time="depth").assign_attrs(sample_unit="ft").assign_coords(depth=5.0 * np.arange(50))
+    for name in ("cdp_x", "cdp_y"):
+        cube[name].attrs["units"] = "ft"
+    faults = make_faults(cube)
+    faults = replace(faults, surfaces=tuple(replace(s, sample_unit="ft", sample_interval=5.0) for s in faults.surfaces))
+    row = tabulate_faults(faults, cube)[0]
+    assert not [name for name in row if name.endswith(("_m", "_m2", "_ms"))]
+    assert row["area_ft2"] == pytest.approx(625 * np.hypot(39 * 5, 19.5 * 12.5), rel=1e-3)
+    assert row["length_ft"] == pytest.approx(625, rel=1e-3)
+    assert row["throw_mean_ft"] == pytest.approx(20.0, rel=0.01)
+    assert row["heave_mean_ft"] == pytest.approx(25.0, rel=0.01)
+    np.testing.assert_allclose(faults.surfaces[0].throw_m, faults.surfaces[0].throw * 5 * 0.3048, rtol=1e-6)
+    write_faults(faults, cube, directory=tmp_path)
+    surfaces = (tmp_path / "surfaces.ts").read_text()
+    assert 'AXIS_UNIT "ft" "ft" "ft"' in surfaces
+    assert "heave_ft strike_slip_ft" in surfaces
+    import pyvista as pv
+
+    assert "feet on the map" in str(pv.read(tmp_path / "surfaces.vtp").field_data["xy"][0])
 
 
 def test_section_exports_polylines(tmp_path: Path) -> None:

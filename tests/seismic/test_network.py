@@ -235,3 +235,8 @@ def test_metres_count_in_a_depth_cube() -> None:
     path = flow_path(bare, (110, 510, 1040), (110, 510, 1140))
     assert path.length == pytest.approx(100.0)
     assert IndexFrame.of(cube).steps == pytest.approx((25.0, 12.5, 4.0))
+    # a map in feet: bins are as many feet, and so many feet are four metres
+    for name in ("cdp_x", "cdp_y"):
+        cube[name].attrs["units"] = "ft"
+    frame = IndexFrame.of(cube)
+    assert (frame.unit, frame.steps) == ("ft", pytest.approx((25.0, 12.5, 4.0 / 0.3048)))

@@ -49,7 +49,18 @@ def test_section_fault_is_one_stick() -> None:
     (stick,) = cut_sticks(faults, section)
     np.testing.assert_allclose(stick.points[0], [1200.0, 2000.0, 10.0], atol=1e-3)
     np.testing.assert_allclose(stick.points[-1], [1395.0, 2000.0, 88.0], atol=1e-3)
-    np.testing.assert_allclose(stick.lines[:, 0], [21.0, 40.5], atol=1e-4)
+    np.testing.assert_allclose(stick.lines, [[0.0, 21.0], [0.0, 40.5]], atol=1e-4)
+
+
+def test_section_sticks_have_the_numbers_of_their_lines() -> None:
+    section, faults = make_section()
+    cdp = section.assign_coords(cdp=("trace", 1001 + 2 * np.arange(60)))
+    np.testing.assert_allclose(cut_sticks(faults, cdp)[0].lines, [[0.0, 1041.0], [0.0, 1080.0]], atol=1e-3)
+    # a random line through a cube, and one of its inlines
+    crossing = cdp.assign_coords(inline=("trace", 300 - np.arange(60)), crossline=("trace", 7 + np.arange(60)))
+    np.testing.assert_allclose(cut_sticks(faults, crossing)[0].lines, [[280.0, 27.0], [260.5, 46.5]], atol=1e-3)
+    inline = section.assign_coords(inline=12)
+    np.testing.assert_allclose(cut_sticks(faults, inline)[0].lines, [[12.0, 21.0], [12.0, 40.5]], atol=1e-4)
 
 
 def test_bare_array_gives_indices() -> None:

@@ -11,7 +11,8 @@ from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.surfaces import build_surface
 from seismo3d.seismic.throw import SheetThrow
 
-BARE = SurveyGeometry.from_cube(np.zeros((40, 40, 60), np.float32))
+SHAPE = (60, 60, 60)
+BARE = SurveyGeometry.from_cube(np.zeros(SHAPE, np.float32))
 
 
 def flat_sheet(normal_deg=90.0, cotangent=0.5, *, rows=11, columns=9, step=2, slant=0.0, hole=None):
@@ -22,14 +23,14 @@ def flat_sheet(normal_deg=90.0, cotangent=0.5, *, rows=11, columns=9, step=2, sl
     if hole is not None:
         w[hole] = np.nan
     score = np.where(np.isfinite(w), 2.0, np.nan).astype(np.float32)
-    return Sheet(np.array([20.0, 20.0]), np.array([np.cos(angle), np.sin(angle)]), 10, step, -5.0, w, score)
+    return Sheet(np.array([30.0, 30.0]), np.array([np.cos(angle), np.sin(angle)]), 10, step, -5.0, w, score)
 
 
 def surface_of(sheet, *, geometry=BARE, hanging_side=None, sampling=(1.0, "samples")):
     if hanging_side is None:
         hanging_side = 1 if np.nanmean(np.diff(sheet.w, axis=1)) >= 0 else -1
     throw = SheetThrow(np.where(sheet.inside, 3.0, np.nan).astype(np.float32), np.ones_like(sheet.w), hanging_side)
-    return build_surface(sheet, throw, throw, 0.4 * sheet.score, geometry=geometry, sampling=sampling)
+    return build_surface(sheet, throw, throw, 0.4 * sheet.score, SHAPE, geometry=geometry, sampling=sampling)
 
 
 def apart(first, second):
@@ -65,6 +66,16 @@ def test_strike_obeys_the_right_hand_rule(normal_deg, cotangent):
     np.testing.assert_allclose(surface.strike_deg, BARE.strike_deg(surface.normals.astype(float)), atol=0.01)
 
 
+def test_surface_ends_at_the_outer_traces_and_samples():
+    sheet = replace(flat_sheet(), origin=np.array([58.4, 55.2]), first_sample=46)
+    surface = surface_of(sheet)
+    whole = sheet.nodes()
+    assert (whole.max(axis=0) > [59.0, 59.0, 59.0]).all()
+    np.testing.assert_array_equal(surface.vertices.max(axis=0), [59.0, 59.0, 59.0])
+    within = (whole <= [59.0, 59.0, 59.0]).all(axis=1)
+    np.testing.assert_allclose(surface.vertices[within], whole[within], atol=1e-5)
+
+
 @pytest.mark.parametrize(("cotangent", "slant"), [(0.0, 0.0), (0.5, 0.0), (-1.0, 0.0), (0.5, 0.3)])
 def test_area_of_a_plane(cotangent, slant):
     surface = surface_of(flat_sheet(30.0, cotangent, slant=slant))
@@ -74,9 +85,9 @@ def test_area_of_a_plane(cotangent, slant):
 def test_vertices_lie_on_the_sheet():
     surface = surface_of(flat_sheet(90.0, 0.5))
     vertices = surface.vertices
-    np.testing.assert_allclose(vertices[:, 1] - 20.0, 0.5 * (vertices[:, 2] - 10.0), atol=1e-5)
-    # along = (-1, 0): s from -5 to 5 gives inlines from 25 down to 15
-    assert (vertices[:, 0].min(), vertices[:, 0].max()) == (15.0, 25.0)
+    np.testing.assert_allclose(vertices[:, 1] - 30.0, 0.5 * (vertices[:, 2] - 10.0), atol=1e-5)
+    # along = (-1, 0): s from -5 to 5 gives inlines from 35 down to 25
+    assert (vertices[:, 0].min(), vertices[:, 0].max()) == (25.0, 35.0)
     assert (vertices[:, 2].min(), vertices[:, 2].max()) == (10.0, 26.0)
 
 
@@ -165,7 +176,7 @@ def test_sheets_that_face_either_way_slip_alike(hanging_side):
     """What slides along the sheet's own `along` does so on the surface."""
     sheet = flat_sheet(30.0, 0.5 * hanging_side)
     throw = SheetThrow(np.where(sheet.inside, 3.0, np.nan).astype(np.float32), np.ones_like(sheet.w), hanging_side, 0.5)
-    surface = build_surface(sheet, throw, throw, sheet.score, geometry=SurveyGeometry.from_cube(np.zeros((40, 40, 40))),
+    surface = build_surface(sheet, throw, throw, sheet.score, SHAPE, geometry=BARE,
                             sampling=(1.0, "samples"))  # fmt: skip
     np.testing.assert_allclose(surface.slip[:, :2] @ sheet.along, 1.5, atol=1e-3)
 

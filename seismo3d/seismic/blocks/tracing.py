@@ -125,7 +125,7 @@ def trace_in_blocks(
     geometry = SurveyGeometry.from_cube(cube)
     progress("surfaces", 1.0)
     return FaultSet(
-        surfaces=build_surfaces(sheets, throws, today, geometry, sampling),
+        surfaces=build_surfaces(sheets, throws, today, np.shape(cube), geometry, sampling),
         likelihood=open_result(run, "likelihood", cube),
         labels=open_result(run, "labels", cube),
         throw=open_result(run, "throw", cube),
