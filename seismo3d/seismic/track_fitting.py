@@ -47,11 +47,11 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
     confidence : ndarray of the same shape, float32
     """
     inner = leave_out_strays(layers, move_inwards(layers, index))
-    horizon = _find_horizon(layers, inner, settings)
+    horizon = _find_horizon(layers, inner, index, settings)
     refined = _refine(layers, horizon, inner, settings)
     stand_in = _find_stand_in(layers, horizon, *refined, settings)
     if stand_in is not None:
-        horizon = _join(horizon, _find_horizon(layers, stand_in, settings))
+        horizon = _join(horizon, _find_horizon(layers, stand_in, index, settings))
         refined = _refine(layers, horizon, inner, settings)
     depth, confidence = refined
     depth = bend_to_seeds(depth, horizon.parts, np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth), index)
@@ -113,8 +113,8 @@ class _Horizon:
     scores: Float32Array
 
 
-def _find_horizon(layers: LayerModel, index: Float64Array, settings: TrackSettings) -> _Horizon:
-    """Find the parts of the layer that passes through some points, and place them."""
+def _find_horizon(layers: LayerModel, index: Float64Array, seeds: Float64Array, settings: TrackSettings) -> _Horizon:
+    """Find the parts of the layer that passes through some points, and place them; it passes through the seeds."""
     first = find_crossings(layers, index, beyond=settings.parts.farthest)
     parts = label_parts(first, layers.cuts, find_shapes(layers, first))
     seeded = np.unique([_nearest_part(first, parts, at) for at in index])
@@ -122,7 +122,7 @@ def _find_horizon(layers: LayerModel, index: Float64Array, settings: TrackSettin
     moves, scores = _place_parts(layers, first, parts, seeded, settings)
     crossings = np.where(parts >= 0, first + np.append(moves, np.nan)[parts], np.nan)
     keep_sides(layers, first, crossings)
-    depth, parts = grow_parts(layers, *_uppermost(crossings, parts, seeded))
+    depth, parts = grow_parts(layers, *_choose_upper(crossings, parts, seeded, seeds))
     return _Horizon(depth, parts, seeded, scores)
 
 
@@ -232,10 +232,20 @@ def _place_parts(
     return moves, scores
 
 
-def _uppermost(crossings: Float64Array, parts: IntArray, seeded: IntArray) -> tuple[Float64Array, IntArray]:
-    """Keep one crossing a trace: the seeds' part where it is, else the uppermost."""
-    rank = np.where(np.isfinite(crossings), np.arange(1, len(crossings) + 1)[:, None, None], len(crossings) + 1)
-    rank[np.isin(parts, seeded) & np.isfinite(crossings)] = 0
+def _choose_upper(
+    crossings: Float64Array, parts: IntArray, seeded: IntArray, index: Float64Array
+) -> tuple[Float64Array, IntArray]:
+    """Keep one crossing a trace: the uppermost; where a seed lies below another one, all around it that of its part."""
+    there = np.isfinite(crossings)
+    rank = np.where(there, np.arange(1, len(crossings) + 1)[:, None, None], len(crossings) + 1)
+    own = np.isin(parts, seeded) & there
+    twice, _ = ndimage.label(own.any(axis=0) & (there.sum(axis=0) > 1))
+    for i, j, z in zip(*np.rint(index[:, :2]).astype(int).T, index[:, 2], strict=True):
+        off = np.where(there[:, i, j], np.abs(crossings[:, i, j] - z), np.inf)
+        nearest = int(off.argmin())
+        below = own[nearest, i, j] and there[:nearest, i, j].any()
+        if below and off[nearest] <= _PASSING:
+            rank[own & (twice == twice[i, j])] = 0
     best = rank.argmin(axis=0)[None]
     depth = np.take_along_axis(crossings, best, axis=0)[0]
     return depth, np.where(np.isfinite(depth), np.take_along_axis(parts, best, axis=0)[0], -1)

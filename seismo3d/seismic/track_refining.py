@@ -12,6 +12,7 @@ from seismo3d.seismic.layer_graph import LayerTimeSettings
 from seismo3d.seismic.layer_parts import PartSettings, stretched
 from seismo3d.seismic.layer_pieces import read_around
 from seismo3d.seismic.layer_time import LayerModel
+from seismo3d.seismic.term_fits import fit_terms
 from seismo3d.seismic.track_pieces import LARGEST_STEP
 from seismo3d.seismic.track_waveforms import match_traces, mean_waveform
 
@@ -48,6 +49,8 @@ class TrackSettings:
         lead to.
     bend : float
         Width, in traces, of the window over which they are led on.
+    spread : float
+        Traces, root mean square, that those in it must spread over to tell a slope: it is halved where they do.
     even : float
         Width, in traces, over which it is found how much thicker or thinner layers are than at the seeds.
     stretch : float
@@ -71,8 +74,9 @@ class TrackSettings:
     near: int = 16
     most: float = 2.0
     clear: int = 2
-    rim: int = 4
+    rim: int = 3
     bend: float = 4.0
+    spread: float = 0.7
     even: float = 4.0
     stretch: float = 0.3
     price: float = 0.02
@@ -228,7 +232,7 @@ def _lead_on(depth: Float64Array, parts: IntArray, free: BoolArray, settings: Tr
 
     What is free is none of the part, but makes no edge either.
     """
-    rim, sigma = settings.rim, settings.bend
+    rim = settings.rim
     out = np.full(depth.shape, np.nan)
     for label, box in enumerate(ndimage.find_objects(parts + 1)):
         if box is None:
@@ -244,17 +248,34 @@ def _lead_on(depth: Float64Array, parts: IntArray, free: BoolArray, settings: Tr
         )
         if not inner.any():
             continue
-        rows, columns = np.indices(mask.shape, dtype=np.float64)
-        z = np.where(inner, depth[near], 0.0)
-        terms = [np.ones_like(rows), rows, columns]
-        smooth = [[ndimage.gaussian_filter(inner * a * b, sigma) for b in terms] for a in terms]
-        right = [ndimage.gaussian_filter(inner * a * z, sigma) for a in terms]
-        edge = mask & ~inner & (smooth[0][0] > 1e-3)
-        matrix = np.stack([np.stack([c[edge] for c in r], axis=-1) for r in smooth], axis=-2)
-        matrix += np.eye(3) * 1e-6 * matrix[:, :1, :1]
-        plane = np.linalg.solve(matrix, np.stack([r[edge] for r in right], axis=-1)[..., None])[..., 0]
-        out[near][edge] = plane[:, 0] + plane[:, 1] * rows[edge] + plane[:, 2] * columns[edge]
+        edge, led = _extend(depth[near], inner, mask & ~inner, settings)
+        out[near][edge] = led
     return out
+
+
+def _extend(
+    depth: Float64Array, inner: BoolArray, wanted: BoolArray, settings: TrackSettings
+) -> tuple[BoolArray, Float64Array]:
+    """Return which wanted traces have inner ones near them, and where planes through these lead to.
+
+    The planes are through what the plane of all inner traces leaves, and lean off it only as far as the traces around
+    spread: those on one line, or a few, tell no slope across it.
+    """
+    rows, columns = (np.asarray(place - place[inner].mean()) for place in np.indices(inner.shape, dtype=np.float64))
+    least = settings.spread**2
+    terms = np.ones(int(inner.sum())), rows[inner], columns[inner]
+    (level, down, along), left = fit_terms(terms, depth[inner], ridge=(0.0, least, least))
+    z = np.zeros(inner.shape)
+    z[inner] = left
+    products = (rows, columns, z, rows * rows, rows * columns, columns * columns, z * rows, z * columns)
+    weight = ndimage.gaussian_filter(inner.astype(np.float64), settings.bend)
+    sums = [ndimage.gaussian_filter(inner * product, settings.bend) for product in products]
+    edge = wanted & (weight > 1e-3)
+    r, c, mean, rr, rc, cc, rz, cz = (total[edge] / weight[edge] for total in sums)
+    rr, rc, cc, rz, cz = rr - r * r + least, rc - r * c, cc - c * c + least, rz - r * mean, cz - c * mean
+    lean = (rz * cc - cz * rc) * (rows[edge] - r) + (cz * rr - rz * rc) * (columns[edge] - c)
+    trend = level + down * rows[edge] + along * columns[edge]
+    return edge, trend + mean + lean / (rr * cc - rc * rc)
 
 
 def _smooth_parts(maps: Float32Array, parts: IntArray, sigma: float) -> Float32Array:

@@ -7,7 +7,7 @@ import pytest
 from laid_out_layers import SHAPE, THROW, WALL, lay_out
 
 from seismo3d.seismic.layer_time import LayerModel
-from seismo3d.seismic.track_fitting import fit_track, leave_out_strays
+from seismo3d.seismic.track_fitting import _choose_upper, fit_track, leave_out_strays
 from seismo3d.seismic.track_refining import TrackSettings
 
 SEED = 60.0
@@ -92,3 +92,24 @@ def test_a_seed_beyond_a_fault_is_no_stray(rng: np.random.Generator, shift: np.n
     times = np.broadcast_to(np.arange(SHAPE[2]), SHAPE[1:]).astype(np.float64)
     seeds = np.array([[20.0, 8.0, SEED], [10.0, 14.0, SEED], [20.0, WALL + 6.0, SEED + THROW]])
     np.testing.assert_array_equal(leave_out_strays(lay_out(rng, shift, times, cut=True), seeds), seeds)
+
+
+def test_where_a_layer_lies_over_itself_the_upper_one_counts_but_around_a_seed_below() -> None:
+    crossings = np.full((3, 12, 20), np.nan)
+    parts = np.full(crossings.shape, -1)
+    # a reverse fault: one side from 0 to 11 at 60, the other from 8 to 19 at 50; and again along the far inlines
+    crossings[0, :, :8], parts[0, :, :8] = 60.0, 0
+    crossings[0, :, 8:], parts[0, :, 8:] = 50.0, 1
+    crossings[1, :, 8:12], parts[1, :, 8:12] = 60.0, 0
+    crossings[1, 6, 8:12], parts[1, 6, 8:12] = np.nan, -1
+    own = np.array([0])
+    depth, chosen = _choose_upper(crossings, parts, own, np.array([[5.0, 3.0, 60.0]]))
+    np.testing.assert_array_equal(depth, np.where(np.arange(20) < 8, 60.0, 50.0)[None].repeat(12, axis=0))
+    np.testing.assert_array_equal(chosen, (depth == 50.0).astype(int))
+    depth, chosen = _choose_upper(crossings, parts, own, np.array([[2.0, 9.0, 60.8]]))
+    below = np.zeros((12, 20), bool)
+    below[:6, :12] = below[6:, :8] = True
+    np.testing.assert_array_equal(depth, np.where(below, 60.0, 50.0))
+    # a seed on the upper one
+    depth, _ = _choose_upper(crossings, parts, np.array([1]), np.array([[2.0, 9.0, 50.8]]))
+    assert (depth[:, 8:] == 50.0).all()
