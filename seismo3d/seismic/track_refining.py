@@ -261,7 +261,8 @@ def _extend(
     The planes are through what the plane of all inner traces leaves, and lean off it only as far as the traces around
     spread: those on one line, or a few, tell no slope across it.
     """
-    rows, columns = (np.asarray(place - place[inner].mean()) for place in np.indices(inner.shape, dtype=np.float64))
+    places = np.indices(inner.shape, dtype=np.float64)
+    rows, columns = places[0] - places[0][inner].mean(), places[1] - places[1][inner].mean()
     least = settings.spread**2
     terms = np.ones(int(inner.sum())), rows[inner], columns[inner]
     (level, down, along), left = fit_terms(terms, depth[inner], ridge=(0.0, least, least))
