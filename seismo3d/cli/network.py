@@ -73,7 +73,7 @@ def run(
             "network": summarise_network(network),
         }
         if path is not None:
-            names = ("resistance", "length", "share_on_faults", "surfaces", "straight")
+            names = ("resistance", "length", "unit", "share_on_faults", "surfaces", "straight")
             record["flow_path"] = {name: getattr(path, name) for name in names}
         record["timings_s"] = clock.stop()
         page = network_page(
@@ -118,7 +118,7 @@ def _say(out: Path, network: Any, path: Any) -> None:
     if path is not None:
         by_way = ", ".join(str(label) for label in path.surfaces) or "none"
         typer.echo(
-            f"flow path: length {path.length:.4g}, {100 * path.share_on_faults:.0f} % on faults ({by_way}), "
-            f"{path.straight:.1f} times easier than straight through rock"
+            f"flow path: length {path.length:.4g} {path.unit}, {100 * path.share_on_faults:.0f} % on faults "
+            f"({by_way}), {path.straight:.1f} times easier than straight through rock"
         )
     typer.echo(str(out))

@@ -12,6 +12,11 @@ from seismo3d.errors import GeometryError
 
 METRES = {"m": 1.0, "ft": 0.3048}
 """Metres in each unit of length."""
+_NAMES = {
+    "ms": ("ms", "msec", "millisecond", "milliseconds"),
+    "m": ("m", "metre", "metres", "meter", "meters"),
+    "ft": ("ft", "foot", "feet"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,10 +91,16 @@ class Axis:
 
 
 def unit_of(cube: Any) -> str:
-    """Return the unit of a cube's or section's last axis: what it says itself, else ms of a time, m of a depth."""
+    """Return the unit of a cube's or section's last axis.
+
+    What it says itself, else what its coordinates say, else ms of a time and m of a depth.
+    """
     if not hasattr(cube, "dims"):
         return "samples"
-    return str(cube.attrs.get("sample_unit", {"time": "ms", "depth": "m"}.get(str(cube.dims[-1]), "samples")))
+    last = cube.dims[-1]
+    usual = {"time": "ms", "depth": "m"}.get(str(last), "samples")
+    says = cube.coords[last].attrs.get("units", usual) if last in cube.coords else usual
+    return _short(str(cube.attrs.get("sample_unit", says)))
 
 
 def length_unit_of(cube: Any) -> str:
@@ -98,7 +109,12 @@ def length_unit_of(cube: Any) -> str:
         return "m"
     stored = (cube.attrs.get("survey") or {}).get("length_unit", "m")
     says = cube.coords["cdp_x"].attrs.get("units", stored) if "cdp_x" in cube.coords else stored
-    return "ft" if str(says).lower() in ("ft", "feet", "foot") else "m"
+    return "ft" if _short(str(says)) == "ft" else "m"
+
+
+def _short(unit: str) -> str:
+    """Return the usual short name of a unit; others as they are."""
+    return next((short for short, names in _NAMES.items() if unit.lower() in names), unit)
 
 
 def depth_scale(unit: str, length_unit: str) -> float | None:

@@ -27,12 +27,15 @@ class SectionGeometry:
         "ms", "m", "ft" or "samples".
     length_unit : {"m", "ft"}
         Of map coordinates.
+    numbers : ndarray of shape (n,), float64, or None
+        Numbers of the traces; None where they are their indices.
     """
 
     xy: Float64Array | None
     sample: Axis
     unit: str = "samples"
     length_unit: str = "m"
+    numbers: Float64Array | None = None
 
     @classmethod
     def from_cube(cls, section: Any) -> SectionGeometry:
@@ -47,7 +50,10 @@ class SectionGeometry:
         xy = None
         if "cdp_x" in section.coords and "cdp_y" in section.coords:
             xy = np.stack([np.asarray(section[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y")], axis=1)
-        return cls(xy, Axis.from_coordinates(values, str(vertical)), unit_of(section), length_unit_of(section))
+        along = section.dims[0]
+        numbers = np.asarray(section[along].values, dtype=np.float64) if along in section.coords else None
+        sample = Axis.from_coordinates(values, str(vertical))
+        return cls(xy, sample, unit_of(section), length_unit_of(section), numbers)
 
     @property
     def has_map(self) -> bool:
@@ -60,15 +66,16 @@ class SectionGeometry:
         return depth_scale(self.unit, self.length_unit)
 
     def index_to_map(self, points: ArrayLike) -> Float64Array:
-        """Carry (trace, sample) indices to (x, y, z); x is the trace index and y 0 where there is no map.
+        """Carry (trace, sample) indices to (x, y, z); x is the trace's number and y 0 where there is no map.
 
         Between traces x and y are interpolated; beyond the first and the last trace they stay at those traces.
         """
         p = as_points(points, "points", dim=2, finite=False)
         z = self.sample.coordinate(p[:, 1])
-        if self.xy is None:
-            return np.stack([p[:, 0], np.zeros(len(p)), z], axis=1)
-        number = np.arange(len(self.xy))
-        return np.stack(
-            [np.interp(p[:, 0], number, self.xy[:, 0]), np.interp(p[:, 0], number, self.xy[:, 1]), z], axis=1
-        )
+        if self.xy is not None:
+            x, y = (np.interp(p[:, 0], np.arange(len(self.xy)), column) for column in self.xy.T)
+        elif self.numbers is not None:
+            x, y = np.interp(p[:, 0], np.arange(len(self.numbers)), self.numbers), np.zeros(len(p))
+        else:
+            x, y = p[:, 0], np.zeros(len(p))
+        return np.stack([x, y, z], axis=1)

@@ -8,6 +8,7 @@ import numpy as np
 
 from seismo3d._validate import as_number
 from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.geometry.axis import unit_of
 
 _UNITS = {"time": "ms", "depth": "m"}
 
@@ -80,8 +81,7 @@ def _ordered(cube: Any, name: str) -> Any:
     if absent:
         ordered = ordered.assign_coords(absent)
     if "sample_unit" not in ordered.attrs:
-        unit = ordered[vertical[0]].attrs.get("units", "samples" if vertical[0] in absent else _UNITS[vertical[0]])
-        ordered = ordered.assign_attrs(sample_unit=unit)
+        ordered = ordered.assign_attrs(sample_unit="samples" if vertical[0] in absent else unit_of(ordered))
     return ordered
 
 

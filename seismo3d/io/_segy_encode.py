@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Int64Array
 from seismo3d.errors import GeometryError
-from seismo3d.geometry.axis import Axis, length_unit_of, unit_of
+from seismo3d.geometry.axis import METRES, Axis, length_unit_of, unit_of
 from seismo3d.geometry.survey import usual_spacing
 from seismo3d.io._segy_layout import set_header_field
 
@@ -65,6 +65,16 @@ def sample_header(volume: Any) -> tuple[int, int, int]:
             f"cube starts at {axis.first:g}; expected -32767 to 32767, all that SEG-Y can hold. Write Zarr."
         )
     return round(interval), round(axis.first), 0
+
+
+def _check_units(volume: Any) -> None:
+    """Refuse a cube in depth whose map is in another unit of length: a file has one for both."""
+    unit, length_unit = unit_of(volume), length_unit_of(volume)
+    if "cdp_x" in volume.coords and unit in METRES and unit != length_unit:
+        raise GeometryError(
+            f"cube has depth in {unit} and map coordinates in {length_unit}; SEG-Y has one unit for both. "
+            "Convert one of them, or write Zarr."
+        )
 
 
 def fresh_file_header(volume: Any, code: int, title: str) -> bytes:
@@ -136,6 +146,7 @@ def fresh_heads(part: Any, keep: Int64Array, n_before: int, *, factor: int) -> A
 
 def coordinate_factor(volume: Any) -> int:
     """Return what map coordinates are multiplied by to become whole numbers; refuse those that SEG-Y cannot hold."""
+    _check_units(volume)
     if "cdp_x" not in volume.coords or "cdp_y" not in volume.coords:
         return 1
     xy = np.stack([np.asarray(volume[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y")], axis=-1)
@@ -143,7 +154,7 @@ def coordinate_factor(volume: Any) -> int:
     held = [factor for factor in (100, 1000, 10000, 10, 1) if largest * factor < 2**31 - 1]
     if not held:
         raise GeometryError(
-            f"cube has map coordinates up to {largest:g} m; expected less than 2147483647, all that SEG-Y can hold."
+            f"cube has map coordinates up to {largest:g}; expected less than 2147483647, all that SEG-Y can hold."
         )
     spacing = usual_spacing(xy)
     factor = next((factor for factor in held if 0.5 / factor <= _OFF * spacing), None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -197,7 +198,7 @@ def _read_numpy(
 
         inline_bytes = max(1, array[:1].nbytes)
         chunks = (max(1, 32 * 2**20 // inline_bytes), *array.shape[1:])
-        data = da.from_array(array, chunks=chunks, name=False, lock=False)
+        data = da.from_array(array, chunks=chunks, name=f"npy-{uuid4().hex}", lock=False)
     else:
         data = np.array(array)
     first = 0.0 if start is None else as_number(start, "start")

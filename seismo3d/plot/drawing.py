@@ -10,6 +10,7 @@ from seismo3d._typing import AnyArray
 from seismo3d._validate import as_number
 from seismo3d.plot.pictures import Picture
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, FaultLines, value_colours
+from seismo3d.seismic.preparing import find_level
 
 _NO_DATA = "#e9edf2"
 
@@ -22,7 +23,7 @@ def new_axes(width: float, height: float) -> Any:
 
 
 def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float, aspect: Any = "auto") -> Any:
-    """Draw a picture with symmetric colours; places without data get their own flat colour.
+    """Draw a picture with colours symmetric about what its amplitudes share; places without data get a flat colour.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float, aspect
     cmap : str
         A matplotlib colour map.
     clip : float
-        Percentile of the absolute amplitude that gets the strongest colour.
+        Percentile of the amplitude's size that gets the strongest colour.
     aspect : str or float
         As in ``Axes.imshow``.
 
@@ -42,14 +43,14 @@ def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float, aspect
     AxesImage
         The drawn picture.
     """
-    limit = amplitude_limit(picture.values[picture.live], clip)
+    low, high = amplitude_limits(picture.values[picture.live], clip)
     masked = np.ma.masked_array(picture.values, mask=~picture.live)
     ax.set_facecolor(_NO_DATA)
     drawn = ax.imshow(
         masked,
         cmap=cmap,
-        vmin=-limit,
-        vmax=limit,
+        vmin=low,
+        vmax=high,
         extent=picture.extent,
         aspect=aspect,
         interpolation="antialiased",
@@ -63,12 +64,14 @@ def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float, aspect
     return drawn
 
 
-def amplitude_limit(values: AnyArray, clip: float) -> float:
-    """Amplitude that gets the strongest colour: a percentile of the absolute values, 1 where there are none."""
+def amplitude_limits(values: AnyArray, clip: float) -> tuple[float, float]:
+    """Amplitudes that get the strongest colours: about what all share, by a percentile of how far off it they lie."""
     percent = as_number(clip, "clip", low=0, high=100)
-    finite = values[np.isfinite(values)]
-    limit = float(np.percentile(np.abs(finite.astype(np.float64)), percent)) if finite.size else 0.0
-    return limit or float(np.abs(finite).max(initial=0)) or 1.0
+    level = find_level(values)
+    off = np.abs(values[np.isfinite(values)].astype(np.float64) - level)
+    limit = float(np.percentile(off, percent)) if off.size else 0.0
+    limit = limit or float(off.max(initial=0)) or 1.0
+    return level - limit, level + limit
 
 
 def draw_faults(ax: Any, lines: FaultLines, *, colour: str, width: float = 2.0, label: bool = True) -> Any:

@@ -142,7 +142,9 @@ def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | 
         ax.set_ylim(max(y), min(y)) if down == 2 else ax.invert_yaxis()
         ax.locator_params(axis="x", nbins=6)
     axes[0].set_title(
-        f"Length {path.length:.0f}, {100 * path.share_on_faults:.0f} % on faults", loc="left", fontsize="medium"
+        f"Length {path.length:.0f} {path.unit}, {100 * path.share_on_faults:.0f} % on faults",
+        loc="left",
+        fontsize="medium",
     )
     return list(axes)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d.errors import ShapeError
-from seismo3d.plot.drawing import amplitude_limit
+from seismo3d.plot.drawing import amplitude_limits
 from seismo3d.plot.pictures import axis_coordinates, find_index, live_on_slice
 from seismo3d.plot.rendering import has_screen, windowless
 from seismo3d.plot.scene_frame import SceneFrame, far_slices, slice_points
@@ -165,7 +165,7 @@ def _add_slices(
     import pyvista as pv
 
     pictures = [read_slice(cube, axis, index) for axis, index in enumerate(walls)]
-    limit = amplitude_limit(np.concatenate([picture.ravel() for picture in pictures]), clip)
+    limits = amplitude_limits(np.concatenate([picture.ravel() for picture in pictures]), clip)
     for axis, (index, values) in enumerate(zip(walls, pictures, strict=True)):
         points, shape = slice_points(frame, axis, index)
         grid = pv.StructuredGrid()
@@ -176,7 +176,7 @@ def _add_slices(
             grid,
             scalars="amplitude",
             cmap=cmap,
-            clim=(-limit, limit),
+            clim=limits,
             nan_color="#dfe5ec",
             lighting=False,
             show_scalar_bar=False,

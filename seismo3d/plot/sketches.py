@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d.geometry.triangles import merge_vertices
-from seismo3d.plot.drawing import amplitude_limit
+from seismo3d.plot.drawing import amplitude_limits
 from seismo3d.plot.scene_frame import SceneFrame, slice_points
 from seismo3d.plot.scenes import choose_slices, fault_values, join_surfaces, read_slice
 from seismo3d.plot.traces_of_faults import value_colours
@@ -65,7 +65,7 @@ def _draw_walls(ax: Any, cube: Any, frame: SceneFrame) -> None:
 
     walls = choose_slices(cube)
     pictures = [read_slice(cube, axis, index) for axis, index in enumerate(walls)]
-    limit = amplitude_limit(np.concatenate([picture.ravel() for picture in pictures]), 99.0)
+    low, high = amplitude_limits(np.concatenate([picture.ravel() for picture in pictures]), 99.0)
     for axis, (index, values) in enumerate(zip(walls, pictures, strict=True)):
         points, shape = slice_points(frame, axis, index)
         grid = frame.place(points).reshape(*shape, 3)
@@ -73,7 +73,7 @@ def _draw_walls(ax: Any, cube: Any, frame: SceneFrame) -> None:
         rows, columns = (np.unique([*range(0, n, step), n - 1]) for n, step in zip(shape, steps, strict=True))
         corner = grid[np.ix_(rows, columns)]
         quads = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]], axis=2).reshape(-1, 4, 3)
-        shade = values[np.ix_(rows[:-1], columns[:-1])].ravel() / (2 * limit) + 0.5
+        shade = (values[np.ix_(rows[:-1], columns[:-1])].ravel() - low) / (high - low)
         colours = colormaps["gray"].with_extremes(bad="#dfe5ec")(np.ma.masked_invalid(shade))
         ax.add_collection3d(
             Poly3DCollection(list(quads), facecolors=colours, edgecolors="none", zsort="max", antialiased=False)

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._typing import Float64Array
 from seismo3d.geometry.axis import unit_of
-from seismo3d.plot.drawing import amplitude_limit, draw_amplitudes
+from seismo3d.plot.drawing import amplitude_limits, draw_amplitudes
 from seismo3d.plot.pictures import Picture, take_picture
+from seismo3d.seismic.preparing import find_level
 
 
 def time_lapse_section(
@@ -38,15 +40,14 @@ def time_lapse_section(
 
         axes = plt.subplots(1, 4, figsize=(19.0, 5.0), layout="constrained", sharex=True, sharey=True)[1]
     first, raw, carried, shift = (take_picture(c, **where) for c in (base, monitor, alignment.aligned, alignment.shift))
-    scale = _strength(first) / max(_strength(raw), 1e-30)
-    limit = amplitude_limit(first.values[first.live], 99.0)
-    before = np.nan_to_num(raw.values) * scale - np.nan_to_num(first.values)
-    after = np.nan_to_num(carried.values) * scale - np.nan_to_num(first.values)
+    seen, changed, moved = (_about_zero(picture) for picture in (first, raw, carried))
+    scale = _strength(first, seen) / max(_strength(raw, changed), 1e-30)
+    low, high = amplitude_limits(seen[first.live], 99.0)
     for ax, values, title in zip(
-        axes[:3], (np.nan_to_num(first.values), before, after),
+        axes[:3], (seen, changed * scale - seen, moved * scale - seen),
         (f"{first.title}: base", "Monitor less base", "The same, aligned"), strict=True,
     ):  # fmt: skip
-        ax.imshow(values, cmap="gray", vmin=-limit, vmax=limit, extent=first.extent, aspect="auto")
+        ax.imshow(values, cmap="gray", vmin=low, vmax=high, extent=first.extent, aspect="auto")
         ax.set_title(title, loc="left", fontsize="medium")
         ax.set_xlabel(first.column_name)
     axes[0].set_ylabel(first.row_name)
@@ -64,6 +65,12 @@ def _draw_shift(ax: Any, picture: Picture, unit: str) -> None:
     ax.set_ylabel("")
 
 
-def _strength(picture: Picture) -> float:
-    values = picture.values[picture.live].astype(np.float64)
+def _about_zero(picture: Picture) -> Float64Array:
+    """Amplitudes less what all of them share, 0 where there are none."""
+    values = picture.values.astype(np.float64)
+    return np.nan_to_num(values - find_level(values[picture.live])) * picture.live
+
+
+def _strength(picture: Picture, about_zero: Float64Array) -> float:
+    values = about_zero[picture.live]
     return float(np.sqrt(np.mean(values**2))) if values.size else 1.0

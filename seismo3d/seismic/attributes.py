@@ -16,6 +16,7 @@ from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.seismic._kernels_attributes import stack_along_dip
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
+from seismo3d.seismic.preparing import find_level
 
 # orientation is averaged over less than for faults, so that small bends stay
 _DIP = DipSettings(lateral=2.0, vertical=4.0, steepest=5.0, rim=1e-4)
@@ -101,6 +102,7 @@ def _fill(cube: Any) -> tuple[Float32Array, BoolArray]:
     if not live.all():
         i, j = distance_transform_edt(~live, return_distances=False, return_indices=True)
         values = values[i, j]
+    values -= np.float32(find_level(values[live]))
     return values / np.float32(np.abs(values).max() or 1.0), live
 
 

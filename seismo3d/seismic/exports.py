@@ -120,7 +120,7 @@ def _describe(cube: Any) -> tuple[tuple[str, str], dict[str, str]]:
     geometry = SurveyGeometry.from_cube(cube) if np.ndim(cube) == 3 else SectionGeometry.from_cube(cube)
     unit = geometry.unit if geometry.unit != "samples" else "none"
     length = {"m": "metres", "ft": "feet"}[geometry.length_unit]
-    place = f"{length} on the map" if geometry.has_map else "line numbers" if np.ndim(cube) == 3 else "trace index, 0"
+    place = f"{length} on the map" if geometry.has_map else "line numbers" if np.ndim(cube) == 3 else "trace number, 0"
     z = {"ms": "two-way time in ms", "m": "depth in m", "ft": "depth in ft"}.get(unit, "sample number")
     properties = (
         "throw: samples, positive where the hanging wall is down; throw_fit: 1 where the sides match, 0 where throw is "

@@ -39,7 +39,7 @@ from seismo3d.seismic.section_scores import (
     weigh_line,
 )
 from seismo3d.seismic.side_shifts import RegistrationSettings
-from seismo3d.seismic.surfaces import build_surface
+from seismo3d.seismic.surfaces import build_surface, order_by_area
 from seismo3d.seismic.throw import SheetSides, SheetThrow, ThrowSettings, gather_sides, measure_throw, slopes_beside
 
 
@@ -234,6 +234,7 @@ def trace_faults(
         sheets = [weigh_line(sheet, settings.section) for sheet in sheets]
     else:
         sheets, throws, today = part_doubles(sheets, throws, today, settings.choice)
+    sheets, throws, today = largest_first(sheets, throws, today, volume.shape)
     surfaces = build_surfaces(sheets, throws, today, volume.shape, geometry, sampling)
     labels, throw = draw_sheets(sheets, throws, volume.shape)
     likelihood = draw_ridges(ridges, found.step, volume.shape)
@@ -310,6 +311,14 @@ def finish_throws(
     if is_section:
         return today
     return restore_throws(sheets, today, read_sides, layers, settings=settings.throw, history=settings.history)
+
+
+def largest_first(
+    sheets: list[Sheet], throws: list[SheetThrow], today: list[SheetThrow], shape: tuple[int, ...]
+) -> tuple[list[Sheet], list[SheetThrow], list[SheetThrow]]:
+    """Return sheets, their throws when they moved and what lies apart today in the order of their surfaces' areas."""
+    order = order_by_area(sheets, shape)
+    return [sheets[n] for n in order], [throws[n] for n in order], [today[n] for n in order]
 
 
 def build_surfaces(

@@ -150,8 +150,8 @@ class FaultSurface:
     def _throw_in(self, unit: str) -> Float32Array:
         if self.sample_unit != unit:
             raise GeometryError(
-                f"throw_{unit} is asked of a surface whose samples are in {self.sample_unit}. "
-                "Use throw, in samples, or trace the faults in a cube that says its sample interval."
+                f"throw_{unit} is asked of a surface whose samples are in {self.sample_unit}. Use throw, in samples"
+                + (f", or throw_{'ms' if unit == 'm' else 'm'}." if self.sample_unit in ("ms", *METRES) else ".")
             )
         return self.throw * np.float32(self.sample_interval)
 

@@ -29,7 +29,9 @@ class FlowPath:
     resistance : float
         Sum of the resistance per length along it.
     length : float
-        Its length, in metres where the cube is in depth on a map, else in bins.
+        Its length in `unit`.
+    unit : {"m", "ft", "bin"}
+        The map's where the cube is in depth on a map; else a bin, which is a trace sideways and a sample down.
     share_on_faults : float
         Share of its voxels that lie on a fault surface or a ridge of the likelihood.
     surfaces : tuple of int
@@ -43,6 +45,7 @@ class FlowPath:
     points: Float64Array
     resistance: float
     length: float
+    unit: str
     share_on_faults: float
     surfaces: tuple[int, ...]
     straight: float
@@ -111,6 +114,7 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
         points=freeze(geometry.index_to_map(voxels.astype(np.float64))),
         resistance=cost,
         length=float(np.linalg.norm(steps, axis=1).sum()),
+        unit=frame.unit,
         share_on_faults=float((labels[at] > 0).mean()),
         surfaces=_in_order(labels[at]),
         straight=direct / cost,

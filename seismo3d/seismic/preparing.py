@@ -57,14 +57,15 @@ def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[flo
 
 def describe_volume(cube: Any) -> tuple[float, str]:
     """Refuse what cannot hold a fault, without reading a sample; return the sample interval and its unit."""
-    check_order(cube)
+    name = "section" if cube.ndim == 2 else "cube"
+    check_order(cube, name)
     if cube.dtype.kind not in "fiu":
-        raise ShapeError(f"cube has elements of type {cube.dtype}; expected real numbers. Convert it first.")
+        raise ShapeError(f"{name} has elements of type {cube.dtype}; expected real numbers. Convert it first.")
     if cube.ndim not in (2, 3):
         raise ShapeError(f"cube has shape {cube.shape}; expected (inline, crossline, sample) or (trace, sample).")
     least = (8,) * (cube.ndim - 1) + (16,)
     if any(n < m for n, m in zip(cube.shape, least, strict=True)):
-        raise ShapeError(f"cube has shape {cube.shape}; expected at least {least}. A fault needs both its sides.")
+        raise ShapeError(f"{name} has shape {cube.shape}; expected at least {least}. A fault needs both its sides.")
     dims = getattr(cube, "dims", None)
     if dims is not None and dims[-1] in ("time", "depth") and dims[-1] in cube.coords:
         coordinate = cube[dims[-1]].values
@@ -165,6 +166,18 @@ def find_scale(sample: Float32Array) -> Scale:
     middle = float(np.median(sample))
     around = _most_of(np.abs(sample - np.float32(middle)))
     return Scale(middle, around) if abs(middle) > _SHIFTED * around else Scale(0.0, _most_of(np.abs(sample)))
+
+
+def find_level(amplitudes: AnyArray) -> float:
+    """Return what amplitudes share, such as the 128 of unsigned bytes; 0 where they lie about zero.
+
+    Parameters
+    ----------
+    amplitudes : ndarray
+        Those of live traces; what is not finite does not count. Of many some are looked at.
+    """
+    some = amplitudes.ravel()[:: sampling_step(amplitudes.size)].astype(np.float32)
+    return find_scale(some[np.isfinite(some)]).level
 
 
 def scale_amplitudes(amplitudes: Float32Array, valid: BoolArray, scale: Scale) -> None:

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray
+from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import freeze
-from seismo3d.seismic.cube_checks import check_faults_of, check_order
+from seismo3d.errors import ShapeError
+from seismo3d.geometry.axis import unit_of
+from seismo3d.seismic.cube_checks import check_faults_of
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
-from seismo3d.seismic.preparing import find_valid
-from seismo3d.seismic.tracks import read_seeds
+from seismo3d.seismic.preparing import describe_volume, find_valid
 
 _THICK = 9
 _MIDDLE = _THICK // 2
@@ -38,11 +39,12 @@ def thicken(section: Any, faults: FaultSet | None) -> tuple[Any, FaultSet | None
     Raises
     ------
     ShapeError
-        If the section's axes are in another order, or the faults are of a section of another shape.
+        If the section's axes are in another order, it is too small or has no data, or the faults are of a section of
+        another shape.
     GeometryError
         If the faults are of a section elsewhere.
     """
-    check_order(section, "section")
+    describe_volume(section if hasattr(section, "dims") else np.asarray(section))
     check_faults_of(section, faults, "section")
     values = _without_padding(np.asarray(getattr(section, "values", section)))
     cube: Any = np.broadcast_to(values, (_THICK, *values.shape))
@@ -54,7 +56,8 @@ def thicken(section: Any, faults: FaultSet | None) -> tuple[Any, FaultSet | None
         for name, dim in ((trace, "crossline"), (vertical, vertical)):
             if name in section.coords:
                 coords[dim] = np.asarray(section[name].values)
-        cube = xr.DataArray(cube, dims=("inline", "crossline", vertical), coords=coords)
+        unit = {"sample_unit": unit_of(section)}
+        cube = xr.DataArray(cube, dims=("inline", "crossline", vertical), coords=coords, attrs=unit)
     return cube, None if faults is None else _thicken_faults(faults)
 
 
@@ -62,21 +65,14 @@ def _without_padding(values: AnyArray) -> AnyArray:
     """Return a section with NaN on its traces without data: nine equal lines would not show that they are padding."""
     live = find_valid(values[None].astype(np.float32)).any(axis=2)
     lost = ~np.asarray(live)[0]
+    if lost.all():
+        raise ShapeError("section has no live trace. Give a section with data.")
     return np.where(lost[:, None], np.float32(np.nan), values) if lost.any() else values
 
 
-def thicken_seeds(seeds: Any, section: Any) -> Any:
-    """Put seeds (trace, time or depth), or lists of them, on the middle of the thickened section.
-
-    Raises
-    ------
-    ShapeError
-        If a seed is no point of two numbers.
-    ParameterError
-        If a seed lies outside the section.
-    """
-    groups = read_seeds(section, seeds)
-    return [np.column_stack([np.full(len(group), float(_MIDDLE)), group]) for group, _ in groups]
+def put_on_middle(index: Float64Array) -> Float64Array:
+    """Carry fractional indices (trace, sample) to those of the thickened section's middle: shape (n, 3)."""
+    return np.column_stack([np.full(len(index), float(_MIDDLE)), index])
 
 
 def cut_middle(track: Any) -> Any:
@@ -85,7 +81,7 @@ def cut_middle(track: Any) -> Any:
         track,
         depth=freeze(track.depth[_MIDDLE].copy()),
         confidence=freeze(track.confidence[_MIDDLE].copy()),
-        seeds=freeze(track.seeds[:, 1:].copy()),
+        seeds=freeze(track.seeds[:, -2:].copy()),
     )
 
 

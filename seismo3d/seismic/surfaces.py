@@ -48,11 +48,7 @@ def build_surface(
     -------
     FaultSurface
     """
-    number = _number_nodes(sheet)
-    rows, columns = np.nonzero(number >= 0)
-    vertices = sheet.points(rows.astype(float), columns.astype(float), sheet.w[rows, columns].astype(float))
-    # the nodes of a sheet that follows its own strike do not fall on the outer traces
-    vertices = np.clip(vertices, 0.0, np.array(shape, dtype=np.float64) - 1.0)
+    rows, columns, vertices, cells = _mesh(sheet, shape)
     normals = _normals(sheet)[rows, columns] * throw.hanging_side
     upright = normals if geometry is None else IndexFrame.of_survey(geometry).normals(normals)
     dip_deg = np.degrees(np.arccos(np.clip(np.abs(upright[:, 2]), 0.0, 1.0)))
@@ -60,9 +56,8 @@ def build_surface(
         trace = int(np.argmax(np.abs(sheet.across)))
         keep = [trace, 2]
         vertices, normals = vertices[:, keep], normals[:, keep]
-        cells, strike_deg = _segments(number), np.full(len(vertices), np.nan)
+        strike_deg = np.full(len(vertices), np.nan)
     else:
-        cells = _triangles(number)
         strike_deg = geometry.strike_deg(normals)
     area = _area(vertices, cells)
     at_nodes = likelihood[rows, columns]
@@ -86,6 +81,22 @@ def build_surface(
         strike_share=-throw.hanging_side * throw.strike_share if geometry is not None else 0.0,
         slip_certainty=throw.slip_certainty,
     )
+
+
+def order_by_area(sheets: list[Sheet], shape: tuple[int, ...]) -> list[int]:
+    """Return the numbers of sheets in the order of the areas that they have as surfaces, largest first."""
+    areas = [_area(*_mesh(sheet, shape)[2:]) for sheet in sheets]
+    return sorted(range(len(sheets)), key=lambda n: -areas[n])
+
+
+def _mesh(sheet: Sheet, shape: tuple[int, ...]) -> tuple[IntArray, IntArray, Float64Array, Int32Array]:
+    """Return the row and the column of every node that some cell uses, their places, and the cells."""
+    number = _number_nodes(sheet)
+    rows, columns = np.nonzero(number >= 0)
+    vertices = sheet.points(rows.astype(float), columns.astype(float), sheet.w[rows, columns].astype(float))
+    # the nodes of a sheet that follows its own strike do not fall on the outer traces
+    vertices = np.clip(vertices, 0.0, np.array(shape, dtype=np.float64) - 1.0)
+    return rows, columns, vertices, _segments(number) if len(number) == 1 else _triangles(number)
 
 
 def _frozen32(values: Any) -> Any:

@@ -135,17 +135,29 @@ def trace_tracks(
             cube, count, faults=faults, event=event, layers=layers, settings=settings, progress=progress
         )
     if np.ndim(cube) == 2:
-        from seismo3d.seismic.section_tracks import cut_middle, thicken, thicken_seeds
+        from seismo3d.seismic.section_tracks import cut_middle, put_on_middle, thicken
 
         if layers is not None:
             raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")
         thick, surfaces = thicken(cube, faults)
-        found = trace_tracks(
-            thick, thicken_seeds(seeds, cube), faults=surfaces, event=event, settings=settings, progress=progress
-        )
-        return [cut_middle(track) for track in found]
+        groups = [(group, put_on_middle(index)) for group, index in read_seeds(cube, seeds)]
+        _check_groups(groups)
+        layers = model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
+        return [cut_middle(track) for track in _follow(thick, groups, layers, event, settings, progress)]
     layers = layers or model_layers(cube, faults=faults, settings=settings.layers, progress=progress)
-    axes = axes_of(cube)
+    return _follow(cube, groups, layers, event, settings, progress)
+
+
+def _follow(
+    cube: Any,
+    groups: list[tuple[Float64Array, Float64Array]],
+    layers: LayerModel,
+    event: str | None,
+    settings: TrackSettings,
+    progress: Progress | None,
+) -> list[Track]:
+    """Return the tracks through seeds, which are given as the user gave them and as fractional indices of the cube."""
+    axis = axes_of(cube)[2]
     for number, (group, index) in enumerate(groups):
         _check_live(index, group, layers, number)
     tracks = []
@@ -159,7 +171,7 @@ def trace_tracks(
         if event is not None:
             depth = snap_to_events(cube, layers, depth, event, slope)
             confidence = np.where(np.isfinite(depth), confidence, np.float32(np.nan))
-        depth = axes[2].coordinate(depth).astype(np.float32)
+        depth = axis.coordinate(depth).astype(np.float32)
         tracks.append(Track(freeze(depth), freeze(confidence), freeze(group), layers.sample_unit))
     return tracks
 
@@ -196,8 +208,7 @@ def index_seeds(cube: Any, seeds: Sequence[Any]) -> list[tuple[Float64Array, Flo
     """
     check_order(cube)
     groups = read_seeds(cube, seeds)
-    for number, (group, index) in enumerate(groups):
-        _check_together(group, index, number)
+    _check_groups(groups)
     return groups
 
 
@@ -232,8 +243,13 @@ def _as_points(entry: Any, number: int, n_axes: int) -> Float64Array:
     return points
 
 
-def _check_together(group: Float64Array, index: Float64Array, number: int) -> None:
+def _check_groups(groups: list[tuple[Float64Array, Float64Array]]) -> None:
     """Refuse seeds of one track that lie on one trace, apart."""
+    for number, (group, index) in enumerate(groups):
+        _check_together(group, index, number)
+
+
+def _check_together(group: Float64Array, index: Float64Array, number: int) -> None:
     order = np.lexsort((index[:, 2], *np.rint(index[:, :2]).T))
     step = np.diff(index[order], axis=0)
     same = (np.rint(index[order[1:], :2]) == np.rint(index[order[:-1], :2])).all(axis=1)

@@ -54,15 +54,15 @@ class Cut:
         return mean
 
 
-def encode_slice(part: Slice, *, strength: float, cmap: str = "gray") -> str:
+def encode_slice(part: Slice, *, limits: tuple[float, float], cmap: str = "gray") -> str:
     """Draw a slice as a PNG in a data URI; one colour of its palette says that there is no data.
 
     Parameters
     ----------
     part : Slice
         What to draw.
-    strength : float
-        Amplitude that gets the strongest colour.
+    limits : tuple of float
+        Amplitudes that get the strongest colours.
     cmap : str
         A matplotlib colour map.
     """
@@ -70,7 +70,7 @@ def encode_slice(part: Slice, *, strength: float, cmap: str = "gray") -> str:
 
     values = part.values
     known = np.isfinite(values)
-    share = (np.where(known, values, 0.0) / max(strength, 1e-30) + 1.0) * 0.5
+    share = (np.where(known, values, 0.0) - limits[0]) / (limits[1] - limits[0])
     shades = np.clip(share * _N_SHADES, 0, _N_SHADES - 1).astype(np.uint8)
     shades[~known] = _N_SHADES
     rows, columns = shades.shape

@@ -92,7 +92,8 @@ class SceneKeeper:
 
         session = self._session
         part = session.reader.read(axis, session.index[axis], most=_DETAIL)
-        share = np.clip((part.values / session.strength + 1.0) * 0.5, 0.0, 1.0)
+        low, high = session.limits
+        share = np.clip((part.values - low) / (high - low), 0.0, 1.0)
         colours = (255.0 * colormaps[session.cmap](np.nan_to_num(share, nan=0.5))[..., :3]).astype(np.uint8)
         colours[~np.isfinite(part.values)] = NO_DATA
         return colours

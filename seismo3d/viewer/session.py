@@ -130,7 +130,7 @@ class Session:
         self.picked: list[Float64Array] = []
         self._picked_on: tuple[int, int] | None = None
         self._opened = faults
-        self._strength: float | None = None
+        self._limits: tuple[float, float] | None = None
         self._scale: tuple[Interpretation, Scale] | None = None
         self._cuts: dict[tuple[int, int], tuple[FaultSurface, Cut | None, int]] = {}
         self._writing = threading.Lock()
@@ -141,11 +141,11 @@ class Session:
         return self.history.state
 
     @property
-    def strength(self) -> float:
-        """Amplitude that gets the strongest colour; found when it is first asked for."""
-        if self._strength is None:
-            self._strength = self.reader.strength()
-        return self._strength
+    def limits(self) -> tuple[float, float]:
+        """Amplitudes that get the strongest colours; found when they are first asked for."""
+        if self._limits is None:
+            self._limits = self.reader.limits()
+        return self._limits
 
     @property
     def scale(self) -> Scale:
@@ -187,7 +187,7 @@ class Session:
         picked = self.picked if self._picked_on == (axis, index) else []
         points = [self._flat(axis, point) + 0.5 for point in picked]
         return Panel(
-            image=encode_slice(part, strength=self.strength, cmap=self.cmap),
+            image=encode_slice(part, limits=self.limits, cmap=self.cmap),
             shape=part.shape,
             faults=fault_paths(cuts, surfaces, self.scale),
             selected=segments_path(np.concatenate(chosen)) if chosen else "",

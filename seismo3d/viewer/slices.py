@@ -11,8 +11,11 @@ import numpy as np
 
 from seismo3d._typing import Float32Array
 from seismo3d.errors import ShapeError
+from seismo3d.plot.drawing import amplitude_limits
 
 _KEPT_BYTES = 256 * 2**20
+# percentile of the amplitude's size that gets the strongest colour
+_CLIP = 99.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,10 +106,9 @@ class SliceReader:
             return Slice(values, (steps[0], steps[1]), (sides[0], sides[1]))
         return Slice(np.ascontiguousarray(values.T), (steps[1], steps[0]), (sides[1], sides[0]))
 
-    def strength(self, percent: float = 99.0) -> float:
-        """Return the amplitude that gets the strongest colour: a percentile over three inlines; 1 where they are 0."""
+    def limits(self) -> tuple[float, float]:
+        """Return the amplitudes that get the strongest colours, as three inlines tell; what is zero does not count."""
         n = self.shape[0]
         lines = [self.read(0, index, most=256).values for index in sorted({n // 4, n // 2, (3 * n) // 4})]
-        values = np.abs(np.concatenate([line.ravel() for line in lines]))
-        values = values[np.isfinite(values) & (values > 0)]
-        return float(np.percentile(values, percent)) if values.size else 1.0
+        values = np.concatenate([line.ravel() for line in lines])
+        return amplitude_limits(values[values != 0], _CLIP)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from seismo3d.viewer.interpretation import Interpretation
 from seismo3d.viewer.relabelling import as_faults
 
 FAULTS, TRACKS = "faultset.npz", "tracks.npz"
+# what write_tracks writes
+_EXPORT = re.compile(r"track_\d{2,}\.(xyz|charisma\.txt|irap\.txt)|tracks\.csv")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,6 +170,10 @@ def save_session(folder: str | Path, cube: Any, state: Interpretation, *, opened
     tracks = [horizon.track for horizon in state.horizons]
     write_archive_of_tracks(folder / TRACKS, tracks)
     write_faults(faults, cube, directory=folder)
+    # what an earlier save exported of horizons that are no more
+    for file in folder.iterdir():
+        if _EXPORT.fullmatch(file.name):
+            file.unlink()
     if tracks:
         write_tracks(tracks, cube, directory=folder)
     return folder

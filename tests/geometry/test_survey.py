@@ -7,7 +7,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from seismo3d.errors import GeometryError, ShapeError
+from seismo3d.geometry.axis import unit_of
 from seismo3d.geometry.survey import Axis, MapFit, SectionGeometry, SurveyGeometry, fit_map
+from seismo3d.io.cubes import as_cube
 
 
 def survey(rotation_deg=0.0, bins=(25.0, 12.5), left_handed=False, shear=0.0):
@@ -202,3 +204,24 @@ def test_a_section_runs_along_its_traces():
     )
     with pytest.raises(GeometryError, match="A section has no survey"):
         SurveyGeometry.from_cube(line)
+
+
+@pytest.mark.parametrize(
+    ("dim", "units", "attrs", "wanted"),
+    [
+        ("depth", None, {}, "m"),
+        ("time", None, {}, "ms"),
+        ("depth", "ft", {}, "ft"),
+        ("depth", "Feet", {}, "ft"),
+        ("depth", "metres", {}, "m"),
+        ("depth", "ft", {"sample_unit": "m"}, "m"),
+        ("time", "s", {}, "s"),
+        ("time", None, {"sample_unit": "samples"}, "samples"),
+    ],
+)
+def test_the_unit_is_what_the_cube_or_its_coordinate_says(dim, units, attrs, wanted):
+    axis = (dim, 2.0 * np.arange(6), {} if units is None else {"units": units})
+    cube = xr.DataArray(np.zeros((4, 5, 6)), dims=("inline", "crossline", dim), coords={dim: axis}, attrs=attrs)
+    assert unit_of(cube) == wanted
+    assert SurveyGeometry.from_cube(cube).unit == wanted
+    assert unit_of(as_cube(cube)) == wanted

@@ -5,12 +5,14 @@ import resource
 import numpy as np
 import pytest
 import segyio
+import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import seismo3d as s3
 from seismo3d.errors import FileAccessError, GeometryError, ParameterError
+from seismo3d.geometry.axis import unit_of
 from seismo3d.io._segy_encode import encode, ibm_words
 from seismo3d.io._segy_layout import read_layout
 from seismo3d.io._segy_samples import decode
@@ -272,3 +274,18 @@ def test_degrees_are_refused_where_rounding_would_put_traces_together(tmp_path):
     with pytest.raises(GeometryError, match="Project degrees to metres"):
         s3.write_segy(tmp_path / "a.sgy", on_the_map(0.00038, 4.5), like=None)
     assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("depth", "length"), [("ft", "m"), ("m", "ft")])
+def test_depth_and_map_in_other_units_are_refused(tmp_path, depth, length):
+    axes = {"inline": np.arange(3), "crossline": np.arange(4), "depth": ("depth", 5.0 * np.arange(6), {"units": depth})}
+    at = np.meshgrid(10.0 * np.arange(3), 10.0 * np.arange(4), indexing="ij")
+    axes |= {n: (("inline", "crossline"), a, {"units": length}) for n, a in zip(("cdp_x", "cdp_y"), at, strict=True)}
+    cube = xr.DataArray(np.ones((3, 4, 6), np.float32), dims=("inline", "crossline", "depth"), coords=axes)
+    with pytest.raises(GeometryError, match=f"depth in {depth} and map coordinates in {length}"):
+        s3.write_segy(tmp_path / "a.sgy", cube)
+    assert not list(tmp_path.iterdir())
+    for name in ("cdp_x", "cdp_y"):
+        cube[name].attrs["units"] = depth
+    s3.write_segy(tmp_path / "a.sgy", cube)
+    assert unit_of(s3.open_cube(tmp_path / "a.sgy", domain="depth")) == depth

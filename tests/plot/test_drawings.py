@@ -194,3 +194,13 @@ def test_refusals(ax: Any) -> None:
         plot.section(cube, clip=150, ax=ax)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = plot.nothing
+
+
+def test_unsigned_bytes_are_drawn_about_their_level() -> None:
+    amplitudes = np.rint(np.random.default_rng(3).normal(0.0, 30.0, (24, 40, 60))).clip(-127, 127)
+    drawn = []
+    for values in (amplitudes, (amplitudes + 128.0).astype(np.uint8)):
+        ax = plot.section(values, inline=12)
+        drawn.append(np.array(ax.images[0].get_clim()))
+    np.testing.assert_allclose(drawn[0], [-77.0, 77.0], atol=4.0)
+    np.testing.assert_allclose(drawn[1] - 128.0, drawn[0], atol=2.0)

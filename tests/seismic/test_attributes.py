@@ -85,6 +85,14 @@ def test_semblance_falls_at_a_fault() -> None:
     assert semblance[10:20, 4:10, 20:40].mean() > 0.97
 
 
+def test_what_all_amplitudes_share_does_not_count(rng: np.random.Generator) -> None:
+    waves = plane_wave(0.1, 0.0) + rng.normal(0.0, 0.3, (30, 32, 60))
+    signed = np.rint(40.0 * waves).clip(-127, 127)
+    found, wanted = (compute_attributes(c)["semblance"] for c in ((signed + 128.0).astype(np.uint8), signed))
+    np.testing.assert_allclose(found, wanted, atol=0.02)
+    assert np.median(wanted) < 0.95
+
+
 def test_dead_and_missing_traces_stay_apart() -> None:
     cube = plane_wave(0.3, 0.2)
     whole = compute_attributes(cube)

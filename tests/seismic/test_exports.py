@@ -14,6 +14,8 @@ from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.exports import write_faults
 from seismo3d.seismic.fault_table import mean_strike_deg, tabulate_faults
 from seismo3d.seismic.faultset import FaultSet
+from seismo3d.seismic.track_exports import write_tracks
+from seismo3d.seismic.tracks import Track
 
 
 def read_gocad(path: Path) -> list[dict[str, Any]]:
@@ -176,6 +178,16 @@ def test_section_exports_polylines(tmp_path: Path) -> None:
         (row,) = csv.DictReader(file)
     assert float(row["throw_mean_ms"]) == 6.0
     assert "strike_deg" not in row
+
+
+def test_a_section_without_a_map_has_trace_numbers(tmp_path: Path) -> None:
+    section, _ = make_section()
+    bare = section.drop_vars(["cdp_x", "cdp_y"]).assign_coords(trace=2001 + 2 * np.arange(60))
+    depth, sure = np.full(60, 40.0, np.float32), np.ones(60, np.float32)
+    write_tracks([Track(depth, sure, np.array([[2001.0, 40.0]]), "ms")], bare, directory=tmp_path)
+    places = np.loadtxt(tmp_path / "track_01.xyz")
+    np.testing.assert_array_equal(places[:, 0], 2001 + 2 * np.arange(60))
+    assert (places[:, 1:] == [0.0, 40.0]).all()
 
 
 def test_no_faults_give_whole_files(tmp_path: Path) -> None:

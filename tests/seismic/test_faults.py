@@ -11,9 +11,12 @@ from scipy import ndimage
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings
-from seismo3d.seismic.faults import FaultSettings, to_likelihood, trace_faults
+from seismo3d.seismic.faults import FaultSettings, largest_first, to_likelihood, trace_faults
 from seismo3d.seismic.faultset import FaultSet
+from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.scores import fault_score, throw_score
+from seismo3d.seismic.surfaces import order_by_area
+from seismo3d.seismic.throw import SheetThrow
 from seismo3d.synthetic import SyntheticFault, fault_cube, fault_section
 
 SHAPE = (48, 48, 64)
@@ -67,6 +70,24 @@ def test_one_plane_is_found_with_its_orientation_and_throw(strike_deg, dip_deg, 
     assert abs(np.median(surface.dip_deg) - dip_deg) < 5.0
     assert np.nanmedian(faults.throw) == pytest.approx(throw, abs=0.5)
     assert throw_score(faults.labels, faults.throw, cube.faults, cube.throw).within > 0.9
+
+
+def test_the_largest_fault_is_the_first(traced):
+    areas = [surface.area for surface in traced.surfaces]
+    assert areas == sorted(areas, reverse=True)
+
+
+def test_sheets_are_put_in_the_order_of_their_surfaces():
+    """A steep sheet of more nodes than a flat one is the smaller surface."""
+    across, origin = np.array([1.0, 0.0]), np.array([5.0, 20.0])
+    steep = np.zeros((20, 12), np.float32)
+    flat = np.tile(2.0 * np.arange(10, dtype=np.float32), (20, 1))
+    sheets = [Sheet(origin, across, 8, 1, -10.0, w, np.ones_like(w)) for w in (steep, flat)]
+    assert order_by_area(sheets, (60, 60, 60)) == [1, 0]
+    throws = [SheetThrow(np.full(w.shape, n, np.float32), np.ones_like(w), 1) for n, w in enumerate((steep, flat))]
+    ordered, moved, today = largest_first(sheets, throws, throws, (60, 60, 60))
+    assert ordered == sheets[::-1]
+    assert [t.throw[0, 0] for t in (*moved, *today)] == [1.0, 0.0, 1.0, 0.0]
 
 
 def test_volumes_and_surfaces_tell_the_same(cube, traced):

@@ -233,7 +233,7 @@ def test_metres_count_in_a_depth_cube() -> None:
     bare = replace(faults, labels=cube.copy(data=np.zeros(cube.shape, np.int32)),
                    likelihood=cube.copy(data=np.zeros(cube.shape, np.float32)))  # fmt: skip
     path = flow_path(bare, (110, 510, 1040), (110, 510, 1140))
-    assert path.length == pytest.approx(100.0)
+    assert (path.length, path.unit) == (pytest.approx(100.0), "m")
     assert IndexFrame.of(cube).steps == pytest.approx((25.0, 12.5, 4.0))
     # a map in feet: bins are as many feet, and so many feet are four metres
     for name in ("cdp_x", "cdp_y"):

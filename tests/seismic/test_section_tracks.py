@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -105,3 +106,23 @@ def test_horizons_of_a_line_need_no_seeds() -> None:
     for count in (0, 2.5, "3"):
         with pytest.raises(ParameterError, match=r"count is .*; expected a"):
             find_horizons(line.seismic, count)  # type: ignore[arg-type]
+
+
+def test_a_section_keeps_its_unit_and_is_spoken_of_as_it_was_given() -> None:
+    section, faults = stepped()
+    in_feet = section.rename(time="depth").assign_attrs(sample_unit="ft")
+    of_feet = replace(
+        faults, **{n: in_feet.copy(data=getattr(faults, n).data) for n in ("likelihood", "labels", "throw")}
+    )
+    assert trace_tracks(in_feet, [(11, 40.0)], faults=of_feet)[0].sample_unit == "ft"
+    assert find_horizons(in_feet, 1)[0].sample_unit == "ft"
+    assert trace_tracks(section.values, [(10, 20.0)])[0].sample_unit == "samples"
+    dead = section.copy(data=np.where(np.arange(60)[:, None] == 4, 0.0, section.values))
+    with pytest.raises(ParameterError, match=r"seeds\[0\] \(5, 40\) lies on a trace without data"):
+        trace_tracks(dead, [(5, 40.0)])
+    with pytest.raises(ParameterError, match=r"seeds\[0\] has \(11, 40\) and \(11, 60\) on one trace"):
+        trace_tracks(section, [[(11, 40.0), (11, 60.0)]])
+    with pytest.raises(ShapeError, match=r"section has shape \(2, 50\); expected at least \(8, 16\)"):
+        trace_tracks(section[:2], [(1, 40.0)])
+    with pytest.raises(ShapeError, match="section has no live trace"):
+        find_horizons(section * 0.0, 1)

@@ -23,7 +23,7 @@ def decode(uri):
 
 def test_amplitudes_become_shades():
     values = np.array([[-2.0, 0.0, 2.0], [np.nan, 9.0, -9.0]], np.float32)
-    picture = decode(encode_slice(Slice(values, (1, 1), (2, 3)), strength=2.0))
+    picture = decode(encode_slice(Slice(values, (1, 1), (2, 3)), limits=(-2.0, 2.0)))
     np.testing.assert_array_equal(picture[0, :, 0], [0, 128, 255])
     assert tuple(picture[1, 0]) == (233, 237, 242)
     np.testing.assert_array_equal(picture[1, 1:, 0], [255, 0])

@@ -77,12 +77,19 @@ def test_a_lazy_segy_and_zarr_cube_give_the_same_slices(tmp_path, cube):
         np.testing.assert_allclose(first, SliceReader(cube).read(axis, 11, most=20).values, rtol=1e-6)
 
 
-def test_the_strength_leaves_out_what_is_no_data():
+def test_the_limits_leave_out_what_is_no_data():
     volume = np.zeros((8, 9, 10), np.float32)
     volume[:, :5] = np.nan
-    volume[:, 6:] = 4.0
-    assert SliceReader(volume).strength() == 4.0
-    assert SliceReader(np.zeros((8, 9, 10), np.float32)).strength() == 1.0
+    volume[:, 6:, ::2] = 4.0
+    volume[:, 6:, 1::2] = -4.0
+    assert SliceReader(volume).limits() == (-4.0, 4.0)
+    assert SliceReader(np.zeros((8, 9, 10), np.float32)).limits() == (-1.0, 1.0)
+
+
+def test_unsigned_bytes_are_shown_about_their_level():
+    volume = np.full((8, 9, 10), 128, np.uint8)
+    volume[:, :, ::2], volume[:, :, 1::5] = 88, 168
+    assert SliceReader(volume).limits() == (88.0, 168.0)
 
 
 def test_old_slices_are_let_go(monkeypatch, volume):

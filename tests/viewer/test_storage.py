@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from seismo3d.errors import FileAccessError, FormatError, ParameterError, ShapeE
 from seismo3d.io.archive import write_archive
 from seismo3d.seismic.tracks import Track
 from seismo3d.viewer.interpretation import (
+    Horizon,
     Interpretation,
     add_fault,
     add_horizon,
@@ -100,6 +103,21 @@ def test_saved_sessions_come_back(tmp_path, cube, faults):
     assert back.tracks[0].sample_unit == "ms"
     assert {"surfaces.vtp", "faults.csv", "track_01.xyz", "tracks.npz"} <= {p.name for p in folder.iterdir()}
     assert s3.FaultSet.load(folder).labels.attrs["path"] == str(path)
+
+
+def test_exports_of_deleted_horizons_go(tmp_path, cube, faults):
+    flat = np.full(cube.shape[:2], 1100.0, np.float32)
+    track = Track(flat, np.ones_like(flat), np.array([[100.0, 500.0, 1100.0]]), "ms")
+    state = begin(faults)
+    two = replace(state, horizons=(Horizon(11, track), Horizon(12, track)))
+    kept = {"track_notes.txt", "my_track_01.xyz"}
+    for name in kept:
+        (tmp_path / name).write_text("mine")
+    for horizons, left in ((two.horizons, 7), (two.horizons[:1], 4), ((), 0)):
+        save_session(tmp_path, cube, replace(state, horizons=horizons), opened=faults)
+        found = {file.name for file in tmp_path.iterdir() if "track" in file.name} - {"tracks.npz"}
+        assert kept <= found
+        assert len(found - kept) == left
 
 
 def test_a_cube_alone_opens_without_faults(tmp_path, cube):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -19,7 +20,11 @@ from seismo3d.seismic.blocks.plan import BlockPlan
 from seismo3d.seismic.blocks.store import BrickStore, DamagedBlock
 
 _PLAN = "plan.json"
-_VERSION = 6
+_VERSION = 7
+# names of what a lazy array is made of that was read from a file, and of which some was chosen
+_OF_FILE = re.compile(r"(original-)?(segy|zarr|npy)-|(getitem|transpose|rechunk)-")
+# lines of such an array that are looked at
+_SOME_LINES = 8
 _NAMES = {"kind": "kind", "input": "input", "settings": "setting", "memory": "memory", "version": "format"}
 
 
@@ -218,7 +223,11 @@ class BlockRun:
 
 
 def describe_source(cube: Any) -> dict[str, Any]:
-    """Describe what faults are traced in, so that a change is noticed: its file's fingerprint, lines and samples."""
+    """Describe what is traced in, so that a change is noticed: lines and samples.
+
+    Of a part of a file that is read as it is needed, the file's fingerprint and some lines stand for all samples; what
+    was computed, lazily or not, is told by every sample.
+    """
     from seismo3d.io.fingerprint import fingerprint
 
     found: dict[str, Any] = {"shape": list(cube.shape), "dtype": str(cube.dtype)}
@@ -228,9 +237,19 @@ def describe_source(cube: Any) -> dict[str, Any]:
             digest.update(np.ascontiguousarray(cube[name].values).tobytes())
         found |= {"dims": list(cube.dims), "coordinates": digest.hexdigest()}
     path = getattr(cube, "attrs", {}).get("path")
-    if path and Path(path).exists():
-        return found | {"file": {**fingerprint(path), "file": ""}}
-    return found | {"samples": _hash_samples(cube.data if hasattr(cube, "dims") else cube)}
+    data = cube.data if hasattr(cube, "dims") else cube
+    if path and Path(path).exists() and _is_of_file(data):
+        lines = np.unique(np.linspace(0, data.shape[0] - 1, _SOME_LINES).astype(int))
+        some = _hash_samples(np.stack([data[int(line)].compute(scheduler="synchronous") for line in lines]))
+        return found | {"file": {**fingerprint(path), "file": ""}, "some": some}
+    return found | {"samples": _hash_samples(data)}
+
+
+def _is_of_file(data: Any) -> bool:
+    """Tell whether samples are read from a file as they are needed, and nothing was done to them but choosing some."""
+    if not hasattr(data, "dask"):
+        return False
+    return all(_OF_FILE.match(name) for name in data.dask.layers)
 
 
 def _hash_samples(data: Any) -> str:

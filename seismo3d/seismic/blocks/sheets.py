@@ -16,7 +16,7 @@ from seismo3d.seismic.blocks.sheet_parts import Around, join_parts, note_blocks,
 from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.choosing import choose_faults, end_where_still
 from seismo3d.seismic.doubles import part_doubles
-from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws
+from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws, largest_first
 from seismo3d.seismic.layer_strain import LayerSlopes, join_slopes, sample_slopes
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.placing import place_sheet, read_profile
@@ -158,6 +158,7 @@ def place_facts(run: BlockRun) -> None:
     throws, today = (unpack(name, run.fact("choice"), SheetThrow) for name in ("throw", "today"))
     if 1 not in run.plan.shape[:2]:
         sheets, throws, today = part_doubles(sheets, throws, today, run.settings.choice)
+    sheets, throws, today = largest_first(sheets, throws, today, run.plan.shape)
     run.write_fact("place", **pack("sheet", sheets), **pack("throw", throws), **pack("today", today))
 
 

@@ -12,8 +12,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import seismo3d as s3
 from seismo3d.errors import FileAccessError, ParameterError
+from seismo3d.io.cubes import write_npy
+from seismo3d.io.zarr_store import write_zarr
 from seismo3d.seismic.blocks.plan import plan_blocks
+from seismo3d.seismic.blocks.run import describe_source
 from seismo3d.seismic.blocks.store import BrickStore
 from seismo3d.seismic.blocks.tracing import forget_work, trace_in_blocks
 from seismo3d.seismic.faults import FaultSettings, trace_faults
@@ -223,3 +227,31 @@ def test_memory_decides_and_a_folder_is_needed(cube, wanted, tmp_path, monkeypat
         trace_faults(cube, folder=tmp_path / "none")
     monkeypatch.setattr("seismo3d.seismic.blocks.tracing.whole_cube_bytes", lambda _: 2 * 10**9)
     assert_same(trace_faults(cube, memory="1GB", folder=tmp_path / "run"), wanted)
+
+
+def test_what_was_done_to_a_cube_of_a_file_is_noticed(cube, tmp_path):
+    axes = [np.arange(n) for n in cube.shape]
+    named = dict(zip(("inline", "crossline", "time"), axes, strict=True))
+    whole = xr.DataArray(cube, dims=tuple(named), coords=named)
+    for name in ("a.sgy", "a.zarr", "a.npy"):
+        path = tmp_path / name
+        {"a.sgy": s3.write_segy, "a.zarr": write_zarr, "a.npy": write_npy}[name](path, whole)
+        stored = s3.open_cube(path, lazy=True)
+        own = describe_source(stored)
+        assert "file" in own
+        assert describe_source(s3.open_cube(path, lazy=True)) == own
+        assert describe_source(stored.chunk({"inline": 10})) == own
+        part = describe_source(stored[5:40])
+        assert "file" in part
+        assert part != own
+        # what keeps the attributes of the file, as xarray's arithmetic does
+        local = stored.where(stored.crossline != 7, 0.0).assign_attrs(stored.attrs)
+        for other in (
+            stored * 2.0,
+            stored[::-1].assign_coords(inline=stored.inline),
+            local,
+            stored.copy(data=cube + 1),
+        ):
+            assert other.attrs["path"] == str(path)
+            assert describe_source(other) != own
+        assert "file" not in describe_source(stored.compute() * 2.0)
