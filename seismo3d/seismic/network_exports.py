@@ -17,8 +17,9 @@ from seismo3d.seismic.network import FractureNetwork
 def write_network(network: FractureNetwork, cube: Any, *, directory: str | Path) -> list[Path]:
     """Write a network: ``network.graphml`` and tables as CSV.
 
-    ``network_faults.csv``, ``intersections.csv``, ``zones.csv``, ``sets.csv`` and ``density.csv``, with x, y in metres
-    on the map where the cube knows them, else line numbers, and z in time or depth.
+    ``network_faults.csv``, ``intersections.csv``, ``zones.csv``, ``sets.csv`` and ``density.csv``, with x, y on the map
+    where the cube knows them, else line numbers, and z in time or depth. Strikes and dips are those of mean poles; the
+    mean of a curved fault's dips, in ``faults.csv``, is another number.
 
     Parameters
     ----------
