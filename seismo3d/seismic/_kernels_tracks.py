@@ -176,27 +176,37 @@ def read_layers(volume, valid, times, cuts, depth, half, out, known):  # type: i
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def match_waveforms(waves, known, reference, in_reference, taper, least, scores):  # type: ignore[no-untyped-def]
-    """Write the correlation of every row with a shorter reference at every lag; -1 where too little is known."""
-    width, n_lags = len(reference), scores.shape[1]
+def match_waveforms(waves, known, references, in_reference, taper, least, scores):  # type: ignore[no-untyped-def]
+    """Write the correlation of every row with shorter references at every lag; -1 where too little is known.
+
+    References are of shape (k, width), all known alike, and scores (k, row, lag).
+    """
+    n, width = references.shape
+    n_lags = scores.shape[2]
     whole = taper.sum()
     for row in prange(len(waves)):
         p = np.int64(row)
-        product, left, right, share = np.zeros(n_lags), np.zeros(n_lags), np.zeros(n_lags), np.zeros(n_lags)
+        share, left = np.zeros(n_lags), np.zeros(n_lags)
+        product, right = np.zeros((n, n_lags)), np.zeros((n, n_lags))
+        # all lags side by side, which the processor's vectors take several of in a step
         for t in range(width):
-            weight, r = taper[t] * in_reference[t], reference[t]
-            # all lags side by side, which the processor's vectors take several of in a step
+            weight = taper[t] * in_reference[t]
             for lag in range(n_lags):
                 w, x = weight * known[p, lag + t], waves[p, lag + t]
                 share[lag] += w
-                product[lag] += w * x * r
                 left[lag] += w * x * x
-                right[lag] += w * r * r
-        for lag in range(n_lags):
-            if share[lag] < least * whole or left[lag] <= 0.0 or right[lag] <= 0.0:
-                scores[p, lag] = -1.0
-            else:
-                scores[p, lag] = product[lag] / np.sqrt(left[lag] * right[lag])
+            for k in range(n):
+                r = references[k, t]
+                for lag in range(n_lags):
+                    w, x = weight * known[p, lag + t], waves[p, lag + t]
+                    product[k, lag] += w * x * r
+                    right[k, lag] += w * r * r
+        for k in range(n):
+            for lag in range(n_lags):
+                if share[lag] < least * whole or left[lag] <= 0.0 or right[k, lag] <= 0.0:
+                    scores[k, p, lag] = -1.0
+                else:
+                    scores[k, p, lag] = product[k, lag] / np.sqrt(left[lag] * right[k, lag])
 
 
 @njit(cache=True, nogil=True, parallel=True)

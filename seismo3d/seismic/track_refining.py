@@ -192,8 +192,7 @@ def _score_stretched(
     long, _ = mean_waveform(layers, depth, chosen, half, settings.clear)
     references = stretched(long, settings.near, shares, layers.spectrum)
     waves, known = _read_smoothly(layers, depth, parts, settings.near + reach, settings.clear)
-    lags = [match_traces(waves, known, wave, reach, 0.5) for wave in references]
-    scores = np.stack(lags).reshape(len(shares), *depth.shape, -1)
+    scores = match_traces(waves, known, references, reach, 0.5).reshape(len(shares), *depth.shape, -1)
     # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
     whole = read_around(layers, depth, settings.near, clear=settings.clear)[1].mean(axis=2)[..., None] > _WHOLE
     fits = np.moveaxis(scores.max(axis=3), 0, -1)

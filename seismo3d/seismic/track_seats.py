@@ -45,7 +45,7 @@ def find_offset(
         return 0.0
     wave, seen = mean_waveform(layers, depth, own, _HALF, clear)
     around, known = mean_waveform(layers, depth, others, _HALF + _FARTHEST, clear)
-    lags = match_traces(around[None], known[None], wave, _FARTHEST, _LEAST_KNOWN, in_reference=seen)
+    lags = match_traces(around[None], known[None], wave[None], _FARTHEST, _LEAST_KNOWN, in_reference=seen)[0]
     here = lags[0, _FARTHEST - _NEAR : _FARTHEST + _NEAR + 1].max()
     best = lags[:, 1:-1].argmax(axis=1) + 1
     if lags[0, best[0]] < max(here + _GAIN, least):

@@ -23,12 +23,13 @@ def mean_waveform(
 
 
 def match_traces(
-    waves: Float32Array, known: Float32Array, reference: Float32Array, reach: int, least: float,
+    waves: Float32Array, known: Float32Array, references: Float32Array, reach: int, least: float,
     *, in_reference: Float32Array | None = None,
 ) -> Float32Array:  # fmt: skip
-    """Correlation of rows with a waveform, of which so much is known (all by default), at every lag."""
-    lags = np.empty((len(waves), 2 * reach + 1), np.float32)
-    taper = np.hanning(len(reference) + 2)[1:-1].astype(np.float32)
-    weight = np.ones_like(reference) if in_reference is None else in_reference
-    match_waveforms(waves, known, reference, weight, taper, np.float32(least), lags)
+    """Correlation of rows with waveforms (k, width), of which so much is known (all by default): (k, row, lag)."""
+    n, width = references.shape
+    lags = np.empty((n, len(waves), 2 * reach + 1), np.float32)
+    taper = np.hanning(width + 2)[1:-1].astype(np.float32)
+    weight = np.ones(width, np.float32) if in_reference is None else in_reference
+    match_waveforms(waves, known, references, weight, taper, np.float32(least), lags)
     return lags

@@ -187,14 +187,21 @@ def test_correlation_finds_the_lag() -> None:
     wave = np.sin(np.arange(60) * 0.4) * np.exp(-(((np.arange(60) - 33) / 9.0) ** 2))
     row, part, taper = wave[None].astype(np.float32), wave[13:54].astype(np.float32), np.hanning(43)[1:-1]
     known, scores = np.ones_like(row), np.empty((1, 20), np.float32)
-    match_waveforms(row, known, part, np.ones_like(part), taper, 0.5, scores)
+    match_waveforms(row, known, part[None], np.ones_like(part), taper, 0.5, scores[None])
     assert scores[0].argmax() == 13
     assert scores[0].max() == pytest.approx(1.0, abs=1e-5)
     known[0, 40:] = 0.0  # beyond a fault
-    match_waveforms(row, known, part, np.ones_like(part), taper, 0.5, scores)
+    match_waveforms(row, known, part[None], np.ones_like(part), taper, 0.5, scores[None])
     assert scores[0].argmax() == 13
-    match_waveforms(row, known, part, np.ones_like(part), taper, 0.9, scores)
+    match_waveforms(row, known, part[None], np.ones_like(part), taper, 0.9, scores[None])
     assert (scores[0, 13:] == -1.0).all()
+    # several references at once are each what they are alone
+    both, alone = np.empty((2, 1, 20), np.float32), np.empty((1, 1, 20), np.float32)
+    references = np.stack([part, part[::-1]])
+    match_waveforms(row, known, references, np.ones_like(part), taper, 0.5, both)
+    for reference, found in zip(references, both, strict=True):
+        match_waveforms(row, known, reference[None], np.ones_like(part), taper, 0.5, alone)
+        np.testing.assert_array_equal(found, alone[0])
 
 
 def test_layers_repeat_at_a_reverse_fault_and_waveforms_end_at_it() -> None:
