@@ -176,7 +176,8 @@ def find_level(amplitudes: AnyArray) -> float:
     amplitudes : ndarray
         Those of live traces; what is not finite does not count. Of many some are looked at.
     """
-    some = amplitudes.ravel()[:: sampling_step(amplitudes.size)].astype(np.float32)
+    with np.errstate(over="ignore"):  # too large for what is traced in: infinite, and not counted
+        some = amplitudes.ravel()[:: sampling_step(amplitudes.size)].astype(np.float32)
     return find_scale(some[np.isfinite(some)]).level
 
 

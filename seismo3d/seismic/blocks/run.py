@@ -241,7 +241,7 @@ def describe_source(cube: Any) -> dict[str, Any]:
     if path and Path(path).exists() and _is_of_file(data):
         lines = np.unique(np.linspace(0, data.shape[0] - 1, _SOME_LINES).astype(int))
         some = _hash_samples(np.stack([data[int(line)].compute(scheduler="synchronous") for line in lines]))
-        return found | {"file": {**fingerprint(path), "file": ""}, "some": some}
+        return found | {"file": fingerprint(path)["sha256"], "lines": some}
     return found | {"samples": _hash_samples(data)}
 
 
