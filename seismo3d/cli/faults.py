@@ -199,12 +199,12 @@ def _print_json(out: Path, faults: Any, cube: Any, timings: dict[str, float]) ->
 
 def _say(out: Path, faults: Any, cube: Any, timings: dict[str, float]) -> None:  # noqa: ARG001 - they follow on stderr
     """Print the largest faults and where the report is."""
-    from seismo3d.seismic.fault_table import tabulate_faults
+    from seismo3d.seismic.fault_table import tabulate_faults, throw_unit
 
     rows = tabulate_faults(faults, cube)
     typer.echo(f"{len(rows)} {'fault' if len(rows) == 1 else 'faults'}")
     for row in rows[:10]:
-        unit = next((u for u in ("ms", "m", "ft") if f"throw_mean_{u}" in row), "samples")
+        unit = throw_unit(row)
         strike = f"strike {row['strike_deg']:5.0f}  " if "strike_deg" in row else ""
         throws = f"throw {row[f'throw_mean_{unit}']:7.1f} mean {row[f'throw_max_{unit}']:7.1f} largest ({unit})"
         typer.echo(

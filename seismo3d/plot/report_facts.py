@@ -11,10 +11,9 @@ from seismo3d.errors import GeometryError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.plot.pictures import axis_coordinates, axis_labels, live_traces
 from seismo3d.plot.sections import count_fault_voxels
-from seismo3d.seismic.fault_table import mean_strike_deg
+from seismo3d.seismic.fault_table import SAMPLE_UNITS, mean_strike_deg, throw_unit
 from seismo3d.seismic.index_frame import IndexFrame
 
-_SAMPLE_UNITS = ("ms", "m", "ft")
 # the unit in which long ways are told, and how many of the short ones it is
 _FAR = {"m": ("km", 1000.0), "ft": ("mi", 5280.0)}
 
@@ -32,8 +31,8 @@ _HEADINGS = {
     "dip_deg": "Dip (°)",
     "throw_mean_samples": "Mean throw (samples)",
     "throw_max_samples": "Largest throw (samples)",
-    **{f"throw_mean_{unit}": f"Mean throw ({unit})" for unit in _SAMPLE_UNITS},
-    **{f"throw_max_{unit}": f"Largest throw ({unit})" for unit in _SAMPLE_UNITS},
+    **{f"throw_mean_{unit}": f"Mean throw ({unit})" for unit in SAMPLE_UNITS},
+    **{f"throw_max_{unit}": f"Largest throw ({unit})" for unit in SAMPLE_UNITS},
     "throw_known": "Throw known",
     "kind": "Kind",
 }
@@ -60,7 +59,7 @@ def key_numbers(faults: Any, cube: Any, rows: list[dict[str, Any]]) -> list[tupl
     numbers = [(f"{len(rows):,}", "fault found" if len(rows) == 1 else "faults found")]
     if not rows:
         return numbers
-    unit = _sample_unit(rows[0])
+    unit = throw_unit(rows[0])
     # the largest single value of a cube is an outlier more often than not: the mean of a fault holds
     finite = [row[f"throw_mean_{unit}"] for row in rows if math.isfinite(row[f"throw_mean_{unit}"])]
     if finite:
@@ -80,11 +79,6 @@ def key_numbers(faults: Any, cube: Any, rows: list[dict[str, Any]]) -> list[tupl
     return numbers
 
 
-def _sample_unit(row: dict[str, Any]) -> str:
-    """Return the unit that throws are told in: that of the samples where it is known."""
-    return next((unit for unit in _SAMPLE_UNITS if f"throw_mean_{unit}" in row), "samples")
-
-
 def _fault_share(faults: Any) -> float:
     """Share of the voxels that lie on a fault."""
     if np.ndim(faults.labels) == 2:
@@ -97,7 +91,7 @@ def table_columns(rows: list[dict[str, Any]]) -> list[tuple[str, str]]:
     if not rows:
         return []
     keys = [key for key in rows[0] if key in _HEADINGS and key != "likelihood_mean"]
-    if _sample_unit(rows[0]) != "samples":
+    if throw_unit(rows[0]) != "samples":
         keys = [key for key in keys if not key.endswith("_samples")]
     return [(key, _HEADINGS[key]) for key in keys]
 

@@ -41,7 +41,7 @@ def time_lapse_section(
         axes = plt.subplots(1, 4, figsize=(19.0, 5.0), layout="constrained", sharex=True, sharey=True)[1]
     first, raw, carried, shift = (take_picture(c, **where) for c in (base, monitor, alignment.aligned, alignment.shift))
     seen, changed, moved = (_about_zero(picture) for picture in (first, raw, carried))
-    scale = _strength(first, seen) / max(_strength(raw, changed), 1e-30)
+    scale = _strength(seen[first.live]) / max(_strength(changed[raw.live]), 1e-30)
     low, high = amplitude_limits(seen[first.live], 99.0)
     for ax, values, title in zip(
         axes[:3], (seen, changed * scale - seen, moved * scale - seen),
@@ -71,6 +71,5 @@ def _about_zero(picture: Picture) -> Float64Array:
     return np.nan_to_num(values - find_level(values[picture.live])) * picture.live
 
 
-def _strength(picture: Picture, about_zero: Float64Array) -> float:
-    values = about_zero[picture.live]
+def _strength(values: Float64Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 1.0

@@ -16,6 +16,7 @@ from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.seismic._kernels_attributes import stack_along_dip
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
+from seismo3d.seismic.index_frame import IndexFrame
 from seismo3d.seismic.preparing import find_level
 
 # orientation is averaged over less than for faults, so that small bends stay
@@ -125,9 +126,8 @@ def _measure_semblance(volume: Float32Array, live: BoolArray, slopes: Float32Arr
 
 def _cube_attributes(slopes: Float32Array, cube: Any) -> dict[str, AnyArray]:
     survey = SurveyGeometry.from_cube(cube)
-    bins, step = np.ones(2), 1.0
-    if survey.has_map and survey.depth_scale is not None:
-        bins, step = np.array(survey.bin_size), abs(survey.depth_scale * survey.sample.step)
+    *sides, step = IndexFrame.of_survey(survey).steps
+    bins = np.array(sides)
     p, q = (slopes[axis] * np.float32(step / bins[axis]) for axis in range(2))
     steepness = np.degrees(np.arctan(np.hypot(p, q)))
     positive, negative = _principal_curvatures(slopes, bins, step)

@@ -9,8 +9,12 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
-from seismo3d.geometry.triangles import measure_cells, weigh_vertices
+from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
+from seismo3d.seismic.index_frame import IndexFrame
+
+SAMPLE_UNITS = ("ms", "m", "ft")
+"""Units of samples in which throws are told, beside their number."""
 
 
 def tabulate_faults(faults: FaultSet, cube: Any) -> list[dict[str, Any]]:
@@ -42,6 +46,17 @@ def tabulate_faults(faults: FaultSet, cube: Any) -> list[dict[str, Any]]:
     section = np.ndim(faults.labels) == 2
     geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
     return [_row(number, surface, geometry, cube) for number, surface in enumerate(faults.surfaces, start=1)]
+
+
+def throw_unit(row: dict[str, Any]) -> str:
+    """Return the unit that the throws of a row are best told in: that of the samples, "samples" where it is not known.
+
+    Examples
+    --------
+    >>> throw_unit({"throw_mean_samples": 2.0, "throw_mean_ms": 8.0}), throw_unit({"throw_mean_samples": 2.0})
+    ('ms', 'samples')
+    """
+    return next((unit for unit in SAMPLE_UNITS if f"throw_mean_{unit}" in row), "samples")
 
 
 def mean_strike_deg(strike_deg: AnyArray, weights: AnyArray) -> float:
@@ -88,13 +103,13 @@ def _size(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry) -> 
     sizes: dict[str, Any] = {"area_index": float(surface.area)}
     if not geometry.has_map:
         return sizes
-    points, unit = geometry.index_to_map(surface.vertices), geometry.length_unit
-    if geometry.depth_scale is not None:
-        points[:, 2] *= geometry.depth_scale
-        sizes[f"area_{unit}2"] = float(measure_cells(points, surface.cells).sum())
-    spread = points[:, :2] - points[:, :2].mean(axis=0)
+    frame = IndexFrame.of_survey(geometry)
+    if frame.unit != "bin":
+        sizes[f"area_{frame.unit}2"] = float(frame.areas(surface.vertices, surface.cells).sum())
+    places = geometry.index_to_map(surface.vertices)[:, :2]
+    spread = places - places.mean(axis=0)
     along = np.linalg.svd(spread, full_matrices=False)[2][0]
-    return sizes | {f"length_{unit}": float(np.ptp(spread @ along))}
+    return sizes | {f"length_{geometry.length_unit}": float(np.ptp(spread @ along))}
 
 
 def _throws(surface: FaultSurface, weights: Float64Array) -> dict[str, Any]:

@@ -71,7 +71,7 @@ class FractureNetwork:
     sets : tuple of OrientationSet
         Faults by orientation, largest share of the area first.
     unit : {"m", "ft", "bin"}
-        Metres where the cube is in depth on a map, else a trace sideways and a sample down.
+        Of the map where the cube is in depth on one, else a bin: a trace sideways and a sample down.
     intensity : float
         Whole area over whole volume.
     """
