@@ -12,6 +12,8 @@ from seismo3d.errors import GeometryError
 
 METRES = {"m": 1.0, "ft": 0.3048}
 """Metres in each unit of length."""
+USUAL_UNITS = {"time": "ms", "depth": "m"}
+"""Unit of a last axis that states none, by its name."""
 _NAMES = {
     "ms": ("ms", "msec", "millisecond", "milliseconds"),
     "m": ("m", "metre", "metres", "meter", "meters"),
@@ -98,7 +100,7 @@ def unit_of(cube: Any) -> str:
     if not hasattr(cube, "dims"):
         return "samples"
     last = cube.dims[-1]
-    usual = {"time": "ms", "depth": "m"}.get(str(last), "samples")
+    usual = USUAL_UNITS.get(str(last), "samples")
     says = cube.coords[last].attrs.get("units", usual) if last in cube.coords else usual
     return _short(str(cube.attrs.get("sample_unit", says)))
 

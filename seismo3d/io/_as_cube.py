@@ -8,9 +8,7 @@ import numpy as np
 
 from seismo3d._validate import as_number
 from seismo3d.errors import ParameterError, ShapeError
-from seismo3d.geometry.axis import unit_of
-
-_UNITS = {"time": "ms", "depth": "m"}
+from seismo3d.geometry.axis import USUAL_UNITS, unit_of
 
 
 def as_cube(
@@ -52,7 +50,7 @@ def as_cube(
         raise ShapeError(f"{name} is a Dataset; expected a DataArray. Select one of {list(values.data_vars)}.")
     if isinstance(values, xr.DataArray):
         return _ordered(values, name)
-    if domain not in _UNITS:
+    if domain not in USUAL_UNITS:
         raise ParameterError(f"domain is {domain!r}; expected 'time' or 'depth'.")
     data = values if _is_lazy(values) else np.asarray(values)
     _refuse_elements(data, name)
@@ -60,7 +58,7 @@ def as_cube(
         raise ShapeError(f"{name} has shape {data.shape}; expected (inline, crossline, sample) or (trace, sample).")
     lateral = ("trace",) if data.ndim == 2 else ("inline", "crossline")
     step = 1.0 if interval is None else as_number(interval, "interval", low=0, strict=True)
-    unit = "samples" if interval is None else _UNITS[domain]
+    unit = "samples" if interval is None else USUAL_UNITS[domain]
     coords: dict[str, Any] = {dim: np.arange(n, dtype=np.int64) for dim, n in zip(lateral, data.shape)}
     coords[domain] = (domain, as_number(start, "start") + step * np.arange(data.shape[-1]), {"units": unit})
     return xr.DataArray(data, dims=(*lateral, domain), coords=coords, name="amplitude", attrs={"sample_unit": unit})

@@ -68,8 +68,10 @@ def sample_header(volume: Any) -> tuple[int, int, int]:
 
 
 def _check_units(volume: Any) -> None:
-    """Refuse a cube in depth whose map is in another unit of length: a file has one for both."""
+    """Refuse units that a file has no place for, and a depth and a map in two units: it has one for both."""
     unit, length_unit = unit_of(volume), length_unit_of(volume)
+    if unit not in ("ms", "samples", *METRES):
+        raise GeometryError(f"cube has {volume.dims[-1]} in {unit}; expected ms, m or ft. Convert it, or write Zarr.")
     if "cdp_x" in volume.coords and unit in METRES and unit != length_unit:
         raise GeometryError(
             f"cube has depth in {unit} and map coordinates in {length_unit}; SEG-Y has one unit for both. "

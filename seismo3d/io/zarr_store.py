@@ -110,13 +110,22 @@ def _is_mdio(store: Path) -> bool:
 
 
 def _mdio_coordinates(dataset: Any, cube: Any) -> dict[str, Any]:
-    """Return the coordinates that a cube of an MDIO store has under other names, or as integers."""
+    """Return the coordinates of a cube of an MDIO store that have another name, type or attribute of the unit there."""
     vertical = str(cube.dims[-1])
     axis = dataset[vertical]
+    on_map = {name: cube[name] for name in ("cdp_x", "cdp_y") if name in cube.coords}
     return {
-        vertical: (vertical, axis.values.astype(np.float64), {"units": "ms" if vertical == "time" else "m"}),
+        vertical: (vertical, axis.values.astype(np.float64), _mdio_units(axis)),
         "live": (cube.dims[:-1], dataset["trace_mask"].values.astype(bool)),
+        **{name: (values.dims, values.values, _mdio_units(values)) for name, values in on_map.items()},
     }
+
+
+def _mdio_units(coordinate: Any) -> dict[str, str]:
+    """Return the attribute ``units`` of a coordinate of an MDIO store, which names them by what they measure."""
+    stated = coordinate.attrs.get("unitsV1") or {}
+    unit = stated.get("length", stated.get("time"))
+    return {} if unit is None else {"units": str(unit)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,6 +11,8 @@ import xarray as xr
 
 import seismo3d as s3
 from seismo3d.errors import FileAccessError, FormatError, ParameterError, ShapeError
+from seismo3d.geometry.axis import length_unit_of
+from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io.cubes import convert_cube, write_npy
 from seismo3d.io.summary import summarise
 from seismo3d.io.zarr_store import read_zarr, write_zarr
@@ -294,3 +296,22 @@ def test_an_mdio_store_is_opened_as_it_is(tmp_path, rng):
         np.testing.assert_array_equal(cube["live"], mask)
         assert cube["time"].dtype == np.float64
         assert cube["time"].values[-1] == 76.0
+        assert (cube.attrs["sample_unit"], length_unit_of(cube)) == ("ms", "m")
+
+
+def test_units_of_an_mdio_store_are_its_own(tmp_path):
+    """Units are named by what they measure; a depth and a map in feet are not metres."""
+    lateral, feet = ("inline", "crossline"), {"unitsV1": {"length": "ft"}}
+    x, y = np.meshgrid(np.arange(5) * 82.0, np.arange(6) * 41.0, indexing="ij")
+    xr.Dataset(
+        {"amplitude": ((*lateral, "depth"), np.ones((5, 6, 20))), "trace_mask": (lateral, np.ones((5, 6), bool))},
+        coords={
+            "inline": np.arange(5), "crossline": np.arange(6), "depth": ("depth", np.arange(0, 400, 20), feet),
+            "cdp_x": (lateral, x, feet), "cdp_y": (lateral, y, feet),
+        },
+        attrs={"apiVersion": "1.1.3"},
+    ).to_zarr(tmp_path / "feet.mdio", zarr_format=3, consolidated=False)  # fmt: skip
+    cube = s3.open_cube(tmp_path / "feet.mdio")
+    assert (cube.attrs["sample_unit"], cube["depth"].attrs["units"], cube["cdp_x"].attrs["units"]) == ("ft", "ft", "ft")
+    assert SurveyGeometry.from_cube(cube).length_unit == "ft"
+    np.testing.assert_array_equal(cube["cdp_y"], y)

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import seismo3d as s3
-from seismo3d.errors import FormatError, ParameterError
+from seismo3d.errors import FormatError, GeometryError, ParameterError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io._segy_grid import _spread_rows, scanned_grid
 from seismo3d.io._segy_layout import SegyLayout
@@ -445,6 +445,14 @@ def test_lengths_in_feet_are_so_in_memory_and_written(tmp_path, maker):
     assert SurveyGeometry.from_cube(cube.drop_vars(["cdp_x", "cdp_y"])).length_unit == "ft"
     in_time = s3.open_cube(tmp_path / "a.sgy", domain="time")
     assert (in_time.attrs["sample_unit"], SurveyGeometry.from_cube(in_time).length_unit) == ("ms", "ft")
+
+
+def test_a_unit_that_segy_has_no_place_for_is_refused(tmp_path):
+    cube = s3.as_cube(np.ones((3, 4, 5)), interval=4.0)
+    in_seconds = cube.assign_coords(time=("time", cube["time"].values / 1000, {"units": "s"}))
+    with pytest.raises(GeometryError, match=r"cube has time in s; expected ms, m or ft\. Convert it, or write Zarr\."):
+        s3.write_segy(tmp_path / "a.sgy", in_seconds.assign_attrs(sample_unit="s"))
+    assert not any(tmp_path.iterdir())
 
 
 def test_an_irregular_large_file_is_scanned(tmp_path, maker, monkeypatch):
