@@ -137,18 +137,10 @@ def run_cube(
     unfaulted = unfault(cube.seismic, found)
     seconds = time.perf_counter() - start
     field = find_slip_field(found)
-    # the surface itself, without what it is carried on to
-    moved = [surface for surface in found.surfaces if float(np.mean(surface.throw_fit)) >= UnfaultSettings().least_fit]
-    trees = [cKDTree(surface.vertices) for surface in moved]
-    places, normals, today = [], [], []
-    for surface, tree, nodes in zip(moved, trees, field.surfaces, strict=True):
-        at = np.clip(np.rint(nodes), 0, np.array(shape) - 1).astype(np.int64)
-        back = nodes + field.displacement[:, at[:, 0], at[:, 1], at[:, 2]].T
-        distance, near = tree.query(back)
-        own = np.asarray(distance) < 2.0 + np.abs(surface.throw[near])
-        places.append(nodes[own])
-        normals.append(surface.normals[near][own].astype(np.float64))
-        today.append((surface.vertices.astype(np.float64), surface.normals.astype(np.float64)))
+    moved = [n for n, s in enumerate(found.surfaces) if float(np.mean(s.throw_fit)) >= UnfaultSettings().least_fit]
+    normals = [found.surfaces[n].normals.astype(np.float64) for n in moved]
+    places = [field.surfaces[n] for n in moved]
+    today = [(found.surfaces[n].vertices.astype(np.float64), normal) for n, normal in zip(moved, normals, strict=True)]
     before = measure(cube.seismic, *zip(*today, strict=True))[0]
     after, off = measure(unfaulted, places, normals)
     return UnfaultResult(kind, seed, before, after, off, *_measure_exact(cube, today), field.missing, seconds)

@@ -211,6 +211,34 @@ def order_faults(
     return younger[np.ix_(families, families)]
 
 
+def count_generations(younger: BoolArray) -> IntArray:
+    """Return the length of the longest chain of faults that moved one after the other, all later than each fault.
+
+    Parameters
+    ----------
+    younger : ndarray of shape (fault, fault), bool
+        As :func:`order_faults` tells it.
+
+    Returns
+    -------
+    ndarray of shape (fault,), int64
+        0 for faults of which nothing younger is known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> count_generations(np.array([[False, True, True], [False, False, True], [False, False, False]])).tolist()
+    [0, 1, 2]
+    """
+    generation = np.zeros(len(younger), np.int64)
+    for _ in range(len(younger)):
+        after = np.where(younger, generation[:, None] + 1, 0).max(axis=0)
+        if (after == generation).all():
+            break
+        generation = after
+    return generation
+
+
 def tell_strike_slips(
     motions: list[FaultMotion],
     nodes: list[Float64Array],

@@ -64,7 +64,7 @@ class SurfaceGrid:
     inside : ndarray of the same shape, bool
         Nodes on the surface itself.
     throw : ndarray of the same shape, float64
-        What lies apart today, in samples, of the nearest place where it is known; NaN where it is known nowhere.
+        In samples, of the nearest place where it is known; NaN where it is known nowhere.
     """
 
     across: Float64Array
@@ -94,11 +94,16 @@ class SurfaceGrid:
 
 
 def grid_surface(surface: FaultSurface, *, beyond: int = 6) -> SurfaceGrid:
-    """Lay a surface out on a grid, one node a trace along strike and a sample down."""
-    normal = surface.normals[:, :2].astype(np.float64).mean(axis=0)
+    """Lay a surface out on a grid, one node a trace along strike and a sample down, with what lies apart today."""
+    vertices, apart = (values.astype(np.float64) for values in (surface.vertices, surface.separation))
+    return grid_points(vertices, surface.normals.astype(np.float64), apart, beyond=beyond)
+
+
+def grid_points(vertices: Float64Array, normals: Float64Array, throw: Float64Array, *, beyond: int) -> SurfaceGrid:
+    """Lay points of a surface out on such a grid; normals of shape (n, 3), and throws, NaN where they are not known."""
+    normal = normals[:, :2].mean(axis=0)
     across = normal / max(float(np.linalg.norm(normal)), 1e-9)
     along = np.array([-across[1], across[0]])
-    vertices = surface.vertices.astype(np.float64)
     s, w, z = vertices[:, :2] @ along, vertices[:, :2] @ across, vertices[:, 2]
     first = (int(np.floor(s.min())) - beyond, int(np.floor(z.min())) - beyond)
     shape = (int(np.ceil(s.max())) + beyond + 1 - first[0], int(np.ceil(z.max())) + beyond + 1 - first[1])
@@ -113,8 +118,8 @@ def grid_surface(surface: FaultSurface, *, beyond: int = 6) -> SurfaceGrid:
         kept = distance[:, 0] <= beyond + 2.0
         height[part][kept] = _fit_planes(at[part][kept], distance[kept], near[kept], s, w, z)
         nearest[part] = distance[:, 0]
-    throw = _nearest_known(surface.separation.astype(np.float64), np.column_stack([s, z]), at)
-    return SurfaceGrid(across, first, height.reshape(shape), (nearest <= 2.3).reshape(shape), throw.reshape(shape))
+    known = _nearest_known(throw, np.column_stack([s, z]), at)
+    return SurfaceGrid(across, first, height.reshape(shape), (nearest <= 2.3).reshape(shape), known.reshape(shape))
 
 
 def _fit_planes(

@@ -39,9 +39,10 @@ def tabulate_faults(faults: FaultSet, cube: Any) -> list[dict[str, Any]]:
         (depth cubes on a map), ``length_m`` (along strike, on a map), ``strike_deg``, ``dip_deg``,
         ``throw_mean_samples``, ``throw_max_samples`` (largest by size, with its sign), the same in ``_ms`` or ``_m``,
         ``throw_known`` (share of the area), ``throw_fit`` (mean match of the sides, 0 to 1), ``kind`` (normal, reverse,
-        mixed or unknown), ``dip_slip_mean_index`` and ``strike_slip_mean_index`` (index units), ``rake_deg`` (from
-        strike, 90 straight down the dip) and ``slip_certainty`` (0 to 1) in a cube, ``heave_mean_m`` (of slip down the
-        dip) and ``strike_slip_mean_m`` on a map, and the extents in line numbers and time or depth.
+        mixed or unknown); in a cube ``family`` (the same number for parts of one fault) and ``generation`` (0 for those
+        that moved last), ``dip_slip_mean_index`` and ``strike_slip_mean_index`` (index units), ``rake_deg`` (from
+        strike, 90 straight down the dip) and ``slip_certainty`` (0 to 1); ``heave_mean_m`` (of slip down the dip) and
+        ``strike_slip_mean_m`` on a map, and the extents in line numbers and time or depth.
     """
     section = np.ndim(faults.labels) == 2
     geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
@@ -163,6 +164,8 @@ def _slips(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry, we
         known = np.isfinite(rake) & (weights > 0)
         turned = (weights[known] * np.abs(surface.throw[known]) * np.exp(1j * np.radians(rake[known]))).sum()
         row = {
+            "family": surface.family,
+            "generation": surface.generation,
             "dip_slip_mean_index": _mean(surface.dip_slip, weights),
             "strike_slip_mean_index": _mean(surface.strike_slip, weights),
             "rake_deg": float(np.degrees(np.angle(turned))) if known.any() else float("nan"),

@@ -329,7 +329,13 @@ def build_surfaces(
     geometry: SurveyGeometry | None,
     sampling: tuple[float, str],
 ) -> tuple[FaultSurface, ...]:
-    """Turn sheets, with their throws when they moved and what lies apart today, into surfaces."""
+    """Turn sheets, with their throws when they moved and what lies apart today, into surfaces.
+
+    Families are numbered from 1, in the order of their first surface.
+    """
+    first = dict.fromkeys(throw.family for throw in throws if throw.family >= 0)
+    numbers = {-1: -1} | {family: number for number, family in enumerate(first, start=1)}
+    throws = [replace(throw, family=numbers[throw.family]) for throw in throws]
     return tuple(
         build_surface(sheet, throw, now, to_likelihood(sheet.score), shape, geometry=geometry, sampling=sampling)
         for sheet, throw, now in zip(sheets, throws, today, strict=True)

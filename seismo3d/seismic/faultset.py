@@ -28,7 +28,7 @@ from seismo3d.errors import FileAccessError, FormatError, GeometryError
 from seismo3d.geometry.axis import METRES
 
 _FILE = "faultset.npz"
-_VERSION = 4
+_VERSION = 5
 _VOLUMES = ("likelihood", "labels", "throw")
 
 
@@ -71,6 +71,11 @@ class FaultSurface:
         what is seen as well, and in a section.
     slip_certainty : float
         How sharply the direction of slip is told, 0 to 1; 0 in layers that are level along strike.
+    family : int
+        The same for parts of one fault that others have taken apart; -1 for a surface that stands for itself.
+    generation : int
+        How many faults moved one after the other since this one did, as far as that is known: those of generation 0
+        moved last.
     """
 
     vertices: Float32Array
@@ -88,6 +93,8 @@ class FaultSurface:
     area: float = 0.0
     strike_share: float = 0.0
     slip_certainty: float = 0.0
+    family: int = -1
+    generation: int = 0
 
     @property
     def throw_ms(self) -> Float32Array:
@@ -295,7 +302,9 @@ def _open_lazy(folder: Path, description: dict[str, Any]) -> Any:
     return found
 
 
-_SCALARS = ("sample_interval", "sample_unit", "confidence", "area", "strike_share", "slip_certainty")
+_SCALARS = (
+    "sample_interval", "sample_unit", "confidence", "area", "strike_share", "slip_certainty", "family", "generation",
+)  # fmt: skip
 _ARRAYS = tuple(entry.name for entry in fields(FaultSurface) if entry.name not in _SCALARS)
 
 

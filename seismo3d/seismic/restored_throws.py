@@ -15,6 +15,7 @@ from seismo3d.seismic.fault_ages import (
     HistorySettings,
     StrikeSlip,
     are_one,
+    count_generations,
     find_families,
     order_faults,
     tell_strike_slips,
@@ -96,8 +97,8 @@ def restore_throws(
     Returns
     -------
     list of SheetThrow
-        In their order; as they were where a fault lies as it did when it moved, or that is not known, and no older one
-        tells that it moved along its strike.
+        In their order, with family and generation; else as they were where a fault lies as it did when it moved, or
+        that is not known, and no older one tells that it moved along its strike.
     """
     parts = [_lay_out(sheet, throw) for sheet, throw in zip(sheets, throws, strict=True)]
     motions = [
@@ -132,7 +133,8 @@ def restore_throws(
             motion = _measure(group, parts, found, today, read, undone, settings, history, told[first]) or motion
         if motion is not None and younger[group].any():
             undone.add(group, strain[first].of(motion))
-    return found
+    order = zip(families.tolist(), count_generations(younger).tolist(), strict=True)
+    return [replace(throw, family=n, generation=g) for throw, (n, g) in zip(found, order, strict=True)]
 
 
 class _Undone:

@@ -80,6 +80,8 @@ def build_surface(
         # where a sheet's `across` points to the hanging wall its `along` lies against the strike
         strike_share=-throw.hanging_side * throw.strike_share if geometry is not None else 0.0,
         slip_certainty=throw.slip_certainty,
+        family=throw.family,
+        generation=throw.generation,
     )
 
 

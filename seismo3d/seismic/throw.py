@@ -114,6 +114,10 @@ class SheetThrow:
         Motion of the hanging wall along the sheet's `along`, in traces, for each sample of throw.
     slip_certainty : float
         How sharply that is told, 0 to 1.
+    family : int
+        Number of the fault that the sheet is a part of; -1 where that is not told.
+    generation : int
+        Length of the longest chain of faults that moved one after the other, all of them later.
     """
 
     throw: Float32Array
@@ -121,6 +125,8 @@ class SheetThrow:
     hanging_side: int
     strike_share: float = 0.0
     slip_certainty: float = 0.0
+    family: int = -1
+    generation: int = 0
 
 
 def measure_throw(

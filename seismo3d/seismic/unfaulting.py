@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy import fft, ndimage
+from scipy.spatial import cKDTree
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import ShapeError
 from seismo3d.seismic.cube_checks import check_cube, check_faults
-from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_surface
+from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_points
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.index_frame import settle_places
 
 # traces and samples from the cube's end within which a fault that ends there is taken to leave the cube
 _RIM = 2.0
+# steps by which a place is found that a displacement takes to a point
+_PULLS = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +31,8 @@ class UnfaultSettings:
     Attributes
     ----------
     beyond : int
-        Traces and samples over which the slip of a fault dies out beyond the edge of its surface.
+        Traces and samples over which the slip of a fault dies out beyond a tip. Where its surface leaves the cube, slip
+        goes on: what is moved in from there was thrown as well.
     smoothing : float
         Width, in traces and samples, of the smoothing of slip over a surface.
     least_fit : float
@@ -64,7 +69,7 @@ class SlipField:
         In traces and samples: place ``x`` of the unfaulted cube is at ``x + displacement`` today. It is smooth but for
         its jumps across faults, which are their slip; its mean is zero.
     surfaces : tuple of ndarray of shape (n, 3), float64
-        Where the nodes of each fault lie in the unfaulted cube.
+        Where the vertices of each surface lie in the unfaulted cube.
     missing : float
         Root mean square, over all edges of the grid that a fault crosses, of what is missing of the jump.
     """
@@ -119,12 +124,14 @@ def find_slip_field(
 ) -> SlipField:
     r"""Find a displacement that jumps by the slip across every fault of a cube and is smooth elsewhere.
 
-    Minimises :math:`\sum_e |d_{b(e)} - d_{a(e)} - J_e|^2` over the edges of the grid, where :math:`J` is the slip on
-    edges that a fault crosses from the footwall into the hanging wall, and zero on all others. This is Poisson's
-    equation, solved by cosine transforms. What is then missing of the jump is added to it and the whole is solved again
-    (Bregman iteration [1]_), until the jumps are the slip. Half of it goes to each side. All faults are solved for at
-    once; each then moves along with the blocks that it lies in, as in [2]_, so that a fault which cuts another brings
-    the parts of that one together before their own slip is taken out.
+    The faults that moved last are taken back first, and the others lie then as they did when these moved: parts of one
+    fault that were taken apart make one surface again. For each generation of faults it minimises :math:`\sum_e
+    |d_{b(e)} - d_{a(e)} - J_e|^2` over the edges of the grid, where :math:`J` is the slip on edges that a fault crosses
+    from the footwall into the hanging wall, and zero on all others. This is Poisson's equation, solved by cosine
+    transforms. What is then missing of the jump is added to it and the whole is solved again (Bregman iteration
+    [1]_), until the jumps are the slip. Half of it goes to each side. Faults of one generation are solved for at once;
+    each then moves along with the blocks that it lies in, as in [2]_, so that one which cuts another of an age that is
+    not known brings the parts of that one together before their own slip is taken out.
 
     Parameters
     ----------
@@ -155,27 +162,48 @@ def find_slip_field(
     shape = np.shape(faults.labels)
     if len(shape) != 3:
         raise ShapeError(f"faults are of a section of shape {shape}; expected those of a cube.")
-    sheets = [sheet for surface in faults.surfaces if (sheet := _lay_out(surface, shape, settings)) is not None]
-    displacement, missing = np.zeros((3, *shape), np.float32), 0.0
-    places = [sheet.nodes - 0.5 * sheet.slip for sheet in sheets]
-    for number in range(settings.rounds + 1 if sheets else 0):
+    displacement = np.zeros((3, *shape), np.float32)
+    vertices = [surface.vertices.astype(np.float64) for surface in faults.surfaces]
+    generations = _generations(faults.surfaces, settings)
+    squares, n_edges = 0.0, 0
+    for number, parted in enumerate(generations):
         if progress is not None:
-            progress("unfault", number / (settings.rounds + 1))
-        if number:
-            pairs = zip(sheets, places, strict=True)
-            places = [_follow(sheet, place, displacement, settings.following) for sheet, place in pairs]
-        jumps = _join([_jumps(sheet, place, shape) for sheet, place in zip(sheets, places, strict=True)])
-        # until the faults lie where they belong, most of the jump is enough
-        n_steps = settings.iterations if number == settings.rounds else max(1, settings.iterations // 4)
-        displacement, missing = _solve(*jumps, shape, n_steps=n_steps, tolerance=settings.tolerance)
+            progress("unfault", number / len(generations))
+        laid_out = [_lay_out(faults.surfaces, vertices, parts, shape, settings) for parts in parted]
+        sheets = [sheet for sheet in laid_out if sheet is not None]
+        step, places, missing, crossed = _take_back(sheets, shape, settings)
+        squares, n_edges = squares + missing**2 * crossed, n_edges + crossed
+        displacement = _follow_on(displacement, step) if number else step
+        moved = [n for parts, sheet in zip(parted, laid_out, strict=True) if sheet is not None for n in parts]
+        vertices = [at if n in moved else _before(step, at) for n, at in enumerate(vertices)]
+        kept = [parts for parts, sheet in zip(parted, laid_out, strict=True) if sheet is not None]
+        for parts, sheet, place in zip(kept, sheets, places, strict=True):
+            for n in parts:
+                _, near = cKDTree(sheet.nodes).query(vertices[n])
+                vertices[n] = vertices[n] + (place - sheet.nodes)[near]
     if progress is not None:
         progress("unfault", 1.0)
-    return SlipField(freeze(displacement), tuple(freeze(place) for place in places), missing)
+    missing = float(np.sqrt(squares / max(n_edges, 1)))
+    return SlipField(freeze(displacement), tuple(freeze(at) for at in vertices), missing)
+
+
+def _generations(surfaces: tuple[FaultSurface, ...], settings: UnfaultSettings) -> list[list[list[int]]]:
+    """Return the numbers of the surfaces that are taken out: those that moved last first, parts of one fault together.
+
+    A surface whose throw is a guess is not among them.
+    """
+    found: dict[int, dict[tuple[int, int], list[int]]] = {}
+    for n, surface in enumerate(surfaces):
+        known = np.isfinite(surface.throw)
+        if known.any() and float(np.mean(surface.throw_fit)) >= settings.least_fit:
+            fault = (surface.family, -1) if surface.family >= 0 else (-1, n)
+            found.setdefault(surface.generation, {}).setdefault(fault, []).append(n)
+    return [list(found[generation].values()) for generation in sorted(found)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _SlipSheet:
-    """A surface on its grid: nodes (n, 3), slip at them (n, 3), unit normals into the hanging wall, triangles.
+    """A fault on its grid: nodes (n, 3), slip at them (n, 3), unit normals into the hanging wall, triangles.
 
     The nodes are the places of the grid of this shape that have these numbers.
     """
@@ -197,45 +225,59 @@ class _SlipSheet:
         return np.asarray(means.reshape(len(columns), -1).T[self.numbers].reshape(values.shape))
 
 
-def _lay_out(surface: FaultSurface, shape: tuple[int, ...], settings: UnfaultSettings) -> _SlipSheet | None:
-    """Nodes, slip and triangles of a surface carried on beyond its edge; None where its throw is not to be trusted."""
-    if float(np.mean(surface.throw_fit)) < settings.least_fit:
-        return None
-    grid = grid_surface(surface, beyond=settings.beyond)
-    if not np.isfinite(grid.throw).any():
-        return None
+def _lay_out(
+    surfaces: Sequence[FaultSurface], vertices: Sequence[Float64Array], parts: Sequence[int], shape: tuple[int, ...],
+    settings: UnfaultSettings,
+) -> _SlipSheet | None:  # fmt: skip
+    """Nodes, slip and triangles of a fault carried on beyond its edge; None where nothing of it is left to lay out.
+
+    Its parts lie at these vertices.
+    """
+    throw, normals = (
+        np.concatenate([getattr(surfaces[n], name) for n in parts]).astype(np.float64) for name in ("throw", "normals")
+    )
+    beyond = settings.beyond + int(np.ceil(0.5 * np.nanmax(np.abs(throw))))
+    grid = grid_points(np.concatenate([vertices[n] for n in parts]), normals, throw, beyond=beyond)
     nodes, cells = grid.triangulate()
-    slip, normals = _slip_of(grid, _from_tip(grid, nodes, shape), settings)
+    slip, normals = _slip_of(grid, _goes_on(grid, nodes, shape), surfaces[parts[0]].strike_share, settings)
     usable: BoolArray = np.asarray(np.isfinite(nodes).all(axis=1) & np.isfinite(slip).all(axis=1))
     cells = cells[usable[cells].all(axis=1)]
+    if not len(cells):
+        return None
     used, numbered = np.unique(cells, return_inverse=True)
     triangles = numbered.reshape(-1, 3).astype(np.int64)
     return _SlipSheet(nodes[used], slip[used], normals[used], triangles, grid.w.shape, used)
 
 
-def _from_tip(grid: SurfaceGrid, nodes: Float64Array, shape: tuple[int, ...]) -> Float64Array:
-    """Distance of every place of a grid from the tip of its fault; a fault has no tip where it leaves the cube."""
+def _goes_on(grid: SurfaceGrid, nodes: Float64Array, shape: tuple[int, ...]) -> BoolArray:
+    """Tell which places of a grid its fault goes through: its surface's, and those where that leaves the cube."""
     with np.errstate(invalid="ignore"):
-        left = (nodes < _RIM).any(axis=1) | (nodes > np.array(shape) - 1.0 - _RIM).any(axis=1)
-    going_on = grid.inside | left.reshape(grid.inside.shape)
-    if going_on.all():
-        return np.full(going_on.shape, np.inf)
-    return np.asarray(ndimage.distance_transform_edt(going_on))
+        in_cube = ((nodes >= 0.0) & (nodes <= np.array(shape) - 1.0)).all(axis=1).reshape(grid.inside.shape)
+    if not in_cube.any():
+        return grid.inside
+    at_end = ndimage.distance_transform_edt(~in_cube, return_distances=False, return_indices=True)
+    near: BoolArray = np.asarray(ndimage.distance_transform_edt(~grid.inside)) <= _RIM
+    return np.asarray(grid.inside | (~in_cube & near[tuple(at_end)]))
 
 
-def _slip_of(grid: SurfaceGrid, from_tip: Float64Array, settings: UnfaultSettings) -> tuple[Float64Array, Float64Array]:
-    """Slip straight down the dip, and the unit normal, at every node of a grid."""
+def _slip_of(
+    grid: SurfaceGrid, going_on: BoolArray, strike_share: float, settings: UnfaultSettings
+) -> tuple[Float64Array, Float64Array]:
+    """Slip, and the unit normal, at every node of a grid."""
     known = np.isfinite(grid.w)
     w = _smooth(np.where(known, grid.w, 0.0), known, settings.smoothing)
     ds, dz = (np.gradient(w, axis=axis) for axis in (0, 1))
-    outside = ndimage.distance_transform_edt(~grid.inside)
-    taper = np.clip(1.0 - outside / settings.beyond, 0.0, 1.0) if settings.beyond else grid.inside.astype(np.float64)
-    most = settings.steepest * (from_tip + settings.beyond)
+    # a fault that leaves the cube on all sides has no tip
+    to_tip = np.full(w.shape, np.inf) if going_on.all() else ndimage.distance_transform_edt(going_on)
+    beyond_tip = ndimage.distance_transform_edt(~going_on)
+    taper = np.clip(1.0 - beyond_tip / settings.beyond, 0.0, 1.0) if settings.beyond else going_on.astype(np.float64)
+    most = settings.steepest * (to_tip + settings.beyond)
     throw = _smooth(np.clip(grid.throw, -most, most), known, settings.smoothing) * taper
     along = np.array([-grid.across[1], grid.across[0]])
     flat = grid.across - ds[..., None] * along
-    heave = flat * (dz / (1.0 + ds**2))[..., None]
-    slip = np.concatenate([heave, np.ones((*w.shape, 1))], axis=-1) * throw[..., None]
+    # strike is against `along`, where the surface keeps to itself
+    slide = flat * (dz / (1.0 + ds**2))[..., None] - strike_share * (along + ds[..., None] * grid.across)
+    slip = np.concatenate([slide, np.ones((*w.shape, 1))], axis=-1) * throw[..., None]
     normal = np.concatenate([flat, -dz[..., None]], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     return slip.reshape(-1, 3), normal.reshape(-1, 3)
@@ -246,6 +288,27 @@ def _smooth(values: Float64Array, known: AnyArray, sigma: float) -> Float64Array
     share = ndimage.gaussian_filter(known.astype(np.float64), sigma)
     mean = ndimage.gaussian_filter(np.where(known, values, 0.0), sigma) / np.maximum(share, 1e-9)
     return np.where(known, mean, np.nan)
+
+
+def _take_back(
+    sheets: Sequence[_SlipSheet], shape: tuple[int, ...], settings: UnfaultSettings
+) -> tuple[Float32Array, list[Float64Array], float, int]:
+    """Displacement that takes faults back, all at once.
+
+    Returns it, where their nodes come to lie, what is missing of the jumps (root mean square), and how many there are.
+    """
+    displacement, missing, n_edges = np.zeros((3, *shape), np.float32), 0.0, 0
+    places = [sheet.nodes - 0.5 * sheet.slip for sheet in sheets]
+    for number in range(settings.rounds + 1 if sheets else 0):
+        if number:
+            pairs = zip(sheets, places, strict=True)
+            places = [_follow(sheet, place, displacement, settings.following) for sheet, place in pairs]
+        edges, jumps = _join([_jumps(sheet, place, shape) for sheet, place in zip(sheets, places, strict=True)])
+        # until the faults lie where they belong, most of the jump is enough
+        n_steps = settings.iterations if number == settings.rounds else max(1, settings.iterations // 4)
+        displacement, missing = _solve(edges, jumps, shape, n_steps=n_steps, tolerance=settings.tolerance)
+        n_edges = len(edges)
+    return displacement, places, missing, n_edges
 
 
 def _jumps(sheet: _SlipSheet, places: Float64Array, shape: tuple[int, ...]) -> tuple[Int64Array, Float64Array]:
@@ -316,6 +379,27 @@ def _follow(sheet: _SlipSheet, places: Float64Array, displacement: Float32Array,
         sides.append(displacement[:, at[:, 0], at[:, 1], at[:, 2]].T.astype(np.float64))
     # the footwall side lies at node - slip today, the hanging wall's at the node
     return np.asarray(sheet.nodes - 0.5 * sheet.slip - sheet.smooth(0.5 * (sides[0] + sides[1]), width))
+
+
+def _follow_on(today: Float32Array, step: Float32Array) -> Float32Array:
+    """Displacement by a step and from there on to today."""
+    out = step.copy()
+    shape = step.shape[1:]
+    grid = np.stack(np.meshgrid(*(np.arange(n, dtype=np.float32) for n in shape[1:]), indexing="ij"))
+    for i in range(shape[0]):
+        at = step[:, i] + np.concatenate([np.full((1, *grid.shape[1:]), i, np.float32), grid])
+        for k in range(3):
+            out[k, i] += ndimage.map_coordinates(today[k], at, order=1, mode="nearest")
+    return out
+
+
+def _before(step: Float32Array, points: Float64Array) -> Float64Array:
+    """Find the places that a displacement takes to points of shape (n, 3), by fixed-point iteration."""
+    places = points
+    for _ in range(_PULLS):
+        moved = [ndimage.map_coordinates(part, places.T, order=1, mode="nearest") for part in step]
+        places = points - np.stack(moved, axis=1)
+    return places
 
 
 def carry_amplitudes(values: AnyArray, displacement: Float32Array) -> Float32Array:

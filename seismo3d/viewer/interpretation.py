@@ -18,7 +18,9 @@ from seismo3d.geometry.triangles import measure_cells
 from seismo3d.seismic.faultset import FaultSurface
 from seismo3d.seismic.tracks import Track
 
-_SCALARS = ("sample_interval", "sample_unit", "confidence", "area", "strike_share", "slip_certainty")
+_SCALARS = (
+    "sample_interval", "sample_unit", "confidence", "area", "strike_share", "slip_certainty", "family", "generation",
+)  # fmt: skip
 _ARRAYS = tuple(entry.name for entry in fields(FaultSurface) if entry.name not in (*_SCALARS, "cells"))
 
 

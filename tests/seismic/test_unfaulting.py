@@ -115,6 +115,51 @@ def test_crossing_faults_are_both_taken_out() -> None:
         assert d[34, 38, k] - d[6, 8, k] == pytest.approx(2.0, abs=0.7)
 
 
+def parted() -> tuple[list[FaultSurface], np.ndarray]:
+    """An old fault that a young one has taken apart, and the throws between opposite blocks."""
+    young = wide(axis=0, centre=20.0, dip_deg=75.0, throw=12.0)
+    old = wide(axis=1, centre=22.0, dip_deg=60.0, throw=6.0)
+    parts = []
+    for hanging in (False, True):
+        moved = old.vertices + np.float32([0, 0, 12.0 if hanging else 0.0])
+        beyond = moved[:, 0] > 20.0 + (moved[:, 2] - (SHAPE[2] - 1) / 2) / np.tan(np.radians(75.0))
+        chosen = ((beyond == hanging) & (moved[:, 2] <= SHAPE[2] - 1))[old.cells].all(axis=1)
+        part = replace(old, vertices=moved.astype(np.float32))
+        parts.append(replace(part, **_used(part, old.cells[chosen]), family=1, generation=1))
+    return [young, *parts], np.array([12.0, 6.0])
+
+
+def test_parts_of_an_old_fault_are_one_again_where_the_young_one_is_taken_back() -> None:
+    surfaces, (young, old) = parted()
+    field = find_slip_field(fault_set(*surfaces))
+    # clear of the young fault both parts of the old one lie on one plane of its dip
+    off = []
+    for place in field.surfaces[1:]:
+        clear = np.abs(place[:, 0] - 20.0 - (place[:, 2] - 29.5) / np.tan(np.radians(75.0))) > 4.0
+        off.append((place[:, 1] - 22.0 - (place[:, 2] - 29.5) / np.tan(np.radians(60.0)))[clear])
+    np.testing.assert_allclose(np.concatenate(off), np.median(off[0]), atol=0.8)
+    d = field.displacement[2]
+    for i in (8, 32):
+        assert d[i, 40, 30] - d[i, 6, 30] == pytest.approx(old, abs=0.8)
+    for j in (6, 40):
+        assert d[34, j, 30] - d[6, j, 30] == pytest.approx(young, abs=1.2)
+
+
+def test_slip_goes_on_where_a_fault_leaves_the_cube() -> None:
+    """The hanging wall comes up by half a large throw: what comes in from below the cube was thrown as well."""
+    field = find_slip_field(fault_set(wide(axis=1, centre=24.0, dip_deg=80.0, throw=30.0)))
+    assert field.missing < 0.06
+    assert np.abs(field.displacement[2, 20, 42] - field.displacement[2, 20, 6] - 30.0).max() < 1.0
+
+
+def test_strike_slip_is_taken_out_too() -> None:
+    surface = replace(wide(axis=1, centre=24.0, dip_deg=65.0, throw=4.0), strike_share=0.5)
+    d = find_slip_field(fault_set(surface)).displacement
+    slip = np.median(surface.slip, axis=0)
+    assert abs(slip[0]) == pytest.approx(2.0, abs=1e-3)
+    np.testing.assert_allclose(d[:, 20, 30, 30] - d[:, 20, 18, 30], slip, atol=0.25)
+
+
 def test_order_of_faults_does_not_matter() -> None:
     one, other = (wide(axis=a, centre=c, dip_deg=80.0, throw=t) for a, c, t in ((1, 24.0, 5.0), (0, 20.0, -3.0)))
     a, b = find_slip_field(fault_set(one, other)), find_slip_field(fault_set(other, one))
@@ -144,7 +189,7 @@ def test_throws_that_are_guesses_are_left_alone() -> None:
     guessed = replace(surface, throw_fit=np.full(len(surface.vertices), 0.2, np.float32))
     field = find_slip_field(fault_set(guessed))
     assert np.abs(field.displacement).max() == 0.0
-    assert field.surfaces == ()
+    np.testing.assert_allclose(field.surfaces[0], guessed.vertices)
     np.testing.assert_allclose(unfault(cube, fault_set(guessed)), cube, atol=1e-5)
 
 
@@ -152,7 +197,7 @@ def test_large_throw_grows_gently_from_the_tip() -> None:
     whole = wide(axis=1, centre=24.0, dip_deg=80.0, throw=30.0)
     kept = whole.cells[(whole.vertices[whole.cells, 2] > 26.0).all(axis=1)]
     surface = replace(whole, **_used(whole, kept))
-    sheet = _lay_out(surface, SHAPE, UnfaultSettings())
+    sheet = _lay_out([surface], [surface.vertices.astype(float)], [0], SHAPE, UnfaultSettings())
     assert sheet is not None
     within = (sheet.nodes[:, 0] >= 0) & (sheet.nodes[:, 0] <= SHAPE[0] - 1)
     throw, sample = sheet.slip[within, 2], sheet.nodes[within, 2]
