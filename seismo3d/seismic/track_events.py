@@ -8,13 +8,15 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array
 from seismo3d.errors import ParameterError
-from seismo3d.seismic._kernels_tracks import read_waveforms
+from seismo3d.seismic._kernels_tracks import read_finely, read_waveforms
 from seismo3d.seismic.layer_pieces import layer_pieces
 from seismo3d.seismic.layer_time import LayerModel
 
 EVENTS = ("peak", "trough", "zero")
 # samples within which an event is looked for: of where a track runs, and of its seeds
 _REACH, _SEED_REACH = 4, 16
+# samples between the amplitudes by which an event is placed between samples, how often, and how far it moves at most
+_LAG, _ROUNDS, _FARTHEST = 0.25, 4, 0.75
 
 
 def check_event(event: str | None) -> None:
@@ -58,21 +60,43 @@ def seed_events(cube: Any, layers: LayerModel, index: Float64Array, event: str) 
     if event == "zero":
         moves, _ = _nearest(waves[0], event, slope)
     moved = index.copy()
-    moved[:, 2] += moves
+    moved[:, 2] = _settle(volume, valid, (index[:, 2] + moves)[None], event)[0]
     return moved, slope
 
 
 def snap_to_events(cube: Any, layers: LayerModel, depth: Float64Array, event: str, slope: float) -> Float64Array:
-    """Move every trace of a track to its nearest event, at sub-sample precision; NaN where there is none near.
+    """Move every trace of a track to its nearest event; NaN where there is none near.
+
+    The event is that of the band-limited trace, between its samples.
 
     Parameters are those of :func:`seed_events`, the track's fractional samples of shape (inline, crossline), and the
     slope that zero crossings have.
     """
     values = _values_of(cube)
-    waves = np.empty((*depth.shape, 2 * _REACH + 3), np.float32)
+    snapped = np.empty_like(depth)
     for at, (valid,) in layer_pieces(layers, "valid"):
-        read_waveforms(_about(layers.level, values[at]), valid, depth[at], _REACH + 1, waves[at])
-    return depth + _nearest(waves, event, slope)[0]
+        volume = _about(layers.level, values[at])
+        waves = np.empty((*depth[at].shape, 2 * _REACH + 3), np.float32)
+        read_waveforms(volume, valid, depth[at], _REACH + 1, waves)
+        snapped[at] = _settle(volume, valid, depth[at] + _nearest(waves, event, slope)[0], event)
+    return snapped
+
+
+def _settle(volume: Float32Array, valid: AnyArray, places: Float64Array, event: str) -> Float64Array:
+    """Return places (inline, crossline) on events, known to a good part of a sample, exactly on them."""
+    settled = places.copy()
+    waves = np.empty((*places.shape, 3))
+    for _ in range(_ROUNDS):
+        read_finely(volume, valid, settled, _LAG, waves)
+        left, here, right = np.moveaxis(waves, -1, 0)
+        if event == "zero":
+            over, under = 2.0 * here, left - right
+        else:
+            over, under = 0.5 * (left - right), left - 2.0 * here + right
+            under = np.where((under < 0) == (event == "peak"), under, 0.0)
+        move = _LAG * np.divide(over, under, out=np.zeros_like(over), where=under != 0)
+        settled = places + np.clip(settled + np.nan_to_num(move) - places, -_FARTHEST, _FARTHEST)
+    return settled
 
 
 def _about(level: float, values: Any) -> Float32Array:

@@ -68,9 +68,10 @@ def trace_tracks(
     unlike their neighbours, is compared with the parts that the seeds lie on over a long window of layers, which ends
     at faults, and moved to where it fits, or left out where it fits nowhere; then each trace is aligned with that
     waveform at sub-sample precision. Where a reverse fault lays a horizon over itself the track is the upper one, or
-    the lower one around a seed that lies on it. A track passes through its seeds; of several those do not count that
-    lie more than three samples from where the others lead, and of two side by side it passes between. It ends where it
-    leaves the cube.
+    the lower one around a seed that lies on it. A track passes through its seeds, and between two that lie side by
+    side. Of three or more those do not count that lie more than three samples off a block on which others lie, while
+    most agree; a seed that is alone on its block tells where the horizon is there. A track ends where it leaves the
+    cube.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ import seismo3d as s3
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.loop_closure import LoopClosure
-from seismo3d.seismic.track_events import _nearest
+from seismo3d.seismic.track_events import _nearest, snap_to_events
 from seismo3d.synthetic import fault_cube
 
 PERIOD, SHAPE = 16.0, (12, 14, 96)
@@ -51,6 +51,31 @@ def test_all_of_a_track_is_on_the_event_next_to_its_seed(
     assert known.mean() > 0.95
     expected = np.broadcast_to(found + 0.1 * np.arange(SHAPE[1]), SHAPE[:2])
     np.testing.assert_allclose(track.depth[known], expected[known], atol=0.35)
+
+
+def interfering(samples: np.ndarray) -> np.ndarray:
+    """Wavelets of some eight samples a period, so close that they interfere."""
+    total = np.zeros(samples.shape)
+    for place, strength in ((40.0, 1.0), (44.3, -0.7), (47.1, 0.9), (52.6, 0.8), (55.0, -1.1)):
+        x = (np.pi * (samples - place) / 8.0) ** 2
+        total += strength * (1.0 - 2.0 * x) * np.exp(-x)
+    return total
+
+
+@pytest.mark.parametrize(("event", "near"), [("peak", 40.0), ("peak", 48.0), ("trough", 44.0), ("zero", 42.0)])
+def test_events_are_those_of_the_trace_between_its_samples(
+    level: tuple[np.ndarray, LayerModel], event: str, near: float
+) -> None:
+    deeper = 0.1 * np.arange(SHAPE[1])[:, None]
+    rows = interfering(np.arange(SHAPE[2]) - deeper).astype(np.float32)
+    volume = np.broadcast_to(rows, SHAPE).copy()
+    fine = np.arange(near - 3.0, near + 3.0, 1e-3)
+    values = interfering(fine)
+    place = float(fine[{"peak": values.argmax(), "trough": values.argmin(), "zero": np.abs(values).argmin()}[event]])
+    start = np.broadcast_to(near + deeper.T, SHAPE[:2]).copy()
+    slope = float(np.sign(interfering(np.array([place + 0.1]))[0])) if event == "zero" else 0.0
+    found = snap_to_events(volume, level[1], start, event, slope)
+    np.testing.assert_allclose(found, np.broadcast_to(place + deeper.T, SHAPE[:2]), atol=0.02)
 
 
 @pytest.mark.parametrize("event", ["peak", "trough", "zero"])
