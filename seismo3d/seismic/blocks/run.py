@@ -95,12 +95,10 @@ class BlockRun:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 with written_aside(path) as aside:
                     aside.write_text(json.dumps(wanted, indent=1), encoding="utf-8")
-        run = cls(folder, BlockPlan.from_dict(wanted["plan"]), settings, kind)
-        run.sweep()
-        return run
+        return cls(folder, BlockPlan.from_dict(wanted["plan"]), settings, kind)
 
-    def sweep(self) -> None:
-        """Remove what a killed run left half-written."""
+    def _sweep(self) -> None:
+        """Remove what a killed run left half-written; only under the lock, as a run that works writes so too."""
         for pattern in (".*.part", "work/.*.part", "work/parts/*/.*.part", "work/facts/.*.part"):
             for left in self.folder.glob(pattern):
                 if left.is_dir():
@@ -109,7 +107,15 @@ class BlockRun:
                     left.unlink(missing_ok=True)
 
     def lock(self) -> IO[str]:
-        """Keep other runs out of the folder until what is returned is closed, or this process ends."""
+        """Keep other runs out of the folder until what is returned is closed, or this process ends.
+
+        What a killed run left half-written is removed.
+
+        Raises
+        ------
+        FileAccessError
+            If another run is at work in the folder.
+        """
         import fcntl
 
         stream = (self.work / "lock").open("w", encoding="utf-8")
@@ -118,6 +124,7 @@ class BlockRun:
         except BlockingIOError as error:
             stream.close()
             raise FileAccessError(f"{self.folder} is being worked on by another run. Wait for it.") from error
+        self._sweep()
         return stream
 
     # ----- what blocks came to

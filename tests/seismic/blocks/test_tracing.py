@@ -218,6 +218,26 @@ def test_a_finished_run_is_not_done_again_and_what_changed_is_noticed(cube, want
         trace(cube, tmp_path / "other")
 
 
+def test_a_second_run_in_a_folder_is_refused_and_leaves_the_first_alone(cube, wanted, tmp_path):
+    run = tmp_path / "run"
+    refused = []
+
+    def start_another(*_):
+        if refused:
+            return
+        aside = run / "work" / "parts" / "scan" / ".000001.npz.1.part"
+        aside.parent.mkdir(parents=True, exist_ok=True)
+        aside.touch()
+        with pytest.raises(FileAccessError, match="is being worked on by another run"):
+            trace(cube, run)
+        refused.append(aside.exists())
+
+    assert_same(trace(cube, run, progress=start_another), wanted)
+    assert refused == [True]
+    assert_same(trace(cube, run), wanted)
+    assert not list(run.rglob(".*.part"))
+
+
 def test_memory_decides_and_a_folder_is_needed(cube, wanted, tmp_path, monkeypatch):
     assert isinstance(trace_faults(cube, memory="4GB", folder=tmp_path / "none").labels, np.ndarray)
     assert not (tmp_path / "none").exists()
