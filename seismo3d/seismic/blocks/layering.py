@@ -109,9 +109,9 @@ def live_map(run: BlockRun) -> Any:
 
 
 def hash_surfaces(surfaces: Any) -> str:
-    """Return a digest of what layer time takes of faults: their places, normals and throws."""
+    """Return a digest of what layer time takes of faults: their places, normals and separations."""
     digest = hashlib.sha256()
     for surface in surfaces:
-        for values in (surface.vertices, surface.normals, surface.throw):
+        for values in (surface.vertices, surface.normals, surface.separation):
             digest.update(np.ascontiguousarray(values, dtype=np.float32).tobytes())
     return digest.hexdigest()

@@ -20,12 +20,13 @@ from seismo3d.seismic.blocks.plan import BlockPlan
 from seismo3d.seismic.blocks.store import BrickStore, DamagedBlock
 
 _PLAN = "plan.json"
-_VERSION = 7
+_VERSION = 8
 # names of what a lazy array is made of that was read from a file, and of which some was chosen
 _OF_FILE = re.compile(r"(original-)?(segy|zarr|npy)-|(getitem|transpose|rechunk)-")
 # lines of such an array that are looked at
 _SOME_LINES = 8
-_NAMES = {"kind": "kind", "input": "input", "settings": "setting", "memory": "memory", "version": "format"}
+# the format first: what else is written down may have another meaning in another one
+_NAMES = {"version": "format", "kind": "kind", "input": "input", "settings": "setting", "memory": "memory"}
 
 
 class BlockRun:

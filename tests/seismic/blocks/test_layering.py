@@ -183,6 +183,11 @@ def test_a_finished_run_is_not_done_again_and_what_changed_is_noticed(cube, faul
         layer(other, faults, run)
     with pytest.raises(ParameterError, match=r"the input of the run in .* has changed: faults was"):
         layer(cube, None, run)
+    moved = tuple(replace(surface, separation=surface.separation + 1) for surface in faults.surfaces)
+    with pytest.raises(ParameterError, match=r"the input of the run in .* has changed: faults was"):
+        layer(cube, replace(faults, surfaces=moved), run)
+    thrown = tuple(replace(surface, throw=surface.throw + 1) for surface in faults.surfaces)
+    layer(cube, replace(faults, surfaces=thrown), run)
     with pytest.raises(ParameterError, match=r"has changed: thickness was 0\.3, now 0\.5\."):
         layer(cube, faults, run, settings=replace(LayerTimeSettings(), thickness=0.5))
     with pytest.raises(ParameterError, match=r"the memory of the run in .* has changed"):
@@ -191,6 +196,10 @@ def test_a_finished_run_is_not_done_again_and_what_changed_is_noticed(cube, faul
     plan = plan_blocks(SHAPE, 10**9, settings, edge=32)
     with pytest.raises(ParameterError, match=r"the kind of the run in .* has changed: was layers, now faults"):
         trace_in_blocks(cube, plan, settings, folder=run, progress=lambda *_: None)
+    begun = run / "work" / "plan.json"
+    begun.write_text(begun.read_text().replace('"version": 8', '"version": 7').replace('"faults": "', '"faults": "0'))
+    with pytest.raises(ParameterError, match=r"the format of the run in .* has changed: was 7, now 8"):
+        layer(cube, faults, run)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "letter.txt").touch()
     with pytest.raises(FileAccessError, match="holds no run in blocks"):
