@@ -22,7 +22,7 @@ def stack_along_dip(
     """Sum and energy of up to 3 x 3 traces aligned along the dip, for every sample of inline ``i``.
 
     ``out_stack`` gets the squared sum over the number of traces, ``out_energy`` the sum of squares, both of shape
-    (crosslines, samples); their ratio, each smoothed along the trace, is the semblance.
+    (crosslines, samples); their ratio, each smoothed along the trace, is the semblance. NaN is left out.
     """
     n_x, n_y, n_z = cube.shape
     for j in range(n_y):
@@ -41,6 +41,8 @@ def stack_along_dip(
                         low = n_z - 2
                     share = z - low
                     value = cube[x, y, low] * (1.0 - share) + cube[x, y, low + 1] * share
+                    if math.isnan(value):
+                        continue
                     total += value
                     energy += value * value
                     count += 1

@@ -52,7 +52,7 @@ def compute_attributes(
           [1]_, positive on anticlines; 1/m in depth cubes on a map, else samples a bin a bin. A section has
           ``curvature``.
 
-        NaN on traces that are not live.
+        NaN on traces that are not live, and where amplitudes are not finite.
 
     Raises
     ------
@@ -71,40 +71,46 @@ def compute_attributes(
     if np.ndim(cube) not in (2, 3):
         raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample) or (trace, sample).")
     report: Progress = progress or (lambda _stage, _share: None)
-    volume, live = _fill(cube)
+    volume, valid = _fill(cube)
     report("dips", 0.0)
-    valid = np.broadcast_to(live[:, :, None], volume.shape)
-    slopes = np.stack(estimate_slopes(volume, np.ascontiguousarray(valid), settings=_DIP))
+    slopes = np.stack(estimate_slopes(volume, valid, settings=_DIP))
     report("dips", 1.0)
     if weight is not None:
         slopes = np.stack([_denoise(slope, weight) for slope in slopes])
     report("semblance", 0.0)
-    semblance = _measure_semblance(volume, live, slopes, report)
+    volume[~valid] = np.nan
+    semblance = _measure_semblance(volume, np.asarray(valid.any(axis=2)), slopes, report)
     if weight is not None:
         semblance = _denoise(semblance, weight)
     report("curvature", 0.0)
     found = _section_attributes(slopes[1], cube) if np.ndim(cube) == 2 else _cube_attributes(slopes, cube)
     found["semblance"] = semblance
     report("curvature", 1.0)
-    return {name: _wrap(values, live, cube, name) for name, values in found.items()}
+    return {name: _wrap(values, valid, cube, name) for name, values in found.items()}
 
 
 def _fill(cube: Any) -> tuple[Float32Array, BoolArray]:
-    """Amplitudes of three axes with every gap filled from its nearest live trace, and where traces are live."""
+    """Amplitudes of three axes, and where there are any: finite samples of live traces.
+
+    Other traces are filled from the nearest live one, other samples with the level of all.
+    """
     from scipy.ndimage import distance_transform_edt
 
     values = np.array(cube.data if hasattr(cube, "dims") else cube, dtype=np.float32)
     values = values.reshape((1,) * (3 - values.ndim) + values.shape)
-    live = np.isfinite(values).all(axis=2) & (values != 0).any(axis=2)
+    finite = np.isfinite(values)
+    live = (finite & (values != 0)).any(axis=2)
     if hasattr(cube, "coords") and "live" in cube.coords:
         live &= np.asarray(cube["live"].values, dtype=bool).reshape(live.shape)
+    valid = finite & live[:, :, None]
     if not live.any():
-        return np.zeros_like(values), live
+        return np.zeros_like(values), valid
     if not live.all():
         i, j = distance_transform_edt(~live, return_distances=False, return_indices=True)
         values = values[i, j]
     values -= np.float32(find_level(values[live]))
-    return values / np.float32(np.abs(values).max() or 1.0), live
+    values[~np.isfinite(values)] = 0.0
+    return values / np.float32(np.abs(values).max() or 1.0), valid
 
 
 def _measure_semblance(volume: Float32Array, live: BoolArray, slopes: Float32Array, report: Progress) -> Float32Array:
@@ -189,9 +195,9 @@ def _denoise(values: Float32Array, weight: float) -> Float32Array:
 _UNITS = {"dip": "degrees", "azimuth": "degrees", "semblance": "1"}
 
 
-def _wrap(values: AnyArray, live: BoolArray, cube: Any, name: str) -> Any:
-    """Bring a result to the input's shape and kind, NaN where traces are not live."""
-    out = np.where(live[:, :, None], values, np.float32("nan")).astype(np.float32).reshape(np.shape(cube))
+def _wrap(values: AnyArray, valid: BoolArray, cube: Any, name: str) -> Any:
+    """Bring a result to the input's shape and kind, NaN where there are no amplitudes."""
+    out = np.where(valid, values, np.float32("nan")).astype(np.float32).reshape(np.shape(cube))
     if not hasattr(cube, "dims"):
         return out
     return cube.copy(data=out).rename(name).assign_attrs(units=_UNITS.get(name, "curvature"))

@@ -105,8 +105,11 @@ def _evidence(cube: Any, faults: Any) -> Float32Array:
 
     values = getattr(cube, "values", cube)
     semblance = np.asarray(compute_attributes(np.asarray(values, dtype=np.float32))["semblance"], dtype=np.float32)
-    lack = np.nan_to_num(1.0 - semblance)
-    return np.asarray(ndimage.gaussian_filter(lack - np.median(lack), (0.5, 0.5, 2.0)), dtype=np.float32)
+    known = np.isfinite(semblance)
+    usual = np.median(semblance[known]) if known.any() else 0.0
+    # where there are no data nothing unusual is known
+    lack = np.where(known, usual - semblance, np.float32(0.0))
+    return np.asarray(ndimage.gaussian_filter(lack, (0.5, 0.5, 2.0)), dtype=np.float32)
 
 
 def _walk(

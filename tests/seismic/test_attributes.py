@@ -106,6 +106,28 @@ def test_dead_and_missing_traces_stay_apart() -> None:
     np.testing.assert_allclose(found["dip"][12:14, 12:14, 10:-10], whole["dip"][12:14, 12:14, 10:-10], atol=1.5)
 
 
+def test_muted_top_is_blank_and_takes_nothing_else_along() -> None:
+    cube = plane_wave(0.3, 0.2)
+    whole = compute_attributes(cube)
+    i, j, k = np.meshgrid(*(np.arange(n) for n in cube.shape), indexing="ij")
+    muted = k < 8 + i // 6 + j // 4
+    holed = np.where(muted, np.float32("nan"), cube)
+    holed[12, 12, 40] = np.inf
+    found = compute_attributes(holed)
+    blank = muted.copy()
+    blank[12, 12, 40] = True
+    for values in found.values():
+        np.testing.assert_array_equal(np.isnan(values), blank)
+    # at the mute the layers are as alike as elsewhere; dips there come from one side of it
+    assert found["semblance"][6:-6, 6:-6, :-10][~blank[6:-6, 6:-6, :-10]].min() > 0.99
+    off = np.where(blank, 0.0, found["dip"] - whole["dip"])
+    assert np.abs(off[6:-6, 6:-6, :-10]).max() < 0.5
+    axes = {"inline": np.arange(30), "crossline": np.arange(32), "time": np.arange(60)}
+    lazy = compute_attributes(xr.DataArray(holed, dims=tuple(axes), coords=axes).chunk({"inline": 7, "time": 20}))
+    for name, values in found.items():
+        np.testing.assert_array_equal(lazy[name].values, values)
+
+
 def test_nothing_live_is_all_nan() -> None:
     found = compute_attributes(np.zeros((6, 7, 20), np.float32))
     assert all(np.isnan(values).all() for values in found.values())
@@ -155,4 +177,7 @@ def test_stack_kernel_equals_plain_numpy(rng: np.random.Generator) -> None:
         if live[1 + di, j + dj]
     ]
     assert stack[j, k] == pytest.approx(sum(taken) ** 2 / len(taken))
+    assert energy[j, k] == pytest.approx(np.square(taken).sum())
+    cube[0, 1], live[0, 1] = np.nan, True
+    kernels.stack_along_dip(cube, live, p, q, 1, stack, energy)
     assert energy[j, k] == pytest.approx(np.square(taken).sum())

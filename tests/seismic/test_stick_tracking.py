@@ -47,6 +47,18 @@ def test_stick_follows_the_fault_to_both_ends_of_the_cube(faulted: SyntheticCube
     assert [stick.number for stick in found] == list(range(1, len(found) + 1))
 
 
+def test_a_muted_top_leaves_the_stick_below_it_alone(faulted: SyntheticCube) -> None:
+    muted = faulted.seismic.copy()
+    muted[:, :, :12] = np.nan
+    muted[5, 10, 30:34] = np.nan
+    whole, found = (follow_stick(cube, picked(faulted, 20, low=24), farthest=8) for cube in (faulted.seismic, muted))
+    assert [stick.lines[0, 0] for stick in found] == [stick.lines[0, 0] for stick in whole]
+    for one, other in zip(found, whole, strict=True):
+        wanted = np.interp(one.points[:, 2], other.points[:, 2], other.points[:, 1])
+        # bends a sample or two from the mute, but nowhere to another break
+        np.testing.assert_allclose(one.points[:, 1], wanted, atol=1.0)
+
+
 def test_stick_on_a_crossline_is_followed_along_the_crosslines(faulted: SyntheticCube) -> None:
     turned = np.ascontiguousarray(faulted.seismic.transpose(1, 0, 2))
     nodes = picked(faulted, 20)[:, [1, 0, 2]]
