@@ -60,6 +60,19 @@ def check_faults_of(cube: Any, faults: Any, name: str = "cube") -> None:
         )
 
 
+def placing_cube(cube: Any, faults: Any) -> Any:
+    """Return what tells where faults of a cube lie: that cube, refused where it is another one, or their labels."""
+    check_faults(faults)
+    if np.ndim(faults.labels) != 3:
+        raise ShapeError(
+            f"faults are of a section of shape {np.shape(faults.labels)}; expected those of a cube. Trace a cube."
+        )
+    if cube is None:
+        return faults.labels
+    check_cube(cube, faults)
+    return cube
+
+
 def differing_axis(one: Any, other: Any) -> str | None:
     """Return in which coordinates two cubes or sections of one shape differ; None for bare arrays.
 

@@ -11,7 +11,7 @@ from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int64Array
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic.cube_checks import check_faults
+from seismo3d.seismic.cube_checks import placing_cube
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.index_frame import IndexFrame
 
@@ -78,20 +78,17 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
     Raises
     ------
     ShapeError
-        If start or end is neither a point nor such a map, or the faults are of a section.
+        If start or end is neither a point nor such a map, or the faults are of a section or another cube.
     ParameterError
         If a point lies outside the cube or is not of finite numbers, a horizon lies nowhere in it, or `faults` is no
         FaultSet.
     GeometryError
-        If start and end share a voxel.
+        If start and end share a voxel, or the cube lies elsewhere than the faults.
     """
     from skimage.graph import MCP_Geometric
 
-    check_faults(faults)
-    if np.ndim(faults.labels) != 3:
-        raise ShapeError(f"faults are of a section of shape {np.shape(faults.labels)}; expected those of a cube.")
+    home = placing_cube(cube, faults)
     factor = as_number(contrast, "contrast", low=1.0, high=1e9)
-    home = faults.labels if cube is None else cube
     frame, geometry = IndexFrame.of(home), SurveyGeometry.from_cube(home)
     shape = np.shape(faults.labels)
     starts, ends = (_as_voxels(entry, name, geometry, shape) for entry, name in ((start, "start"), (end, "end")))

@@ -12,7 +12,7 @@ from seismo3d._typing import Float32Array, Float64Array, Progress
 from seismo3d._validate import as_whole_number, freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic.cube_checks import check_faults
+from seismo3d.seismic.cube_checks import placing_cube
 from seismo3d.seismic.fault_table import tabulate_faults
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.index_frame import IndexFrame
@@ -140,7 +140,9 @@ def fracture_network(
     Raises
     ------
     ShapeError
-        If the faults are of a section: its lines do not tell how surfaces meet.
+        If the faults are of a section, whose lines do not tell how surfaces meet, or of another cube.
+    GeometryError
+        If the cube lies elsewhere than the faults.
     ParameterError
         If `faults` is no set of faults, a cell has no whole positive size, or `reach` is no whole number from 0.
 
@@ -152,14 +154,9 @@ def fracture_network(
     ----------
     .. [1] W. S. Dershowitz, H. H. Herda, Proc. 33rd U.S. Symposium on Rock Mechanics, 757-766, 1992.
     """
-    check_faults(faults)
-    if np.ndim(faults.labels) != 3:
-        raise ShapeError(
-            f"faults are of a section of shape {np.shape(faults.labels)}; expected those of a cube. Trace a cube."
-        )
+    home = placing_cube(cube, faults)
     report = progress or _unheard
     size = _as_cell(cell)
-    home = faults.labels if cube is None else cube
     frame = IndexFrame.of(home)
     report("intersections", 0.0)
     lines = find_intersections(faults.surfaces, frame=frame, reach=as_whole_number(reach, "reach", low=0))

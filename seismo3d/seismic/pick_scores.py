@@ -12,11 +12,12 @@ from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d._validate import as_number
-from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.io.fault_sticks import FaultStick
 from seismo3d.io.horizons import HorizonPoints
+from seismo3d.seismic.cube_checks import placing_cube
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.picks import place_horizon, place_stick
 
@@ -153,14 +154,14 @@ def score_sticks(
     Raises
     ------
     ShapeError
-        If the faults are of a section.
+        If the faults are of a section or another cube.
     GeometryError
-        If no stick lies in the cube.
+        If no stick lies in the cube, or the cube lies elsewhere than the faults.
+    ParameterError
+        If `faults` is no FaultSet.
     """
-    if np.ndim(faults.labels) != 3:
-        raise ShapeError(f"faults are of a section of shape {np.shape(faults.labels)}; expected those of a cube.")
+    home = placing_cube(cube, faults)
     limit = as_number(tolerance, "tolerance", low=0.0)
-    home = faults.labels if cube is None else cube
     shape = np.array(np.shape(faults.labels))
     placed = {id(stick): place_stick(stick, home) for stick in sticks}
     nodes = np.concatenate(list(placed.values())) if placed else np.zeros((0, 3))

@@ -6,10 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from fake_faults import make_cube, make_faults
 
 import seismo3d as s3
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
-from seismo3d.seismic.cube_checks import check_faults_of, check_order, differing_axis
+from seismo3d.seismic.cube_checks import check_faults_of, check_order, differing_axis, placing_cube
+from seismo3d.seismic.flow_paths import flow_path
+from seismo3d.seismic.network import fracture_network
+from seismo3d.seismic.pick_scores import score_sticks
 
 
 def cube(first: int = 100, dims: tuple[str, ...] = ("inline", "crossline", "time")) -> xr.DataArray:
@@ -88,3 +92,22 @@ def test_what_is_no_set_of_faults_is_refused() -> None:
     for run in (s3.fracture_network, lambda f: s3.unfault(cube(), f), lambda f: s3.flow_path(f, (1, 1, 1), (2, 2, 2))):
         with pytest.raises(ParameterError, match="faults is None; expected a FaultSet"):
             run(None)
+
+
+def test_faults_are_placed_by_their_own_cube_only() -> None:
+    own = make_cube()
+    faults = make_faults(own)
+    assert placing_cube(own, faults) is own
+    assert placing_cube(None, faults) is faults.labels
+    other = own.assign_coords(time=own["time"] + 40.0)
+    for run in (
+        lambda c: flow_path(faults, (110, 520, 1100), (120, 520, 1100), cube=c),
+        lambda c: fracture_network(faults, cube=c),
+        lambda c: score_sticks(faults, (), cube=c),
+    ):
+        with pytest.raises(GeometryError, match="other time coordinates"):
+            run(other)
+        with pytest.raises(ShapeError, match="faults are of a cube of shape"):
+            run(own[1:])
+        with pytest.raises(ShapeError, match=r"Give cube\.transpose"):
+            run(own.transpose("crossline", "inline", "time"))
