@@ -1,4 +1,4 @@
-"""Flow paths: the ways of least resistance through the fault likelihood of a cube."""
+"""Flow paths: the ways of least resistance along the faults of a cube."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FlowPath:
     unit : {"m", "ft", "bin"}
         The map's where the cube is in depth on a map; else a bin, which is a trace sideways and a sample down.
     share_on_faults : float
-        Share of its voxels that lie on a fault surface or a ridge of the likelihood.
+        Share of its voxels that lie on a fault surface.
     surfaces : tuple of int
         Labels of the faults that it follows, in order.
     straight : float
@@ -54,9 +54,9 @@ class FlowPath:
 def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contrast: float = 50.0) -> FlowPath:
     r"""Find the way of least resistance between two points, or two horizons, through the faults of a cube.
 
-    Resistance per length is :math:`1 / (1 + (c - 1) L)`, with L the larger of the fault likelihood and, on a surface,
-    one half, and c the contrast of a sure fault to unbroken rock. The cheapest way over the 26 neighbours of each voxel
-    is Dijkstra's, by scikit-image's ``MCP_Geometric``.
+    Resistance per length is :math:`1 / (1 + (c - 1) L)`, with L on a surface the larger of the fault likelihood and one
+    half, off all surfaces 0, whatever the likelihood there, and c the contrast of a sure fault to unbroken rock. The
+    cheapest way over the 26 neighbours of each voxel is Dijkstra's, by scikit-image's ``MCP_Geometric``.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
     cube : DataArray, optional
         The cube, for its coordinates. [default: those of ``faults.labels``]
     contrast : float
-        How much better a fault conducts than rock, more than 1.
+        How much better a sure fault conducts than rock, 1 or more.
 
     Returns
     -------
@@ -80,8 +80,8 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
     ShapeError
         If start or end is neither a point nor such a map, or the faults are of a section or another cube.
     ParameterError
-        If a point lies outside the cube or is not of finite numbers, a horizon lies nowhere in it, or `faults` is no
-        FaultSet.
+        If a point lies outside the cube or is not of finite numbers, a horizon lies nowhere in it, `contrast` is below
+        1, or `faults` is no FaultSet.
     GeometryError
         If start and end share a voxel, or the cube lies elsewhere than the faults.
     """

@@ -213,6 +213,10 @@ def test_path_in_plain_rock_is_straight() -> None:
     assert path.length == pytest.approx(20.0)
     assert path.straight == pytest.approx(1.0)
     assert path.share_on_faults == 0.0
+    # nor does a fault that conducts as rock does
+    assert flow_path(sheet_faults(), (3, 4, 5), (3, 4, 25), contrast=1.0).straight == pytest.approx(1.0)
+    with pytest.raises(ParameterError, match=r"contrast is 0\.5"):
+        flow_path(faults, (3, 4, 5), (3, 4, 25), contrast=0.5)
 
 
 def test_path_between_horizons_takes_the_fault_wherever_it_meets_them() -> None:
