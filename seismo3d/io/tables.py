@@ -11,6 +11,9 @@ from typing import Any
 
 from seismo3d.io._files import written_aside
 
+# least decimals, least digits, and most decimals of a number: what is smaller is the rounding of what made it
+_DECIMALS, _DIGITS, _FINEST = 4, 6, 12
+
 
 def write_csv(path: str | Path, rows: Sequence[Mapping[str, Any]], *, columns: Sequence[str]) -> None:
     """Write rows as comma-separated values with a header line (RFC 4180; UTF-8, lines end in LF).
@@ -20,7 +23,8 @@ def write_csv(path: str | Path, rows: Sequence[Mapping[str, Any]], *, columns: S
     path : str or Path
         The file.
     rows : sequence of mappings
-        One mapping a row; numbers are rounded to four decimals, NaN and None as empty cells.
+        One mapping a row; numbers are rounded to four decimals, or to six digits where those are more; NaN and None as
+        empty cells.
     columns : sequence of str
         The columns in order; the header is written even if there is no row.
 
@@ -40,4 +44,7 @@ def write_csv(path: str | Path, rows: Sequence[Mapping[str, Any]], *, columns: S
 def _cell(value: Any) -> str:
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return ""
-    return f"{round(value, 4):.15g}" if isinstance(value, float) else str(value)
+    if not isinstance(value, float):
+        return str(value)
+    decimals = _DECIMALS if value == 0.0 else _DIGITS - 1 - math.floor(math.log10(abs(value)))
+    return f"{round(value, min(max(decimals, _DECIMALS), _FINEST)) + 0.0:.15g}"

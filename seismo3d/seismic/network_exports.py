@@ -134,13 +134,13 @@ def _set_rows(network: FractureNetwork) -> list[dict[str, Any]]:
 
 
 def _cell_rows(network: FractureNetwork, geometry: SurveyGeometry) -> list[dict[str, Any]]:
-    """Return the cells that hold some fault, with their middles; three decimals would round densities away."""
+    """Return the cells that hold some fault, with their middles."""
     filled = np.argwhere(network.density > 0)
     shape = np.array([geometry.inline.n, geometry.crossline.n, geometry.sample.n])
     low = filled * np.array(network.cell)
     high = np.minimum(low + np.array(network.cell), shape)
     places = geometry.index_to_map((low + high - 1) / 2.0)
     return [
-        {"x": float(x), "y": float(y), "z": float(z), "density": f"{value:.6g}", "unit": f"1/{network.unit}"}
+        {"x": float(x), "y": float(y), "z": float(z), "density": float(value), "unit": f"1/{network.unit}"}
         for (x, y, z), value in zip(places, network.density[tuple(filled.T)], strict=True)
     ]

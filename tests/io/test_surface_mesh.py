@@ -35,3 +35,10 @@ def test_csv_cells(tmp_path: Path) -> None:
     rows = [{"a": 1, "b": float("nan"), "c": 'x,"y"'}, {"a": 1234567.123456, "b": None, "c": "z"}]
     write_csv(tmp_path / "t.csv", rows, columns=("a", "b", "c"))
     assert (tmp_path / "t.csv").read_text() == 'a,b,c\n1,,"x,""y"""\n1234567.1235,,z\n'
+
+
+def test_small_numbers_in_csv_keep_six_digits(tmp_path: Path) -> None:
+    values = [0.0060864412, 3.0000001e-7, 12.345678, -1.0 / 3.0, -1e-14, 0.0, 99999.99999, 1e30]
+    write_csv(tmp_path / "t.csv", [{"a": value} for value in values], columns=("a",))
+    written = ["0.00608644", "3e-07", "12.3457", "-0.333333", "0", "0", "100000", "1e+30"]
+    assert (tmp_path / "t.csv").read_text().split() == ["a", *written]

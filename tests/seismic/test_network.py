@@ -144,6 +144,8 @@ def test_graph_comes_back_from_graphml_and_tables_hold_it(tmp_path: Path) -> Non
     rows = (tmp_path / "intersections.csv").read_text().splitlines()
     assert rows[0].split(",")[:4] == ["first", "second", "kind", "abutting"]
     assert rows[1].startswith("1,2,cross,,")
+    names, first = (row.split(",") for row in (tmp_path / "zones.csv").read_text().splitlines()[:2])
+    assert float(first[names.index("intensity")]) == pytest.approx(network.zones[0].intensity, rel=1e-5)
     assert summarise_network(network)["intersections_per_fault"] == 1.0
 
 
