@@ -230,11 +230,12 @@ def slopes_beside(
 def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settings: ThrowSettings) -> SheetThrow:
     """Find a sheet's throw from its two sides, as :func:`gather_sides` gives them."""
     w = every_sample(sheet)
-    hanging_side = 1 if np.nanmean(np.gradient(sheet.w, axis=1)) >= 0 else -1 if sheet.w.shape[1] > 1 else 1
+    is_line = sheet.w.shape[1] == 1  # no way down it, so it leans to neither side and nothing can be matched
+    hanging_side = 1 if is_line or np.nanmean(np.gradient(sheet.w, axis=1)) >= 0 else -1
     up = 1 if hanging_side > 0 else 0
     sides = Sides(both[up], both[1 - up], known[up], known[1 - up])
     columns = np.arange(sheet.w.shape[1]) * sheet.step
-    if not (sides.in_hanging.any() and sides.in_foot.any()):
+    if is_line or not (sides.in_hanging.any() and sides.in_foot.any()):
         return SheetThrow(np.full(sheet.w.shape, np.nan, np.float32), np.zeros_like(sheet.w), hanging_side)
     inside = np.isfinite(w)
     slip = find_slip(sides, inside, settings=settings)

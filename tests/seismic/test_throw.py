@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numba
 import numpy as np
 import pytest
@@ -45,6 +47,16 @@ def measure(volume, sheet, *, valid=None, slope=0.0, **settings):
     valid = np.ones(volume.shape, bool) if valid is None else valid
     slopes = np.zeros_like(volume), np.full_like(volume, slope)
     return measure_throw(volume, valid, slopes, sheet, settings=ThrowSettings(**settings))
+
+
+def test_a_sheet_of_one_column_has_no_throw():
+    sheet = sheet_on(0.0)
+    middle = sheet.w.shape[1] // 2
+    one = replace(sheet, first_sample=sheet.step * middle, w=sheet.w[:, [middle]], score=sheet.score[:, [middle]])
+    found = measure(faulted(4.0, 0.0), one)
+    assert found.throw.shape == found.fit.shape == (SHAPE[0], 1)
+    assert np.isnan(found.throw).all()
+    assert found.hanging_side == 1
 
 
 def inner(values):
