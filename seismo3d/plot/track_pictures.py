@@ -175,15 +175,13 @@ def save_track_pictures(
     -------
     list of PictureFile
         ``tracks_inline.png`` and ``tracks_crossline.png`` (``tracks_section.png`` of a section), ``track_01_map.png``
-        and so on, and ``loops.png`` where there are loops.
+        and so on, none of them without tracks, and ``loops.png`` where there are loops.
     """
     from matplotlib.figure import Figure
 
-    if not tracks:
-        return []
     directory, files = Path(directory), []
-    lines: list[tuple[str, dict[str, float]]] = [("section", {})]
-    if np.ndim(cube) == 3:
+    lines: list[tuple[str, dict[str, float]]] = [("section", {})] if tracks else []
+    if tracks and np.ndim(cube) == 3:
         lines = [(n, {n: float(tracks[0].seeds[0][k])}) for k, n in enumerate(("inline", "crossline"))]
     for name, where in lines:
         figure = Figure(figsize=(10.0, 5.5), layout="constrained")

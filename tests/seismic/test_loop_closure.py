@@ -155,7 +155,10 @@ def test_report_and_map_tell_the_figures(tmp_path):
     assert drawn.mask.sum() == 8 * 9 - 6 * 7
     with pytest.raises(ShapeError, match=r"closure has shape \(8, 9\)"):
         loop_map(found, np.zeros((4, 4, 8)))
-    assert save_track_pictures(tmp_path, cube, [], closure=found) == []
+    (file,) = save_track_pictures(tmp_path, cube, [], closure=found)
+    assert file.path == tmp_path / "loops.png"
+    assert file.path.is_file()
+    assert save_track_pictures(tmp_path, cube, []) == []
     page = tracks_page([], cube, title="t", pictures=(), run={"versions": {}, "options": {}}, closure=found)
     assert ("4.8 %", "of the loops miss by more than one sample") in page.numbers
     assert any(name == "Closed loop" for name, _ in page.meanings)
