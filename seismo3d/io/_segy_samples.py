@@ -129,7 +129,10 @@ class SegyHeaders:
 
 
 def read_coordinate(layout: SegyLayout, rows: IntArray, byte: int) -> AnyArray:
-    """Read a map coordinate in metres, with its scalar (byte 71: positive multiplies, negative divides, 0 is 1)."""
+    """Read a map coordinate in the file's unit of lengths.
+
+    The scalar in byte 71 multiplies where it is positive, divides where it is negative; 0 is 1.
+    """
     fields = read_fields(layout, rows, [byte, 71])
     return scale_coordinate(fields[byte], fields[71])
 

@@ -68,7 +68,7 @@ def write_elevation(path: str | Path, elevation: Any) -> Path:
     path : str or Path
         Ends in ``.tif``, ``.asc`` or ``.npz``.
     elevation : DataArray or array_like of shape (rows, columns)
-        NaN is written as nodata: NaN in a GeoTIFF without a nodata value of its own, -9999 in ESRI ASCII.
+        NaN is written as nodata: NaN in a GeoTIFF, whatever ``nodata`` it was read with, -9999 in ESRI ASCII.
 
     Returns
     -------

@@ -25,7 +25,7 @@ def matches(target: Any, source: Any, found: Any, *, n_shown: int = 200, ax: Any
     found : Matches
         As :func:`seismo3d.match` gives them.
     n_shown : int
-        At most so many, the best spread over the image.
+        At most so many, drawn by lot, and the same ones each time.
     ax : matplotlib Axes, optional
         Where to draw; a new pyplot figure by default.
 

@@ -29,7 +29,7 @@ def write_tracks(tracks: Sequence[Track], cube: Any, *, directory: str | Path) -
 
     ``track_01.xyz``, ``track_01.charisma.txt`` and ``track_01.irap.txt`` (IRAP classic) for the first, and so on, and
     ``tracks.csv``; of a section the first and the last alone, and no IRAP where :func:`irap_note` says why. Coordinates
-    are metres on the map where the cube knows them, else line numbers; z is time or depth, positive downwards.
+    are metres, or the map's feet, where the cube knows them, else line numbers; z is time or depth, positive downwards.
 
     Parameters
     ----------

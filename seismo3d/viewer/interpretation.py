@@ -31,7 +31,7 @@ class Fault:
     Attributes
     ----------
     number : int
-        Its number, which no other fault or horizon of this session ever has.
+        Its number, which no other fault or horizon has as long as this one is here or can come back by undo or redo.
     surface : FaultSurface
         The fault itself.
     sources : frozenset of int
