@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 
 from seismo3d.geometry.triangles import weigh_vertices
-from seismo3d.plot.drawing import new_axes
+from seismo3d.plot.drawing import BLUE, draw_rose, new_axes
 from seismo3d.plot.traces_of_faults import display_throw
-
-_BLUE = "#2b6ca3"
 
 
 def strike_rose(faults: Any, *, from_north: bool, bin_deg: float = 10.0, ax: Any = None) -> Any:
@@ -23,7 +21,7 @@ def strike_rose(faults: Any, *, from_north: bool, bin_deg: float = 10.0, ax: Any
     from_north : bool
         Whether strikes are measured from north (the cube lies on a map) or from the inline axis.
     bin_deg : float
-        Width of a petal.
+        Width of a petal, 1 to 90 degrees.
     ax : matplotlib PolarAxes, optional
         Where to draw; a new pyplot figure by default.
 
@@ -31,27 +29,18 @@ def strike_rose(faults: Any, *, from_north: bool, bin_deg: float = 10.0, ax: Any
     -------
     matplotlib PolarAxes
         The rose; a petal's *area* is its share of the fault area.
-    """
-    if ax is None:
-        import matplotlib.pyplot as plt
 
-        ax = plt.subplots(figsize=(4.5, 4.5), layout="constrained", subplot_kw={"projection": "polar"})[1]
+    Raises
+    ------
+    ParameterError
+        If `bin_deg` is not 1 to 90.
+    """
     strikes = [np.asarray(s.strike_deg, dtype=np.float64) for s in faults.surfaces]
     weights = [weigh_vertices(s.vertices, s.cells) for s in faults.surfaces]
     strike, weight = (np.concatenate(x) if x else np.zeros(0) for x in (strikes, weights))
     known = np.isfinite(strike)
-    n = max(round(180.0 / bin_deg), 1)
-    counts, edges = np.histogram(strike[known] % 180.0, bins=n, range=(0.0, 180.0), weights=weight[known])
-    length = np.sqrt(counts / counts.sum()) if counts.sum() > 0 else counts
-    centres = np.radians(np.concatenate([edges[:-1], edges[:-1] + 180.0]) + 90.0 / n)
-    ax.set_theta_zero_location("N")
-    ax.set_theta_direction(-1)
-    ax.bar(centres, np.tile(length, 2), width=np.pi / n, color=_BLUE, edgecolor="white", linewidth=0.6)
     names = ["N", "E", "S", "W"] if from_north else ("inline axis", "crossline\naxis", "", "")
-    ax.set_xticks(np.radians([0, 90, 180, 270]), names)
-    ax.set_yticks([])
-    ax.set_title("Strike", fontsize="medium")
-    return ax
+    return draw_rose(strike[known], weight[known], bin_deg=bin_deg, names=names, title="Strike", ax=ax)
 
 
 def throw_histogram(faults: Any, *, ax: Any = None) -> Any:
@@ -84,7 +73,7 @@ def throw_histogram(faults: Any, *, ax: Any = None) -> Any:
             np.clip(throw[known], edges[0], edges[-1]),
             bins=edges,
             weights=shares,
-            color=_BLUE,
+            color=BLUE,
             edgecolor="white",
             linewidth=0.5,
         )

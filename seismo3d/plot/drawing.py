@@ -1,16 +1,20 @@
-"""Amplitudes and fault lines drawn on matplotlib axes."""
+"""Amplitudes, fault lines and roses drawn on matplotlib axes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray
+from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import as_number
 from seismo3d.plot.pictures import Picture
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, FaultLines, value_colours
 from seismo3d.seismic.preparing import find_level
+
+BLUE = "#2b6ca3"
+"""Colour of bars and petals."""
 
 _NO_DATA = "#e9edf2"
 
@@ -20,6 +24,50 @@ def new_axes(width: float, height: float) -> Any:
     import matplotlib.pyplot as plt
 
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
+
+
+def draw_rose(
+    strike: Float64Array, weight: Float64Array, *, bin_deg: float, names: Sequence[str], title: str, ax: Any = None
+) -> Any:
+    """Draw a rose diagram both ways; a petal's *area* is its share of the weights.
+
+    Parameters
+    ----------
+    strike, weight : ndarray of shape (n,), float64
+        Degrees, and how much each counts.
+    bin_deg : float
+        Width of a petal, 1 to 90 degrees.
+    names : sequence of str
+        What the four directions are called, clockwise from the top.
+    title : str
+        What strikes.
+    ax : matplotlib PolarAxes, optional
+        Where to draw; a new pyplot figure by default.
+
+    Returns
+    -------
+    matplotlib PolarAxes
+
+    Raises
+    ------
+    ParameterError
+        If `bin_deg` is not 1 to 90.
+    """
+    n = max(round(180.0 / as_number(bin_deg, "bin_deg", low=1.0, high=90.0)), 1)
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        ax = plt.subplots(figsize=(4.5, 4.5), layout="constrained", subplot_kw={"projection": "polar"})[1]
+    counts, edges = np.histogram(strike % 180.0, bins=n, range=(0.0, 180.0), weights=weight)
+    length = np.sqrt(counts / counts.sum()) if counts.sum() > 0 else counts
+    centres = np.radians(np.concatenate([edges[:-1], edges[:-1] + 180.0]) + 90.0 / n)
+    ax.set_theta_zero_location("N")
+    ax.set_theta_direction(-1)
+    ax.bar(centres, np.tile(length, 2), width=np.pi / n, color=BLUE, edgecolor="white", linewidth=0.6)
+    ax.set_xticks(np.radians([0, 90, 180, 270]), names)
+    ax.set_yticks([])
+    ax.set_title(title, fontsize="medium")
+    return ax
 
 
 def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float, aspect: Any = "auto") -> Any:

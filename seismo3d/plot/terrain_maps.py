@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d.errors import ParameterError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
-from seismo3d.plot.drawing import new_axes
+from seismo3d.plot.drawing import draw_rose, new_axes
 
 _COLOURS = {"step": "#d62728", "trough": "#1f9bcf", "both": "#c218c2", "valley": "#1fa35c"}
-_BLUE = "#2b6ca3"
 
 
 def terrain(elevation: Any, *, lines: Any = None, outcrops: Any = (), ax: Any = None) -> Any:
@@ -78,33 +76,21 @@ def lineament_rose(lines: Any, *, bin_deg: float = 10.0, ax: Any = None) -> Any:
     ----------
     lines : LineamentSet
     bin_deg : float
-        Width of a petal.
+        Width of a petal, 1 to 90 degrees.
     ax : matplotlib PolarAxes, optional
 
     Returns
     -------
     matplotlib PolarAxes
-    """
-    if not 1.0 <= bin_deg <= 90.0:
-        raise ParameterError(f"bin_deg is {bin_deg:g}; expected 1 to 90.")
-    if ax is None:
-        import matplotlib.pyplot as plt
 
-        ax = plt.subplots(figsize=(4.5, 4.5), layout="constrained", subplot_kw={"projection": "polar"})[1]
+    Raises
+    ------
+    ParameterError
+        If `bin_deg` is not 1 to 90.
+    """
+    names = ["N", "E", "S", "W"] if lines.grid.has_place else ["up", "right", "", ""]
     strike, length = strikes_by_length(lines)
-    n = max(round(180.0 / bin_deg), 1)
-    counts, edges = np.histogram(strike % 180.0, bins=n, range=(0.0, 180.0), weights=length)
-    radius = np.sqrt(counts / counts.sum()) if counts.sum() > 0 else counts
-    centres = np.radians(np.concatenate([edges[:-1], edges[:-1] + 180.0]) + 90.0 / n)
-    ax.set_theta_zero_location("N")
-    ax.set_theta_direction(-1)
-    ax.bar(centres, np.tile(radius, 2), width=np.pi / n, color=_BLUE, edgecolor="white", linewidth=0.6)
-    ax.set_xticks(
-        np.radians([0, 90, 180, 270]), ["N", "E", "S", "W"] if lines.grid.has_place else ["up", "right", "", ""]
-    )
-    ax.set_yticks([])
-    ax.set_title("Strike of lineaments, by length", fontsize="medium")
-    return ax
+    return draw_rose(strike, length, bin_deg=bin_deg, names=names, title="Strike of lineaments, by length", ax=ax)
 
 
 def scarp_profile(scarp: Any, *, ax: Any = None) -> Any:

@@ -152,6 +152,8 @@ def test_rose_points_along_the_strikes() -> None:
         275,
     ]  # strikes 0 and 270, both ways
     assert (heights[heights > 0] ** 2).sum() == pytest.approx(2.0)
+    with pytest.raises(ParameterError, match="bin_deg is 0"):
+        plot.strike_rose(make_faults(make_cube()), from_north=True, bin_deg=0.0)
 
 
 def test_throw_histogram_is_weighted_by_area(ax: Any) -> None:
