@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from seismo3d.io._files import written_aside
+from seismo3d.plot.pages import embed_picture, fill_template
 
 
 def write_map_report(
@@ -37,18 +37,12 @@ def write_map_report(
     Path
         The file.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("seismo3d.plot"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    shown = [{"data": base64.b64encode(file.read_bytes()).decode(), "caption": caption} for file, caption in pictures]
-    text = environment.get_template("map.html.jinja").render(
+    text = fill_template(
+        "map.html.jinja",
         title=title,
         facts=[(name.replace("_", " "), str(value)) for name, value in facts.items()],
         timings=[(name, f"{seconds:.1f} s") for name, seconds in timings.items()],
-        pictures=shown,
+        pictures=[embed_picture(file, caption) for file, caption in pictures],
     )
     with written_aside(path) as aside, aside.open("wb") as file:
         file.write(text.encode())

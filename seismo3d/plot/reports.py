@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from seismo3d.io._files import written_aside
+from seismo3d.plot.pages import embed_picture, fill_template, in_words
 from seismo3d.plot.picture_set import PictureFile, save_pictures
 from seismo3d.plot.pictures import name_axes
 from seismo3d.plot.report_facts import key_numbers, survey_facts, table_cell, table_columns
@@ -100,41 +99,13 @@ def _page(cube: Any, faults: Any, title: str, pictures: list[dict[str, str]], ru
     )
 
 
-def fill_template(name: str, **values: Any) -> str:
-    """Fill one of the templates of this package; a name that it lacks is an error, and text is escaped."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("seismo3d.plot"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(name).render(**values)
-
-
 def embed_pictures(pictures: Sequence[PictureFile]) -> list[dict[str, str]]:
     """Return what a template needs of pictures: their bytes in base 64, captions, notes and widths."""
-    return [
-        {
-            "data": base64.b64encode(picture.path.read_bytes()).decode(),
-            "caption": picture.caption,
-            "note": picture.note,
-            "kind": picture.kind,
-        }
-        for picture in pictures
-    ]
+    return [embed_picture(entry.path, entry.caption, note=entry.note, kind=entry.kind) for entry in pictures]
 
 
 def _lines(value: Any) -> list[tuple[str, str]]:
     """Turn a mapping into names and values in words; anything else as one value."""
     if isinstance(value, Mapping):
-        return [(str(name), _words(item)) for name, item in value.items()]
-    return [("", _words(value))]
-
-
-def _words(value: Any) -> str:
-    if isinstance(value, str):
-        return value
-    return json.dumps(value, default=str, ensure_ascii=False)
+        return [(str(name), in_words(item)) for name, item in value.items()]
+    return [("", in_words(value))]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from seismo3d.io._files import written_aside
+from seismo3d.plot.pages import fill_template, in_words
 from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.report_facts import survey_facts
-from seismo3d.plot.reports import embed_pictures, fill_template
+from seismo3d.plot.reports import embed_pictures
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,11 +232,7 @@ def _facts(cube: Any, run: Mapping[str, Any]) -> list[tuple[str, list[tuple[str,
     entries = []
     for name, value in run.items():
         if isinstance(value, Mapping):
-            entries += [(f"{name} {key}", _words(item)) for key, item in value.items()]
+            entries += [(f"{name} {key}", in_words(item)) for key, item in value.items()]
         else:
-            entries.append((str(name), _words(value)))
+            entries.append((str(name), in_words(value)))
     return [("Survey", survey_facts(cube)), ("Run", entries)]
-
-
-def _words(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value, default=str, ensure_ascii=False)

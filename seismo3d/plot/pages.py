@@ -1,0 +1,32 @@
+"""Pages of HTML that hold everything they show, filled from templates."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+
+def fill_template(name: str, **values: Any) -> str:
+    """Fill one of the templates of this package; a name that it lacks is an error, and text is escaped."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("seismo3d.plot"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(name).render(**values)
+
+
+def embed_picture(path: Path, caption: str, *, note: str = "", kind: str = "wide") -> dict[str, str]:
+    """Return what a template needs of a picture: its bytes in base 64, caption, note and width."""
+    return {"data": base64.b64encode(path.read_bytes()).decode(), "caption": caption, "note": note, "kind": kind}
+
+
+def in_words(value: Any) -> str:
+    """Return a value as text: JSON where it is none."""
+    return value if isinstance(value, str) else json.dumps(value, default=str, ensure_ascii=False)
