@@ -130,7 +130,7 @@ def _boxes_meet(one: FaultSurface, other: FaultSurface, reach: int) -> bool:
 
 def _meet(one: _Meeting, other: _Meeting, frame: IndexFrame) -> tuple[Float64Array, Int64Array, float, float] | None:
     """Points, segments, length and angle of the line in which two surfaces meet; None where they do not."""
-    vertices, cells = _mesh(one.grid)
+    vertices, cells = one.grid.triangulate()
     offset = _height_above(other.grid, vertices)
     cells = cells[np.isfinite(offset[cells]).all(axis=1)]
     cut = cut_mesh(np.column_stack([vertices, np.nan_to_num(offset)]), cells, axis=3, value=0.0)
@@ -149,16 +149,6 @@ def _meet(one: _Meeting, other: _Meeting, frame: IndexFrame) -> tuple[Float64Arr
     used, numbers = np.unique(segments, return_inverse=True)
     angle = float(np.average(angles, weights=np.maximum(steps, 1e-12)))
     return points[used], numbers.reshape(-1, 2).astype(np.int64), length, angle
-
-
-def _mesh(grid: SurfaceGrid) -> tuple[Float64Array, Int64Array]:
-    """Nodes and triangles of a grid; nodes off it are NaN and in no triangle."""
-    rows, samples = np.meshgrid(*(np.arange(n) for n in grid.w.shape), indexing="ij")
-    vertices = grid.place(rows.ravel(), samples.ravel())
-    numbers = np.arange(grid.w.size).reshape(grid.w.shape)
-    a, b, c, d = (n.ravel() for n in (numbers[:-1, :-1], numbers[1:, :-1], numbers[:-1, 1:], numbers[1:, 1:]))
-    cells = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
-    return vertices, cells[np.isfinite(vertices[cells]).all(axis=(1, 2))]
 
 
 def _height_above(grid: SurfaceGrid, points: AnyArray) -> Float64Array:

@@ -9,6 +9,7 @@ import numpy as np
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, IntArray
 from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.geometry.triangles import measure_cells
 from seismo3d.seismic.faultset import FaultSurface
 from seismo3d.seismic.index_frame import IndexFrame
 from seismo3d.seismic.linking import Sheet
@@ -59,7 +60,7 @@ def build_surface(
         strike_deg = np.full(len(vertices), np.nan)
     else:
         strike_deg = geometry.strike_deg(normals)
-    area = _area(vertices, cells)
+    area = float(measure_cells(vertices, cells).sum())
     at_nodes = likelihood[rows, columns]
     # a surface of a hundred voxels has half the weight that a large one has
     confidence = float(at_nodes.mean() * area / (area + 100.0)) if len(at_nodes) else 0.0
@@ -87,7 +88,7 @@ def build_surface(
 
 def order_by_area(sheets: list[Sheet], shape: tuple[int, ...]) -> list[int]:
     """Return the numbers of sheets in the order of the areas that they have as surfaces, largest first."""
-    areas = [_area(*_mesh(sheet, shape)[2:]) for sheet in sheets]
+    areas = [float(measure_cells(*_mesh(sheet, shape)[2:]).sum()) for sheet in sheets]
     return sorted(range(len(sheets)), key=lambda n: -areas[n])
 
 
@@ -160,10 +161,3 @@ def _slope(w: Float64Array, axis: int) -> Float64Array:
     both = np.stack([forward, backward])
     count = np.isfinite(both).sum(axis=0)
     return np.nansum(both, axis=0) / np.maximum(count, 1)
-
-
-def _area(vertices: Float64Array, cells: IntArray) -> float:
-    if cells.shape[1] == 2:
-        return float(np.linalg.norm(vertices[cells[:, 1]] - vertices[cells[:, 0]], axis=1).sum())
-    a, b = vertices[cells[:, 1]] - vertices[cells[:, 0]], vertices[cells[:, 2]] - vertices[cells[:, 0]]
-    return float(0.5 * np.linalg.norm(np.cross(a, b), axis=1).sum())
