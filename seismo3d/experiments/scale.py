@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._stages import StageClock
+from seismo3d._stages import StageClock, no_progress
 from seismo3d._typing import Float32Array
 from seismo3d.errors import MissingDependencyError
 from seismo3d.io.cubes import open_cube
@@ -88,7 +88,7 @@ def measure_equal(size: int, *, edge: int) -> dict[str, Any]:
         settings = FaultSettings()
         plan = plan_blocks((size, size, size), parse_memory("2GB"), settings, edge=edge)
         start, wall = time.process_time(), time.perf_counter()
-        blocks = trace_in_blocks(cube, plan, settings, folder=Path(folder) / "run", progress=_unheard)
+        blocks = trace_in_blocks(cube, plan, settings, folder=Path(folder) / "run", progress=no_progress)
         found |= {"blocks_cpu_s": time.process_time() - start, "blocks_wall_s": time.perf_counter() - wall}
         found |= {"edges": plan.edges, "n_surfaces": [len(whole.surfaces), len(blocks.surfaces)]}
         for name in ("likelihood", "labels", "throw"):
@@ -205,10 +205,10 @@ def _time_workers(n_workers: int, cube: Any, run: Path, settings: FaultSettings,
     ):
         warm = plan_blocks((64, 64, size), memory, settings, edge=32)
         small = large_cube((64, 64, size))
-        trace_in_blocks(small, warm, settings, folder=Path(folder) / "warm", scheduler=cluster, progress=_unheard)
+        trace_in_blocks(small, warm, settings, folder=Path(folder) / "warm", scheduler=cluster, progress=no_progress)
         plan = plan_blocks((size, size, size), memory, settings, edge=edge)
         wall = time.perf_counter()
-        trace_in_blocks(cube, plan, settings, folder=run, scheduler=cluster, progress=_unheard)
+        trace_in_blocks(cube, plan, settings, folder=run, scheduler=cluster, progress=no_progress)
         return time.perf_counter() - wall
 
 
@@ -236,7 +236,7 @@ def _child(folder: Path, size: int) -> subprocess.Popen[bytes]:
 def _trace(size: int, folder: Path) -> None:
     settings = FaultSettings()
     plan = plan_blocks((size, size, size), parse_memory("2GB"), settings, edge=32)
-    trace_in_blocks(np.asarray(large_cube((size, size, size))), plan, settings, folder=folder, progress=_unheard)
+    trace_in_blocks(np.asarray(large_cube((size, size, size))), plan, settings, folder=folder, progress=no_progress)
 
 
 def _scratch() -> str | None:
@@ -245,10 +245,6 @@ def _scratch() -> str | None:
 
 def _peak_gb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
-
-
-def _unheard(stage: str, share: float) -> None:
-    """Take reports of progress where nobody asked for them."""
 
 
 def main() -> None:

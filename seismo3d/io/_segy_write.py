@@ -7,6 +7,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from seismo3d._stages import no_progress
 from seismo3d._typing import AnyArray, Int64Array, Progress
 from seismo3d.errors import FileAccessError, GeometryError, ParameterError, Seismo3dError
 from seismo3d.geometry.survey import Axis
@@ -77,7 +78,7 @@ def write_segy(
             raise ParameterError(
                 f"{out} is the file that the cube was read from; expected another name for the result."
             )
-    step = progress or _silent
+    step = progress or no_progress
     with written_aside(out) as aside, aside.open("wb") as stream:
         if template is not None:
             _write_like(stream, volume, template, sample_format, fill, step)
@@ -289,7 +290,3 @@ def _write_fresh(stream: IO[bytes], volume: Any, code: int, fill: float, title: 
         step("write", min(1.0, (start + block) / volume.shape[0]))
     if n_written == 0:
         raise GeometryError("cube has no trace with data: every sample is NaN. There is nothing to write.")
-
-
-def _silent(stage: str, share: float) -> None:
-    """Report nothing."""

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._stages import no_progress
 from seismo3d._typing import Float32Array, Int32Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
@@ -170,7 +171,7 @@ def trace_faults(
     ----------
     .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
     """
-    report = progress or _unheard
+    report = progress or no_progress
     if memory is not None or folder is not None or scheduler is not None:
         from seismo3d.seismic.blocks.tracing import asks_for_blocks, trace_larger
 
@@ -255,10 +256,6 @@ def _with_evidence(settings: FaultSettings, evidence: str | None) -> FaultSettin
     found = settings if evidence is None else replace(settings, evidence=evidence)
     check_evidence(found.evidence)
     return found
-
-
-def _unheard(stage: str, share: float) -> None:
-    """Take reports of progress where nobody asked for them."""
 
 
 def score_at_noise(scores: tuple[float, float, float], noise: float) -> float:

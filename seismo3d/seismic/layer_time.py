@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._stages import no_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
 from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_increasing, make_runs_increasing
@@ -136,7 +137,7 @@ def layer_time(
         if asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler, whole_bytes=whole_layers_bytes):
             run = layer_larger(
                 cube, faults, memory, folder=folder, scheduler=scheduler, settings=settings or LayerTimeSettings(),
-                progress=progress or _unheard,
+                progress=progress or no_progress,
             )  # fmt: skip
             return open_layer_time(run, cube)
     layers = model_layers(cube, faults=faults, settings=settings, progress=progress)
@@ -151,7 +152,7 @@ def model_layers(
 ) -> LayerModel:
     """Do what :func:`layer_time` does, and keep what tracks need; parameters and errors as there."""
     settings = settings or LayerTimeSettings()
-    report = progress or _unheard
+    report = progress or no_progress
     check_cube(cube, faults)
     amplitudes, _, (_, unit) = as_volume(cube)
     volume, valid, spectrum, level = clean_volume(amplitudes, carried=True)
@@ -171,10 +172,6 @@ def model_layers(
         mend_times(times, cuts, join_levels([found[n] for n in range(len(found))]), settings.least)
         times += _datum(times, live)
     return layers
-
-
-def _unheard(stage: str, share: float) -> None:
-    """Take reports of progress where nobody asked for them."""
 
 
 def _datum(times: Float32Array, live: BoolArray) -> np.float32:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._stages import no_progress
 from seismo3d._typing import Float32Array, Float64Array, Progress
 from seismo3d._validate import as_whole_number, freeze
 from seismo3d.errors import ShapeError
@@ -155,7 +156,7 @@ def fracture_network(
     .. [1] W. S. Dershowitz, H. H. Herda, Proc. 33rd U.S. Symposium on Rock Mechanics, 757-766, 1992.
     """
     home = placing_cube(cube, faults)
-    report = progress or _unheard
+    report = progress or no_progress
     size = _as_cell(cell)
     frame = IndexFrame.of(home)
     report("intersections", 0.0)
@@ -174,10 +175,6 @@ def fracture_network(
     report("orientations", 1.0)
     area = sum(zone.area for zone in zones)
     return FractureNetwork(graph, lines, zones, freeze(density), size, poles, sets, frame.unit, area / volume)
-
-
-def _unheard(stage: str, share: float) -> None:
-    """Take reports of progress where nobody asked for them."""
 
 
 def _as_cell(cell: int | tuple[int, int, int]) -> tuple[int, int, int]:

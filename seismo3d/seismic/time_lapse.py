@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import fft, ndimage
 
+from seismo3d._stages import no_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
@@ -125,7 +126,7 @@ def align_cubes(
     .. [1] B. D. Lucas, T. Kanade, Proc. 7th IJCAI, 674-679, 1981.
     """
     settings = settings or TimeLapseSettings()
-    report = progress or _unheard
+    report = progress or no_progress
     _check(base, monitor)
     report("register", 0.0)
     target, known_target = _prepare(base)
@@ -149,10 +150,6 @@ def align_cubes(
     variance += _unevenness(shift, settings)
     report("local shifts", 1.0)
     return _pack(base, monitor, shift, variance, (coarse, start), (known_target, known_source))
-
-
-def _unheard(stage: str, share: float) -> None:
-    """Take reports of progress where nobody asked for them."""
 
 
 def _check(base: Any, monitor: Any) -> None:

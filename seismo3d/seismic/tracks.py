@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._stages import no_progress
 from seismo3d._typing import Float32Array, Float64Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.errors import ParameterError, ShapeError
@@ -125,7 +126,7 @@ def trace_tracks(
             raise ParameterError("layers is given with memory, folder or scheduler; it takes their place. Give either.")
         from seismo3d.seismic.blocks.stored_layers import layers_within
 
-        report = progress or _unheard
+        report = progress or no_progress
         layers = layers_within(
             cube, faults, memory=memory, folder=folder, scheduler=scheduler, settings=settings.layers, progress=report
         )
@@ -175,10 +176,6 @@ def _follow(
         depth = axis.coordinate(depth).astype(np.float32)
         tracks.append(Track(freeze(depth), freeze(confidence), freeze(group), layers.sample_unit))
     return tracks
-
-
-def _unheard(stage: str, share: float) -> None:
-    """Take reports of progress where nobody asked for them."""
 
 
 def axes_of(cube: Any) -> tuple[Axis, ...]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._stages import no_progress
 from seismo3d._typing import Float64Array, Progress
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import ShapeError
@@ -193,7 +194,7 @@ def lineaments(
     grid = MapGrid.from_elevation(elevation)
     steps = tuple(float(np.hypot(*column)) for column in grid.steps_m.T)
     square, stretch = square_map(z, (steps[0], steps[1]))
-    report = progress or _unheard
+    report = progress or no_progress
     filled = fill_smoothly(square, np.isfinite(square))
     n_levels = max(settings.n_levels, settings.n_valley_levels)
     levels = measure_levels(square, n_levels, 2.0 * settings.length)
@@ -211,10 +212,6 @@ def lineaments(
 def to_likelihood(score: Any, least: float) -> Any:
     """Turn a score into a likelihood from 0 to 1: one half at the least score of a crest."""
     return 1.0 - np.exp2(-((np.asarray(score) / least) ** 2))
-
-
-def _unheard(stage: str, share: float) -> None:
-    """Take reports of progress where nobody asked for them."""
 
 
 def _search(
