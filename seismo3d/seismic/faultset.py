@@ -306,6 +306,8 @@ _SCALARS = (
     "sample_interval", "sample_unit", "confidence", "area", "strike_share", "slip_certainty", "family", "generation",
 )  # fmt: skip
 _ARRAYS = tuple(entry.name for entry in fields(FaultSurface) if entry.name not in _SCALARS)
+VERTEX_ARRAYS = tuple(name for name in _ARRAYS if name != "cells")
+"""Names of what a surface has at every vertex."""
 
 
 def _pack_surfaces(surfaces: tuple[FaultSurface, ...]) -> tuple[dict[str, Any], list[dict[str, Any]]]:

@@ -6,7 +6,7 @@ Every edit takes an interpretation and returns another; the old one stays as it 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,8 @@ from seismo3d._typing import ArrayLike, BoolArray
 from seismo3d._validate import freeze
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.triangles import measure_cells
-from seismo3d.seismic.faultset import FaultSurface
+from seismo3d.seismic.faultset import VERTEX_ARRAYS, FaultSurface
 from seismo3d.seismic.tracks import Track
-
-_SCALARS = (
-    "sample_interval", "sample_unit", "confidence", "area", "strike_share", "slip_certainty", "family", "generation",
-)  # fmt: skip
-_ARRAYS = tuple(entry.name for entry in fields(FaultSurface) if entry.name not in (*_SCALARS, "cells"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,7 +196,7 @@ def take_cells(surface: FaultSurface, chosen: BoolArray) -> FaultSurface:
     """Cut a surface down to some of its cells, with the vertices that these use; area and confidence follow."""
     cells = surface.cells[chosen]
     used, renumbered = np.unique(cells, return_inverse=True)
-    arrays: dict[str, Any] = {name: freeze(getattr(surface, name)[used]) for name in _ARRAYS}
+    arrays: dict[str, Any] = {name: freeze(getattr(surface, name)[used]) for name in VERTEX_ARRAYS}
     area = float(measure_cells(arrays["vertices"], renumbered.reshape(cells.shape)).sum())
     confidence = float(arrays["likelihood"].mean() * area / (area + 100.0)) if len(used) else 0.0
     return replace(
@@ -214,7 +209,9 @@ def take_cells(surface: FaultSurface, chosen: BoolArray) -> FaultSurface:
 
 
 def _join(surfaces: list[FaultSurface]) -> FaultSurface:
-    arrays: dict[str, Any] = {name: freeze(np.concatenate([getattr(s, name) for s in surfaces])) for name in _ARRAYS}
+    arrays: dict[str, Any] = {
+        name: freeze(np.concatenate([getattr(s, name) for s in surfaces])) for name in VERTEX_ARRAYS
+    }
     starts = np.cumsum([0, *(len(s.vertices) for s in surfaces[:-1])])
     cells = np.concatenate([s.cells + start for s, start in zip(surfaces, starts, strict=True)])
     areas = np.array([s.area for s in surfaces])
