@@ -64,7 +64,7 @@ def run(
     from seismo3d.errors import ParameterError, ShapeError
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
-    from seismo3d.io.segy import check_coordinates
+    from seismo3d.io.segy import check_segy
     from seismo3d.seismic.fault_evidence import check_evidence
 
     if evidence is not None:
@@ -76,7 +76,7 @@ def run(
     opened = open_cube(cube, **reading, lazy=True if is_bounded else None)
     if unfault and opened.ndim != 3:
         raise ParameterError("--unfault is given for a 2D line; it takes the slip out of cubes. Leave it out.")
-    check_coordinates(opened)
+    check_segy(opened)
     in_blocks = is_bounded and _asks_for_blocks(opened, memory, scheduler, out)
     _refuse_whole(in_blocks, attributes=attributes, unfault=unfault)
     folder = kept_aside(out) if in_blocks else written_aside(out, folder=True)

@@ -32,12 +32,12 @@ def run(
     from seismo3d.geometry.axis import unit_of
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
-    from seismo3d.io.segy import check_coordinates, write_segy
+    from seismo3d.io.segy import check_segy, write_segy
     from seismo3d.seismic.time_lapse import align_cubes
 
     check_run_folder(out, command="timelapse", inputs=[base, monitor], overwrite=overwrite)
     first, second = (open_cube(path, domain=domain).load() for path in (base, monitor))
-    check_coordinates(first)
+    check_segy(first)
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)

@@ -13,6 +13,9 @@ from seismo3d.geometry.survey import usual_spacing
 from seismo3d.io._segy_layout import set_header_field
 
 _MAX_SHORT = 32767
+_MAX_LONG = 2**31 - 1
+# what a number may be off a whole one
+_OFF_WHOLE = 1e-6
 # share of the distance between traces by which their coordinates may be off, rounded to whole numbers
 _OFF = 0.05
 
@@ -43,8 +46,8 @@ def ibm_words(values: AnyArray) -> AnyArray:
     return words
 
 
-def sample_header(volume: Any) -> tuple[int, int, int]:
-    """Return the header's interval (us), delay and its scalar for a cube's samples; refuse what SEG-Y cannot hold."""
+def sample_fields(volume: Any) -> dict[int, int]:
+    """Return a trace header's fields of a cube's sample axis, by their first byte; refuse what they cannot hold."""
     axis = Axis.from_coordinates(volume[volume.dims[-1]].values, str(volume.dims[-1]))
     if axis.n > 65535:
         raise GeometryError(
@@ -56,15 +59,22 @@ def sample_header(volume: Any) -> tuple[int, int, int]:
             f"cube has a sample interval of {axis.step:g}; expected 0.001 to 32.767 in whole thousandths, all that "
             "SEG-Y can hold. Resample it, or write Zarr."
         )
-    for scalar, factor in ((0, 1), (-10, 10), (-100, 100), (-1000, 1000)):
-        delay = axis.first * factor
-        if abs(delay - round(delay)) < 1e-6 and abs(delay) <= _MAX_SHORT:
-            return round(interval), round(delay), scalar
-    if abs(axis.first) > _MAX_SHORT:
-        raise GeometryError(
-            f"cube starts at {axis.first:g}; expected -32767 to 32767, all that SEG-Y can hold. Write Zarr."
-        )
-    return round(interval), round(axis.first), 0
+    delay, scalar = _start_fields(axis.first)
+    return {109: delay, 115: axis.n, 117: round(interval), 215: scalar}
+
+
+def _start_fields(start: float) -> tuple[int, int]:
+    """Return the first sample as a whole number and its scalar; refuse one that they cannot hold."""
+    for scalar in (0, -10, -100, -1000, -10000, 10, 100, 1000, 10000):
+        factor = 1.0 / scalar if scalar > 0 else float(-scalar or 1)
+        delay = round(start * factor)
+        # coordinates may have been kept in single precision
+        if abs(delay) <= _MAX_SHORT and abs(delay / factor - start) <= 1e-6 + 1e-7 * abs(start):
+            return delay, scalar
+    raise GeometryError(
+        f"cube starts at {start:.10g}; expected a whole number of -32767 to 32767, times or over 1, 10, 100, 1000 or "
+        "10000, all that SEG-Y can hold. Resample it to a start that is such a number, or write Zarr."
+    )
 
 
 def _check_units(volume: Any) -> None:
@@ -81,7 +91,7 @@ def _check_units(volume: Any) -> None:
 
 def fresh_file_header(volume: Any, code: int, title: str) -> bytes:
     """Make the textual and the binary header."""
-    interval, _, _ = sample_header(volume)
+    interval = sample_fields(volume)[117]
     binary = np.zeros(400, dtype=np.uint8)
     for byte, value in (
         (3217, interval),
@@ -118,18 +128,9 @@ def fresh_heads(part: Any, keep: Int64Array, n_before: int, *, factor: int) -> A
 
     Map coordinates are written in whole numbers, ``factor`` times themselves.
     """
-    interval, delay, delay_scalar = sample_header(part)
     heads = np.zeros((keep.size, 240), dtype=np.uint8)
     number = n_before + 1 + np.arange(keep.size)
-    fields: dict[int, Any] = {
-        1: number,
-        5: number,
-        29: 1,
-        109: delay,
-        115: part.shape[-1] % 65536,
-        117: interval,
-        215: delay_scalar,
-    }
+    fields: dict[int, Any] = {1: number, 5: number, 29: 1, **sample_fields(part)}
     if part.ndim == 3:
         i, j = np.divmod(keep, part.shape[1])
         fields |= {9: part["inline"].values[i], 21: part["crossline"].values[j]}
@@ -146,14 +147,35 @@ def fresh_heads(part: Any, keep: Int64Array, n_before: int, *, factor: int) -> A
     return heads
 
 
-def coordinate_factor(volume: Any) -> int:
-    """Return what map coordinates are multiplied by to become whole numbers; refuse those that SEG-Y cannot hold."""
+def _check_lines(volume: Any) -> None:
+    """Refuse line and CDP numbers that are not whole, or larger than SEG-Y can hold."""
+    for name in ("inline", "crossline", "cdp"):
+        if name not in volume.coords:
+            continue
+        numbers = np.asarray(volume[name].values, dtype=np.float64)
+        bad = ~(np.abs(numbers - np.rint(numbers)) <= _OFF_WHOLE) | (np.abs(numbers) > _MAX_LONG)
+        if bad.any():
+            raise GeometryError(
+                f"cube has {name} {numbers[bad][0]:g}; expected whole numbers of at most {_MAX_LONG}, all that SEG-Y "
+                "can hold. Number the lines anew, or write Zarr."
+            )
+
+
+def check_fresh(volume: Any) -> int:
+    """Refuse a cube that headers cannot be made for; return what its map coordinates are multiplied by."""
+    sample_fields(volume)
     _check_units(volume)
+    _check_lines(volume)
+    return _coordinate_factor(volume)
+
+
+def _coordinate_factor(volume: Any) -> int:
+    """Return what map coordinates are multiplied by to become whole numbers; refuse those that SEG-Y cannot hold."""
     if "cdp_x" not in volume.coords or "cdp_y" not in volume.coords:
         return 1
     xy = np.stack([np.asarray(volume[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y")], axis=-1)
     largest = float(np.nanmax(np.abs(xy), initial=0.0))
-    held = [factor for factor in (100, 1000, 10000, 10, 1) if largest * factor < 2**31 - 1]
+    held = [factor for factor in (100, 1000, 10000, 10, 1) if largest * factor < _MAX_LONG]
     if not held:
         raise GeometryError(
             f"cube has map coordinates up to {largest:g}; expected less than 2147483647, all that SEG-Y can hold."

@@ -179,7 +179,7 @@ def header_field(heads: AnyArray, byte: int, *, little_endian: bool) -> IntArray
 def set_header_field(heads: AnyArray, byte: int, values: Any, *, little_endian: bool) -> None:
     """Write one field of trace headers, an array of shape (n, 240) of bytes, in place."""
     width = 2 if byte in _SHORT_FIELDS else 4
-    encoded = np.broadcast_to(np.asarray(values), (len(heads),)).astype(np.int64)
+    encoded = np.broadcast_to(np.rint(values), (len(heads),)).astype(np.int64)
     raw = np.ascontiguousarray(encoded.astype(f"{'<' if little_endian else '>'}i{width}"))
     heads[:, byte - 1 : byte - 1 + width] = raw.view(np.uint8).reshape(len(heads), width)
 

@@ -14,7 +14,7 @@ from seismo3d.geometry.survey import Axis
 from seismo3d.io._as_cube import as_cube
 from seismo3d.io._files import written_aside
 from seismo3d.io._segy_axis import judge_domain, sample_axis
-from seismo3d.io._segy_encode import coordinate_factor, encode, fresh_file_header, fresh_heads, sample_header
+from seismo3d.io._segy_encode import check_fresh, encode, fresh_file_header, fresh_heads, sample_fields
 from seismo3d.io._segy_find import find_grid
 from seismo3d.io._segy_grid import TraceGrid, line_grid
 from seismo3d.io._segy_layout import SegyLayout, read_layout, set_header_field
@@ -87,17 +87,23 @@ def write_segy(
     return out
 
 
-def check_coordinates(cube: Any) -> None:
-    """Refuse a cube whose traces' places SEG-Y cannot hold, as :func:`write_segy` would, before there is work to lose.
+def check_segy(cube: Any) -> None:
+    """Refuse a cube that SEG-Y cannot hold, as :func:`write_segy` would, before there is work to lose.
 
     Raises
     ------
     GeometryError
-        If it comes from no SEG-Y file, so that headers must be made, and its map coordinates do not fit into them.
+        If its lines are not among those of the SEG-Y file it comes from, or SEG-Y has no place for its units, samples,
+        line numbers or map coordinates.
+    FileAccessError
+        If it was opened from a SEG-Y file that is not there any more.
     """
     volume = as_cube(cube)
-    if volume.attrs.get("segy_path") is None:
-        coordinate_factor(volume)
+    template = _template(volume, cube, "input")
+    if template is None:
+        check_fresh(volume)
+    elif not _has_axis(template.layout, volume):
+        sample_fields(volume)
 
 
 class _Template:
@@ -186,9 +192,8 @@ def _write_like(stream: IO[bytes], volume: Any, template: _Template, code: int, 
     little = layout.little_endian
     n_samples = volume.shape[-1]
     record = np.dtype([("head", np.uint8, 240), ("data", np.dtype(f"{'<' if little else '>'}u4"), (n_samples,))])
-    interval_us, delay, scalar = sample_header(volume)
-    keeps_axis = _has_axis(layout, volume)
-    stream.write(_patched_file_header(layout, volume, code, None if keeps_axis else interval_us))
+    axis_fields = {} if _has_axis(layout, volume) else sample_fields(volume)
+    stream.write(_patched_file_header(layout, volume, code, axis_fields.get(117)))
     ranks = _ranks(template)
     inlines = np.flatnonzero(template.inlines >= 0)
     line_bytes = record.itemsize * max(1, grid.crossline.n)
@@ -207,9 +212,8 @@ def _write_like(stream: IO[bytes], volume: Any, template: _Template, code: int, 
         # mapped anew for each block, so that memory stays bounded
         records["head"] = layout.map_traces()["head"][rows]
         records["data"] = encode(values[ci - low, cj], code, fill)
-        if not keeps_axis:
-            for byte, value in ((115, n_samples % 65536), (117, interval_us), (109, delay), (215, scalar)):
-                set_header_field(records["head"], byte, value, little_endian=little)
+        for byte, value in axis_fields.items():
+            set_header_field(records["head"], byte, value, little_endian=little)
         places = rows if ranks is None else np.searchsorted(ranks, rows)
         _write_runs(stream, records, places, layout.data_offset)
         step("write", min(1.0, (start + part.size) / inlines.size))
@@ -270,7 +274,7 @@ def _write_runs(stream: IO[bytes], records: AnyArray, places: Int64Array, offset
 def _write_fresh(stream: IO[bytes], volume: Any, code: int, fill: float, title: str, step: Progress) -> None:
     n_samples = volume.shape[-1]
     record = np.dtype([("head", np.uint8, 240), ("data", ">u4", (n_samples,))])
-    factor = coordinate_factor(volume)
+    factor = check_fresh(volume)
     stream.write(fresh_file_header(volume, code, title))
     lines = int(np.prod(volume.shape[1:-1], dtype=np.int64)) * record.itemsize
     block = max(1, _BLOCK_BYTES // max(lines, 1))

@@ -14,9 +14,9 @@ from seismo3d.io._segy_axis import SampleAxis, sample_axis
 from seismo3d.io._segy_find import Found, find_coordinates, find_grid
 from seismo3d.io._segy_layout import SegyLayout, read_fields, read_layout
 from seismo3d.io._segy_samples import SegyCube, SegyHeaders, read_coordinate
-from seismo3d.io._segy_write import check_coordinates, write_segy
+from seismo3d.io._segy_write import check_segy, write_segy
 
-__all__ = ["check_coordinates", "read_segy", "write_segy"]
+__all__ = ["check_segy", "read_segy", "write_segy"]
 
 _CHUNK_BYTES = 32 * 2**20
 _SCANNED_BELOW = 100_000

@@ -17,7 +17,7 @@ from seismo3d.io._segy_encode import encode, ibm_words
 from seismo3d.io._segy_layout import read_layout
 from seismo3d.io._segy_samples import decode
 from seismo3d.io.cubes import convert_cube
-from seismo3d.io.segy import check_coordinates
+from seismo3d.io.segy import check_segy
 from seismo3d.synthetic import fault_cube
 
 
@@ -147,6 +147,92 @@ def test_depth_line_and_odd_axes_survive(tmp_path):
     np.testing.assert_allclose(back.cdp_x, section.cdp_x, atol=0.005)  # centimetres are stored
 
 
+def section_from(start):
+    section = s3.as_cube(np.ones((3, 4), np.float32), domain="depth", interval=2.5)
+    return section.assign_coords(depth=section.depth + start)
+
+
+@pytest.mark.parametrize("start", [2345.5, -7.25, 40000.0, np.float32(100.1), 1e5])
+def test_starts_come_back(tmp_path, start):
+    section = section_from(start)
+    back = s3.open_cube(s3.write_segy(tmp_path / "a.sgy", section), domain="depth")
+    np.testing.assert_allclose(back.depth, section.depth, rtol=1e-7)  # single precision
+
+
+@pytest.mark.parametrize("start", [3500.5, 327.6875, 1234567.0])
+def test_starts_that_headers_cannot_hold_are_refused(tmp_path, start):
+    with pytest.raises(GeometryError, match=rf"starts at {start:.10g}; expected a whole number.*write Zarr"):
+        s3.write_segy(tmp_path / "a.sgy", section_from(start))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_crop_whose_start_headers_cannot_hold_is_refused(tmp_path, maker):
+    heads = maker.headers([1, 2], [1, 2, 3], b109=3500)
+    source = maker.write(tmp_path / "a.sgy", np.ones((6, 4)), heads, interval=500)
+    cube = s3.open_cube(source, domain="depth")
+    part = cube.isel(depth=slice(1, None))
+    assert float(part.depth[0]) == 3500.5
+    with pytest.raises(GeometryError, match=r"starts at 3500\.5"):
+        check_segy(part)
+    for like in ("input", None):
+        with pytest.raises(GeometryError, match=r"starts at 3500\.5"):
+            s3.write_segy(tmp_path / "b.sgy", part, like=like)
+    whole = s3.open_cube(s3.write_segy(tmp_path / "b.sgy", cube.isel(depth=slice(2, None))))
+    assert float(whole.depth[0]) == 3501.0
+
+
+def test_headers_that_mean_the_cubes_samples_stay(tmp_path, maker):
+    # tens of thousands of metres, and no interval but the one that is assumed
+    heads = maker.headers([1, 2], [1, 2, 3], b109=6000, b215=10)
+    source = maker.write(tmp_path / "a.sgy", np.ones((6, 4)), heads)
+    out = s3.write_segy(tmp_path / "b.sgy", s3.open_cube(source))
+    assert headers_of(out)[0] == headers_of(source)[0]
+
+
+@pytest.mark.parametrize("name", ["inline", "crossline", "cdp"])
+@pytest.mark.parametrize("numbers", [[0.0, 0.5, 1.0], [1.0, np.nan, 3.0], [0.0, 1.0, 3e9]])
+def test_line_numbers_that_are_not_whole_are_refused(tmp_path, name, numbers):
+    line = s3.as_cube(np.ones((3, 4)), interval=4.0).assign_coords({name: ("trace", numbers)})
+    cubes = [line]
+    if name != "cdp" and np.isfinite(numbers).all():
+        cube = s3.as_cube(np.ones((3, 3, 4)), interval=4.0)
+        cubes.append(cube.assign_coords({name: numbers}))
+    for cube in cubes:
+        with pytest.raises(GeometryError, match=f"cube has {name} .*; expected whole numbers"):
+            check_segy(cube)
+        with pytest.raises(GeometryError, match="expected whole numbers"):
+            s3.write_segy(tmp_path / "a.sgy", cube)
+    assert not list(tmp_path.iterdir())
+
+
+def test_line_numbers_are_rounded_not_cut(tmp_path):
+    cube = s3.as_cube(np.ones((3, 3, 4)), interval=4.0)
+    cube = cube.assign_coords(inline=np.array([1.0, 2.0, 3.0]) - 1e-9)
+    back = s3.open_cube(s3.write_segy(tmp_path / "a.sgy", cube))
+    np.testing.assert_array_equal(back.inline, [1, 2, 3])
+
+
+def test_all_that_writing_would_refuse_is_refused_before(awkward, tmp_path):
+    cube = s3.open_cube(awkward)
+    check_segy(cube)
+    check_segy(s3.as_cube(np.ones((2, 2, 2)), interval=4.0))
+    coarse = s3.as_cube(np.ones((2, 2, 2)), interval=50.0)
+    odd = s3.as_cube(np.ones((2, 2, 2)), interval=4.0)
+    odd.attrs["sample_unit"] = "fortnights"
+    between = cube.assign_coords(inline=cube.inline + 1)
+    for bad, words in ((coarse, "interval of 50"), (odd, "fortnights"), (between, "not all are among the 5 of")):
+        with pytest.raises(GeometryError, match=words):
+            check_segy(bad)
+    convert_cube(awkward, tmp_path / "store.zarr")
+    store = s3.open_cube(tmp_path / "store.zarr")
+    awkward.unlink()
+    with pytest.raises(FileAccessError, match="is not there any more"):
+        check_segy(cube)
+    check_segy(store)
+    with pytest.raises(GeometryError, match="expected whole numbers"):
+        check_segy(store.assign_coords(inline=store.inline + 0.5))
+
+
 def test_a_domain_that_was_given_is_written_down(tmp_path, maker):
     source = maker.write(tmp_path / "a.sgy", np.ones((6, 3)), maker.headers([1, 2], [1, 2, 3]))
     cube = s3.open_cube(source, domain="depth")
@@ -265,9 +351,9 @@ def test_the_finer_axis_tells_how_finely_coordinates_are_kept():
     )
     for part in (narrow, narrow[:, :4], narrow[:4]):
         with pytest.raises(GeometryError, match="apart on the map"):
-            check_coordinates(part)
-    check_coordinates(cube)
-    check_coordinates(cube.values)
+            check_segy(part)
+    check_segy(cube)
+    check_segy(cube.values)
 
 
 def test_degrees_are_refused_where_rounding_would_put_traces_together(tmp_path):
