@@ -35,7 +35,8 @@ def show(
     tracks : sequence of Track
         Horizons of this cube.
     folder : str or Path, optional
-        Where "Save" writes; without one nothing can be saved.
+        Where "Save" writes, a new folder, an empty one, or an earlier session's, which is replaced; without one nothing
+        can be saved.
     title : str
         Written at the top left.
     port : int
@@ -52,6 +53,8 @@ def show(
     ------
     MissingDependencyError
         If the extra ``view`` is not installed.
+    FileAccessError
+        If the folder holds something that no session saved.
     ShapeError
         If the cube has not three axes, or faults or tracks are of another cube.
     """

@@ -41,7 +41,7 @@ from seismo3d.viewer.panels import (
     segments_path,
 )
 from seismo3d.viewer.slices import SliceReader
-from seismo3d.viewer.storage import save_session
+from seismo3d.viewer.storage import check_folder, save_session
 from seismo3d.viewer.tracing import REACHES, Tracer, blank_faults, follow, resample
 
 MODES = ("look", "seed", "stick", "split")
@@ -98,10 +98,12 @@ class Session:
     tracks : sequence of Track
         Horizons of it.
     folder : path, optional
-        Where it is saved.
+        Where it is saved: a new folder, an empty one, or an earlier session's, which is replaced.
 
     Raises
     ------
+    FileAccessError
+        If the folder holds something that no session saved.
     ShapeError
         If the cube has not three axes, or faults or tracks are of another cube.
     """
@@ -120,6 +122,8 @@ class Session:
             _check_track(track, self.reader.shape)
         self.cube = cube
         self.folder = None if folder is None else Path(folder)
+        if self.folder is not None:
+            check_folder(self.folder)
         self.tracer = Tracer(cube)
         self.history = History(begin(faults, tracks))
         self.selected: frozenset[int] = frozenset()

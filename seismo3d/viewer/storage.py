@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 from seismo3d._typing import AnyArray
 from seismo3d._validate import freeze
 from seismo3d.errors import FileAccessError, FormatError, ShapeError
+from seismo3d.io._files import refuse_os_errors
 from seismo3d.io.archive import read_archive, write_archive
 from seismo3d.seismic.exports import write_faults
 from seismo3d.seismic.faultset import FaultSet
@@ -122,24 +124,38 @@ def choose_folder(path: str | Path, out: str | Path | None, *, overwrite: bool =
         return opened
     folder = Path(f"{opened.resolve().stem if opened.is_file() else opened.resolve().name}-edited")
     folder = folder if out is None else Path(out)
-    if folder.exists() and not folder.is_dir():
-        raise FileAccessError(f"{folder} is a file; expected a folder to save to. Choose another name by --out.")
+    check_folder(folder)
     same = folder.exists() and opened.exists() and folder.resolve() == opened.resolve()
-    if folder.is_dir() and any(folder.iterdir()) and not same:
-        if not (folder / TRACKS).is_file():
-            raise FileAccessError(f"{folder} is no folder of the viewer's, and not empty. Choose another by --out.")
-        if not overwrite:
-            raise FileAccessError(
-                f"{folder} holds an earlier session. Open it by 'seismo3d view {folder}', choose another folder by "
-                "--out, or replace it with --overwrite."
-            )
+    if (folder / TRACKS).is_file() and not same and not overwrite:
+        raise FileAccessError(
+            f"{folder} holds an earlier session. Open it by 'seismo3d view {folder}', choose another folder by "
+            "--out, or replace it with --overwrite."
+        )
     return folder
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder that a session must not be saved to: one with something in it that no session saved.
+
+    Raises
+    ------
+    FileAccessError
+        If it is a file, or neither empty nor an earlier session's.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise FileAccessError(f"{folder} is a file; expected a folder to save to. Choose another name (--out).")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / TRACKS).is_file():
+        raise FileAccessError(
+            f"{folder} holds what the viewer did not save; expected a new folder, an empty one, or an earlier "
+            "session's. Choose another (--out)."
+        )
 
 
 def save_session(folder: str | Path, cube: Any, state: Interpretation, *, opened: FaultSet | None) -> Path:
     """Save faults and horizons, in the package's own files and in the exchange formats.
 
-    ``faultset.npz`` (:meth:`FaultSet.load` reads it) and ``tracks.npz`` are each written aside and renamed.
+    ``faultset.npz`` (:meth:`FaultSet.load` reads it) and ``tracks.npz`` are each written aside and renamed. Of earlier
+    exports those that ``tracks.npz`` lists go.
 
     Parameters
     ----------
@@ -160,33 +176,50 @@ def save_session(folder: str | Path, cube: Any, state: Interpretation, *, opened
     Raises
     ------
     FileAccessError
-        If it cannot be written.
+        If it cannot be written, or holds something that no session saved.
     ParameterError
         If no volumes were opened, and the cube is too large to make them.
     """
     folder = Path(folder)
+    check_folder(folder)
     faults = as_faults(cube, state, opened=opened)
+    earlier = _listed_exports(folder)
+    if not (folder / TRACKS).is_file():
+        # tells that the folder is the viewer's, should what follows fail
+        with refuse_os_errors(folder, "write"):
+            folder.mkdir(parents=True, exist_ok=True)
+        write_archive_of_tracks(folder / TRACKS, [])
     faults.save(folder)
-    tracks = [horizon.track for horizon in state.horizons]
-    write_archive_of_tracks(folder / TRACKS, tracks)
     write_faults(faults, cube, directory=folder)
-    # what an earlier save exported of horizons that are no more
-    for file in folder.iterdir():
-        if _EXPORT.fullmatch(file.name):
-            file.unlink()
-    if tracks:
-        write_tracks(tracks, cube, directory=folder)
+    tracks = [horizon.track for horizon in state.horizons]
+    written = [file.name for file in write_tracks(tracks, cube, directory=folder)] if tracks else []
+    write_archive_of_tracks(folder / TRACKS, tracks, exports=written)
+    for name in set(earlier) - set(written):
+        (folder / name).unlink(missing_ok=True)
     return folder
 
 
-def write_archive_of_tracks(path: Path, tracks: list[Track]) -> None:
-    """Write tracks to one file."""
+def _listed_exports(folder: Path) -> list[str]:
+    """Return the names of the tracks' files that an earlier session lists as its own."""
+    if not (folder / TRACKS).is_file():
+        return []
+    try:
+        listed = read_archive(folder / TRACKS, prefix="none")[1].get("exports")
+    except FormatError:
+        return []
+    names = listed if isinstance(listed, list) else []
+    return [name for name in names if isinstance(name, str) and _EXPORT.fullmatch(name)]
+
+
+def write_archive_of_tracks(path: Path, tracks: list[Track], *, exports: Sequence[str] = ()) -> None:
+    """Write tracks to one file, with the names of the files that they were exported to."""
     arrays: dict[str, AnyArray] = {}
     for number, track in enumerate(tracks):
         for name in ("depth", "confidence", "seeds"):
             arrays[f"{number}.{name}"] = getattr(track, name)
     units = [track.sample_unit for track in tracks]
-    write_archive(path, arrays, meta={"format": "seismo3d tracks", "version": 1, "units": units})
+    meta = {"format": "seismo3d tracks", "version": 1, "units": units, "exports": list(exports)}
+    write_archive(path, arrays, meta=meta)
 
 
 def read_tracks(folder: str | Path) -> list[Track]:

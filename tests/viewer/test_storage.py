@@ -9,6 +9,7 @@ import seismo3d as s3
 from seismo3d.errors import FileAccessError, FormatError, ParameterError, ShapeError
 from seismo3d.io.archive import write_archive
 from seismo3d.seismic.tracks import Track
+from seismo3d.viewer import storage
 from seismo3d.viewer.interpretation import (
     Horizon,
     Interpretation,
@@ -20,6 +21,7 @@ from seismo3d.viewer.interpretation import (
     split_fault,
 )
 from seismo3d.viewer.relabelling import as_faults
+from seismo3d.viewer.session import Session
 from seismo3d.viewer.storage import choose_folder, open_session, read_tracks, save_session
 
 
@@ -110,7 +112,9 @@ def test_exports_of_deleted_horizons_go(tmp_path, cube, faults):
     track = Track(flat, np.ones_like(flat), np.array([[100.0, 500.0, 1100.0]]), "ms")
     state = begin(faults)
     two = replace(state, horizons=(Horizon(11, track), Horizon(12, track)))
-    kept = {"track_notes.txt", "my_track_01.xyz"}
+    save_session(tmp_path, cube, state, opened=faults)
+    # whatever the names, they are not the session's own
+    kept = {"track_notes.txt", "my_track_01.xyz", "track_07.xyz"}
     for name in kept:
         (tmp_path / name).write_text("mine")
     for horizons, left in ((two.horizons, 7), (two.horizons[:1], 4), ((), 0)):
@@ -118,6 +122,29 @@ def test_exports_of_deleted_horizons_go(tmp_path, cube, faults):
         found = {file.name for file in tmp_path.iterdir() if "track" in file.name} - {"tracks.npz"}
         assert kept <= found
         assert len(found - kept) == left
+
+
+def test_results_of_another_run_stay(tmp_path, cube, faults):
+    (tmp_path / "track_01.xyz").write_text("of a run")
+    with pytest.raises(FileAccessError, match="holds what the viewer did not save; expected a new folder"):
+        Session(cube, faults, folder=tmp_path)
+    with pytest.raises(FileAccessError, match="holds what the viewer did not save"):
+        save_session(tmp_path, cube, begin(faults), opened=faults)
+    assert [file.name for file in tmp_path.iterdir()] == ["track_01.xyz"]
+
+
+def test_a_save_that_failed_can_be_tried_again(tmp_path, cube, faults, monkeypatch):
+    session = Session(cube, faults, folder=tmp_path / "kept")
+
+    def fail(*_, **__):
+        raise FileAccessError("no space")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(storage, "write_faults", fail)
+        with pytest.raises(FileAccessError, match="no space"):
+            session.save()
+    session.save()
+    assert len(s3.FaultSet.load(session.folder).surfaces) == 2
 
 
 def test_a_cube_alone_opens_without_faults(tmp_path, cube):
@@ -167,8 +194,11 @@ def test_the_folder_to_save_to(tmp_path, monkeypatch):
     assert choose_folder("run", None, overwrite=True).name == "run-edited"
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("dear")
-    with pytest.raises(FileAccessError, match="no folder of the viewer's"):
+    with pytest.raises(FileAccessError, match="holds what the viewer did not save"):
         choose_folder("run", "mine", overwrite=True)
+    (tmp_path / "run" / "faultset.npz").write_bytes(b"")
+    with pytest.raises(FileAccessError, match="holds what the viewer did not save"):
+        choose_folder("run", "run")
     with pytest.raises(FileAccessError, match="is a file"):
         choose_folder("run", "mine/letter.txt")
 
