@@ -16,24 +16,29 @@ EXAMPLES = (
 def run(
     target: Path = typer.Argument(help="Image (PNG, JPEG, TIFF), .npy, .npz, SEG-Y or Zarr.", show_default=False),
     source: Path = typer.Argument(help="The other one, of the same kind.", show_default=False),
-    output: Path | None = typer.Option(None, "-o", "--output", help="Picture to write: .png, .pdf or .svg."),
+    out: Path | None = typer.Option(None, "--out", "--output", "-o", help="Picture to write: .png, .pdf or .svg."),
     points: int | None = typer.Option(None, "--points", min=1, help="Points compared. [default: 500, cubes 300]"),
     tilts: str = typer.Option("auto", help="Compare images as seen from the side: auto, always or never."),
     json: bool = typer.Option(False, "--json", help="Print the matches as JSON."),
 ) -> None:
     """Match two images or cubes that are rotated, tilted, scaled or displaced, and draw the matches."""
     from seismo3d.features.matching import match
+    from seismo3d.io._files import check_output
     from seismo3d.io.grids import read_grid
 
+    if out is not None:
+        from seismo3d.plot.picture_files import PICTURES
+
+        check_output(out, endings=PICTURES, inputs=(target, source))
     first, second = read_grid(target), read_grid(source)
     found = match(first, second, n_points=points, tilts=tilts)
-    if output is not None:
+    if out is not None:
         from seismo3d.plot.match_pictures import save_matches
 
-        save_matches(output, first, second, found)
+        save_matches(out, first, second, found)
     typer.echo(_as_json(found) if json else _as_text(found))
-    if output is not None and not json:
-        typer.echo(f"picture  {output}")
+    if out is not None and not json:
+        typer.echo(f"picture  {out}")
 
 
 def _as_text(found: Any) -> str:

@@ -35,7 +35,8 @@ def run(
 
     Writes path.csv (time, x, y, heading, speed, curvature, world x, y, z; SI units) and path.png.
     """
-    from seismo3d.errors import GeometryError
+    from seismo3d.errors import FileAccessError, GeometryError
+    from seismo3d.io._files import refuse_os_errors
     from seismo3d.robot.occupancy import Occupancy
     from seismo3d.robot.planning import Planner
     from seismo3d.robot.traversability import RobotLimits
@@ -51,7 +52,9 @@ def run(
         margin=margin,
     )
     file = folder / "occupancy.npz" if folder.is_dir() else folder
-    target = _as_folder(out or file.parent)
+    target = out or file.parent
+    if target.exists() and not target.is_dir():
+        raise FileAccessError(f"{target} is a file; expected a folder.")
     occupancy = Occupancy.load(file)
     planner = Planner(occupancy, _as_pose(start, "start"), _as_pose(goal, "goal"), robot=robot, unknown=unknown)
     path = planner.plan()
@@ -60,8 +63,10 @@ def run(
             f"there is no way from {start} to {goal} within the robot's limits. Choose another goal, a smaller "
             "--radius or --turning-radius, or --unknown passable."
         )
-    path.save_csv(target / "path.csv")
+    with refuse_os_errors(target, "write"):
+        target.mkdir(parents=True, exist_ok=True)
     _draw(target / "path.png", occupancy, path, planner.traversability)
+    path.save_csv(target / "path.csv")
     typer.echo(f"length     {path.length[-1]:.2f} m")
     typer.echo(f"time       {path.times[-1]:.1f} s")
     typer.echo(f"cost       {path.cost:.2f}")
@@ -73,15 +78,6 @@ def _positive(value: float, name: str) -> float:
     from seismo3d._validate import as_number
 
     return as_number(value, name, low=0.0, strict=True)
-
-
-def _as_folder(folder: Path) -> Path:
-    from seismo3d.errors import FileAccessError
-
-    if folder.exists() and not folder.is_dir():
-        raise FileAccessError(f"{folder} is a file; expected a folder.")
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
 
 
 def _as_pose(words: str, name: str) -> tuple[float, ...]:
@@ -101,8 +97,9 @@ def _as_pose(words: str, name: str) -> tuple[float, ...]:
 def _draw(file: Path, occupancy: Any, path: Any, traversability: Any) -> None:
     import matplotlib.pyplot as plt
 
+    from seismo3d.plot.picture_files import save_figure
     from seismo3d.plot.robot_maps import occupancy_map
 
     ax = occupancy_map(occupancy, path=path, traversability=traversability)
-    ax.figure.savefig(file, dpi=130)
+    save_figure(ax.figure, file, dpi=130)
     plt.close(ax.figure)

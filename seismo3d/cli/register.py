@@ -22,40 +22,58 @@ def run(
         show_default=False,
     ),
     source: Path = typer.Argument(help="What to carry onto the target, of the same kind.", show_default=False),
-    output: Path | None = typer.Option(
-        None, "--output", "-o", help="Write the moved source: .ply, .xyz or .npy; of a map: .tif, .asc or .npz."
+    out: Path | None = typer.Option(
+        None,
+        "--out",
+        "--output",
+        "-o",
+        help="Write the moved source: .ply, .xyz or .npy; of a map: .tif, .asc or .npz.",
     ),
     model: str | None = typer.Option(
         None,
         help="translation, rigid, similarity, scaled or affine; maps: the first three. [default: rigid; translation]",
     ),
-    vertical: str = typer.Option("offset", help="Of maps, what may happen to elevations: offset, tilt or scaled."),
-    start: Path | None = typer.Option(None, help="Text file with a matrix to start from. [default: the identity]"),
-    stages: str = typer.Option("local,global,polish", help="Stages that may run, with commas."),
-    voxel_size: float | None = typer.Option(None, help="Edge of the finest voxels. [default: from the source]"),
+    vertical: str | None = typer.Option(
+        None, help="Of maps, what may happen to elevations: offset, tilt or scaled. [default: offset]"
+    ),
+    start: Path | None = typer.Option(
+        None, help="Of points, text file with a matrix to start from. [default: the identity]"
+    ),
+    stages: str | None = typer.Option(
+        None, help="Of points, stages that may run, with commas. [default: local,global,polish]"
+    ),
+    voxel_size: float | None = typer.Option(
+        None, help="Of points, edge of the finest voxels. [default: from the source]"
+    ),
     json: bool = typer.Option(False, "--json", help="Print JSON."),
 ) -> None:
     """Align two scans; print the transform that carries SOURCE onto TARGET, how sure it is, and what cannot be seen."""
+    from seismo3d.io._files import check_output
     from seismo3d.io.elevation import holds_elevation
-    from seismo3d.io.points import write_points
-    from seismo3d.registration.register import register
+    from seismo3d.io.points import WRITTEN_SUFFIXES, write_points
+    from seismo3d.registration.register import STAGES, register
     from seismo3d.scan import Scan
 
     if holds_elevation(target) and holds_elevation(source):
-        _register_maps(target, source, output, model or "translation", vertical, json)
+        _refuse_unused("two maps", {"--start": start, "--stages": stages, "--voxel-size": voxel_size})
+        _register_maps(target, source, out, model or "translation", vertical or "offset", json)
         return
 
+    _refuse_unused("points", {"--vertical": vertical})
+    read = [target, source] if start is None else [target, source, start]
+    if out is not None:
+        check_output(out, endings=WRITTEN_SUFFIXES, inputs=read)
     fixed, moving = Scan.from_file(target), Scan.from_file(source)
     found = register(
         fixed,
         moving,
         model=model or "rigid",
         start=None if start is None else _read_matrix(start),
-        stages=tuple(name.strip() for name in stages.split(",") if name.strip()),
+        stages=STAGES if stages is None else tuple(name.strip() for name in stages.split(",") if name.strip()),
         voxel_size=voxel_size,
     )
-    if output is not None:
-        write_points(output, found.apply(moving.points))
+    if out is not None:
+        write_points(out, found.apply(moving.points))
     if json:
         from json import dumps
 
@@ -67,16 +85,30 @@ def run(
         typer.echo(f"# {name:<14}{value}")
 
 
-def _register_maps(target: Path, source: Path, output: Path | None, model: str, vertical: str, json: bool) -> None:
+def _refuse_unused(kind: str, given: dict[str, Any]) -> None:
+    """Refuse options that do not serve the kind of input."""
+    from seismo3d.errors import ParameterError
+
+    for name, value in given.items():
+        if value is not None:
+            raise ParameterError(f"{name} is {str(value)!r}; expected none with {kind}, which it does not serve.")
+
+
+def _register_maps(target: Path, source: Path, out: Path | None, model: str, vertical: str, json: bool) -> None:
     from json import dumps
 
-    from seismo3d.io.elevation import read_elevation, write_elevation
+    from seismo3d.io._files import check_output
+    from seismo3d.io.elevation import WRITTEN_SUFFIXES, import_rasterio, read_elevation, write_elevation
     from seismo3d.terrain.alignment import register
 
+    if out is not None:
+        check_output(out, endings=WRITTEN_SUFFIXES, inputs=[target, source])
+        if out.suffix.lower() in (".tif", ".tiff"):
+            import_rasterio(f"writing {out.name}")
     fixed, moving = read_elevation(target), read_elevation(source)
     found = register(fixed, moving, model=model, vertical=vertical)
-    if output is not None:
-        write_elevation(output, found.apply(moving, fixed))
+    if out is not None:
+        write_elevation(out, found.apply(moving, fixed))
     names = ("model", "vertical", "state", "stage", "overlap", "nmad_before", "nmad_after", "turn", "growth")
     facts = {name: getattr(found, name) for name in names}
     arrays = {"shift": found.shift, "tilt": found.tilt, "sigma": found.sigma}

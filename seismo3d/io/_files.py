@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from seismo3d.errors import FileAccessError
+from seismo3d.errors import FileAccessError, ParameterError
 
 
 def as_readable_file(path: str | os.PathLike[str]) -> Path:
@@ -63,12 +63,7 @@ def written_aside(path: str | os.PathLike[str], *, folder: bool = False) -> Iter
         If it cannot be written: no such folder, no permission, no space left.
     """
     final = Path(path)
-    if not final.parent.is_dir():
-        raise FileAccessError(
-            f"{final.parent} is not a folder; expected one to write {final.name} into. Make it first."
-        )
-    if final.is_dir() and not folder:
-        raise FileAccessError(f"{final} is a directory; expected a file name.")
+    _check_place(final, folder=folder)
     aside = final.parent / f".{final.name}.{os.getpid()}.part"
     try:
         with refuse_os_errors(final, "write"):
@@ -77,6 +72,47 @@ def written_aside(path: str | os.PathLike[str], *, folder: bool = False) -> Iter
     except BaseException:
         (_remove_for_good if aside.is_dir() else _remove)(aside)
         raise
+
+
+def _check_place(final: Path, *, folder: bool) -> None:
+    if not final.parent.is_dir():
+        raise FileAccessError(
+            f"{final.parent} is not a folder; expected one to write {final.name} into. Make it first."
+        )
+    if final.is_dir() and not folder:
+        raise FileAccessError(f"{final} is a directory; expected a file name.")
+
+
+def check_output(
+    path: str | os.PathLike[str], *, endings: Sequence[str], inputs: Iterable[str | os.PathLike[str]] = ()
+) -> Path:
+    """Return the path of a file to write, or refuse it before there is work to lose.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    endings : sequence of str
+        What its name may end in, such as ``.png``; small letters.
+    inputs : iterable of path
+        Files that are read: it must be none of them.
+
+    Raises
+    ------
+    ParameterError
+        If its name ends in something else, or it is an input.
+    FileAccessError
+        If there is no such folder, or it is a folder.
+    """
+    final = Path(path)
+    if final.suffix.lower() not in endings:
+        listed = f"{', '.join(endings[:-1])} or {endings[-1]}" if len(endings) > 1 else endings[0]
+        raise ParameterError(f"{final} ends in {final.suffix!r}; expected {listed}. Choose another name.")
+    _check_place(final, folder=False)
+    for other in inputs:
+        if final.exists() and Path(other).exists() and final.samefile(other):
+            raise ParameterError(f"{final} is an input too; expected another name for the result.")
+    return final
 
 
 def replace_path(aside: Path, final: Path, *, folder: bool) -> None:

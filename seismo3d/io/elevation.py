@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray
-from seismo3d.errors import FileAccessError, FormatError, GeometryError, MissingDependencyError, ParameterError
+from seismo3d.errors import FileAccessError, FormatError, GeometryError, MissingDependencyError
 from seismo3d.geometry.map_grid import MapGrid, as_six, elevation_values, is_geographic
-from seismo3d.io._files import as_readable_file, refuse_os_errors, written_aside
+from seismo3d.io._files import as_readable_file, check_output, refuse_os_errors, written_aside
 from seismo3d.io.numpy_files import check_declared, list_npz, read_npy, read_npz
 
 RASTERS = (".tif", ".tiff", ".asc", ".agr", ".img", ".vrt", ".bil", ".hgt")
 """Endings that rasterio reads."""
+WRITTEN_SUFFIXES = (".tif", ".tiff", ".asc", ".npz")
 _NAMES = ("elevation", "z", "dem", "height")
 _BOUNDS = ("xmin", "xmax", "ymin", "ymax")
 
@@ -84,12 +85,10 @@ def write_elevation(path: str | Path, elevation: Any) -> Path:
     GeometryError
         If an ESRI ASCII grid is asked for whose cells are turned, not square, or have rows from south to north.
     """
-    path = Path(path)
+    path = check_output(path, endings=WRITTEN_SUFFIXES)
     grid = MapGrid.from_elevation(elevation)
     values = np.asarray(getattr(elevation, "values", elevation))
     suffix = path.suffix.lower()
-    if suffix not in (".tif", ".tiff", ".asc", ".npz"):
-        raise ParameterError(f"path ends in {suffix!r}; expected .tif, .asc or .npz.")
     with written_aside(path) as aside, refuse_os_errors(path, "write"):
         if suffix == ".npz":
             _write_numpy(aside, values, grid)

@@ -12,8 +12,9 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d._validate import as_points
-from seismo3d.errors import FileAccessError, FormatError, MissingDependencyError, ParameterError
+from seismo3d.errors import FileAccessError, FormatError, MissingDependencyError
 from seismo3d.io import _lzf
+from seismo3d.io._files import check_output, written_aside
 from seismo3d.io._las import check_las
 from seismo3d.io.numpy_files import list_npz, read_npy, read_npz
 
@@ -25,6 +26,7 @@ _PLY_TYPES = {
 _PCD_TYPES = {
     (kind, str(size)): f"<{kind.lower()}{size}" for kind in "IUF" for size in (1, 2, 4, 8) if (kind, size) != ("F", 1)
 }
+WRITTEN_SUFFIXES = (".ply", ".xyz", ".npy")
 _LAS_BYTES = 64 * 2**20
 _NORMAL_NAMES = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 
@@ -103,24 +105,29 @@ def write_points(path: str | Path, points: ArrayLike, *, normals: ArrayLike | No
     Returns
     -------
     Path
-        The file.
+        The file; it appears complete, or not at all.
+
+    Raises
+    ------
+    ParameterError
+        If the name ends in something else.
+    FileAccessError
+        If it cannot be written.
     """
-    path = Path(path)
+    path = check_output(path, endings=WRITTEN_SUFFIXES)
     p = as_points(points, "points")
     n = None if normals is None else as_points(normals, "normals", dim=p.shape[1])
     table = p if n is None else np.hstack([p, n])
     suffix = path.suffix.lower()
-    if suffix not in (".ply", ".xyz", ".npy"):
-        raise ParameterError(f"path ends in {path.suffix!r}; expected .ply, .xyz or .npy.")
-    try:
+    with written_aside(path) as aside:
         if suffix == ".npy":
-            np.save(path, p)
+            with aside.open("wb") as stream:
+                np.save(stream, p)
         elif suffix == ".xyz":
-            np.savetxt(path, table, fmt="%.9g")
+            # as few digits as tell the numbers from their neighbours
+            np.savetxt(aside, table, fmt="%s")
         else:
-            _write_ply(path, p, n)
-    except OSError as error:
-        raise FileAccessError(f"{path} cannot be written: {error}.") from error
+            _write_ply(aside, p, n)
     return path
 
 

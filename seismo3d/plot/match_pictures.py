@@ -9,7 +9,9 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import as_number, as_real_array
-from seismo3d.errors import FileAccessError, ShapeError
+from seismo3d.errors import ShapeError
+from seismo3d.io._files import check_output
+from seismo3d.plot.picture_files import PICTURES, save_figure
 
 _GAP = 12
 
@@ -92,27 +94,22 @@ def save_matches(path: str | Path, target: Any, source: Any, found: Any, *, n_sh
     Parameters
     ----------
     path : str or Path
-        Ending in what matplotlib writes: ``.png``, ``.pdf``, ``.svg``.
+        Ending in ``.png``, ``.pdf``, ``.svg``, ``.eps``, ``.jpg``, ``.tif`` or ``.webp``.
     target, source, found, n_shown
         As for :func:`matches`.
 
     Raises
     ------
+    ParameterError
+        If the name ends in something else.
     FileAccessError
-        If the folder does not exist.
+        If it cannot be written.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise FileAccessError(f"{path.parent} is no folder: {path.name} cannot be written there. Make it first.")
+    path = check_output(path, endings=PICTURES)
     figure = Figure(figsize=(12.0, 6.0), layout="constrained")
     FigureCanvasAgg(figure)
     matches(target, source, found, n_shown=n_shown, ax=figure.add_subplot())
-    try:
-        figure.savefig(path, dpi=150)
-    except ValueError as error:
-        raise FileAccessError(
-            f"{path} cannot be written: {error}. Give a name ending in .png, .pdf or .svg."
-        ) from error
+    save_figure(figure, path, dpi=150)

@@ -14,6 +14,7 @@ from typing import Any
 
 from seismo3d._typing import AnyArray
 from seismo3d.errors import RenderError
+from seismo3d.io._files import check_output, written_aside
 
 _PROBE = """
 import pyvista
@@ -102,7 +103,7 @@ def save_scene(path: str | Path, cube: Any, *, size: tuple[int, int] = (1400, 95
     Parameters
     ----------
     path : str or Path
-        The PNG file.
+        The PNG file; it appears complete, or not at all.
     cube : DataArray or ndarray
         A cube of 3 axes.
     size : (int, int)
@@ -117,13 +118,20 @@ def save_scene(path: str | Path, cube: Any, *, size: tuple[int, int] = (1400, 95
 
     Raises
     ------
+    ParameterError
+        If the name does not end in ``.png``.
+    FileAccessError
+        If the file cannot be written.
     RenderError
         If the machine has no usable OpenGL.
     """
     from PIL import Image
 
-    Image.fromarray(render_scene(cube, size=size, **settings)).save(path, format="PNG")
-    return Path(path)
+    path = check_output(path, endings=(".png",))
+    picture = render_scene(cube, size=size, **settings)
+    with written_aside(path) as aside:
+        Image.fromarray(picture).save(aside, format="PNG")
+    return path
 
 
 def render_scene(cube: Any, *, size: tuple[int, int] = (1400, 950), **settings: Any) -> AnyArray:

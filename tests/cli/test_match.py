@@ -79,3 +79,20 @@ def test_paper_refuses_what_it_does_not_know(run):
     code, _, err = run("paper", "table9")
     assert code == 2
     assert "table2" in err
+
+
+def test_a_picture_is_refused_before_there_is_work(run, photos, tmp_path, monkeypatch):
+    def fail(*_, **__):
+        raise AssertionError("work was done")
+
+    monkeypatch.setattr("seismo3d.features.matching.match", fail)
+    held = photos[1].read_bytes()
+    for option, name, words in (
+        ("-o", "m.xyz", "ends in '.xyz'; expected .png, .pdf, .svg"),
+        ("--out", "source.png", "is an input too"),
+        ("--output", "none/m.png", "is not a folder"),
+    ):
+        code, out, err = run("match", *photos, option, tmp_path / name)
+        assert (code, out) == (2, "")
+        assert words in err
+    assert photos[1].read_bytes() == held

@@ -58,6 +58,23 @@ def test_bad_wishes_are_one_clear_line(folder, words, message, capsys):
     assert message in said
     assert len(said.splitlines()) == 1
     assert not (folder / "path.csv").exists()
+    assert run("plan", folder, *words, "-o", folder / "new") == 2
+    assert not (folder / "new").exists()
+
+
+def test_a_picture_that_cannot_be_written_leaves_the_old_one(folder, capsys, monkeypatch):
+    from matplotlib.figure import Figure
+
+    def fail(_figure, file, **_):
+        file.write_bytes(b"half")
+        raise OSError(28, "no room")
+
+    monkeypatch.setattr(Figure, "savefig", fail)
+    (folder / "path.png").write_bytes(b"old")
+    assert run("plan", folder, "--start", "0.8,0.8", "--goal", "3.2,0.8", "--radius", 0.15) == 2
+    assert "path.png cannot be written: no room" in capsys.readouterr().err
+    assert (folder / "path.png").read_bytes() == b"old"
+    assert {path.name for path in folder.iterdir()} == {"occupancy.npz", "path.png"}
 
 
 def test_a_folder_without_a_map(tmp_path, capsys):

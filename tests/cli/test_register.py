@@ -30,9 +30,7 @@ def test_prints_the_matrix_and_writes_the_moved_scan(files, tmp_path):
     assert done.exit_code == 0, done.output
     rows = [line for line in done.stdout.splitlines() if not line.startswith("#")]
     np.testing.assert_allclose(np.array([row.split() for row in rows], dtype=float), T, atol=1e-6)
-    np.testing.assert_allclose(
-        read_points(tmp_path / "moved.ply").points, read_points(target).points, atol=1e-5
-    )  # the text file keeps nine digits
+    np.testing.assert_allclose(read_points(tmp_path / "moved.ply").points, read_points(target).points, atol=1e-5)
 
 
 def test_json_is_valid_and_whole(files):
@@ -54,3 +52,46 @@ def test_bad_input_is_one_line_and_exit_code_2(files, tmp_path, capsys):
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert "PLY header" in lines[0]
+
+
+def refused(capsys, *words):
+    with pytest.raises(SystemExit) as left:
+        main(["register", *map(str, words)])
+    assert left.value.code == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    return lines[0]
+
+
+@pytest.fixture
+def maps(tmp_path):
+    rows, columns = np.mgrid[:20, :20]
+    for name in ("a.npz", "b.npz"):
+        np.savez(tmp_path / name, elevation=np.sin(rows / 3.0) + np.cos(columns / 4.0))
+    return tmp_path / "a.npz", tmp_path / "b.npz"
+
+
+def test_outputs_are_refused_before_there_is_work(files, maps, tmp_path, capsys, monkeypatch):
+    def fail(*_, **__):
+        raise AssertionError("work was done")
+
+    monkeypatch.setattr("seismo3d.registration.register.register", fail)
+    monkeypatch.setattr("seismo3d.terrain.alignment.register", fail)
+    target, source, T = files
+    held = source.read_bytes()
+    np.savetxt(tmp_path / "start.xyz", T)
+    assert "ends in '.las'; expected .ply, .xyz or .npy" in refused(capsys, target, source, "-o", tmp_path / "m.las")
+    assert "is an input too" in refused(capsys, target, source, "--out", source)
+    with_start = (target, source, "--start", tmp_path / "start.xyz")
+    assert "is an input too" in refused(capsys, *with_start, "--output", tmp_path / "start.xyz")
+    assert "is not a folder" in refused(capsys, target, source, "-o", tmp_path / "none" / "m.ply")
+    assert source.read_bytes() == held
+    assert "expected .tif, .tiff, .asc or .npz" in refused(capsys, *maps, "-o", tmp_path / "m.ply")
+    assert "is an input too" in refused(capsys, *maps, "-o", maps[1])
+
+
+def test_options_that_do_not_serve_the_input_are_refused(files, maps, capsys):
+    for words in (("--start", "m.txt"), ("--stages", "local"), ("--voxel-size", "1.0")):
+        said = refused(capsys, *maps, *words)
+        assert f"{words[0]} is {words[1]!r}; expected none with two maps" in said
+    assert "--vertical is 'tilt'; expected none with points" in refused(capsys, *files[:2], "--vertical", "tilt")

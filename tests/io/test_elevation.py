@@ -76,7 +76,7 @@ def test_refusals(tmp_path, map_with_holes, monkeypatch):
     np.savez(tmp_path / "d.npz", elevation=np.full((4, 4), np.nan))
     with pytest.raises(GeometryError, match=r"d\.npz holds no elevation: every cell is nodata"):
         read_elevation(tmp_path / "d.npz")
-    with pytest.raises(ParameterError, match="path ends in"):
+    with pytest.raises(ParameterError, match=r"ends in '\.png'; expected \.tif"):
         write_elevation(tmp_path / "a.png", map_with_holes)
     with pytest.raises(GeometryError, match="square cells"):
         write_elevation(tmp_path / "a.asc", make_elevation(np.ones((4, 4)), (1.0, 0, 0, 0, -2.0, 0)))

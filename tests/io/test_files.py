@@ -2,7 +2,7 @@
 
 import pytest
 
-from seismo3d.errors import FileAccessError
+from seismo3d.errors import FileAccessError, ParameterError
 from seismo3d.io import _files
 
 
@@ -52,3 +52,19 @@ def test_a_folder_that_does_not_go_is_not_passed_over(tmp_path, monkeypatch):
 
 def _refuse(path):
     raise PermissionError(13, "not ours", str(path))
+
+
+def test_outputs_are_refused_by_their_names_and_places(tmp_path):
+    (tmp_path / "a.png").write_bytes(b"input")
+    (tmp_path / "b.png").symlink_to(tmp_path / "a.png")
+    (tmp_path / "folder.png").mkdir()
+    for name in ("a.png", "b.png"):
+        with pytest.raises(ParameterError, match=f"{name} is an input too; expected another name"):
+            _files.check_output(tmp_path / name, endings=(".png",), inputs=[tmp_path / "a.png"])
+    with pytest.raises(ParameterError, match=r"ends in ''; expected \.png, \.pdf or \.svg"):
+        _files.check_output(tmp_path / "a", endings=(".png", ".pdf", ".svg"))
+    with pytest.raises(FileAccessError, match="is a directory"):
+        _files.check_output(tmp_path / "folder.png", endings=(".png",))
+    with pytest.raises(FileAccessError, match="is not a folder"):
+        _files.check_output(tmp_path / "none" / "c.png", endings=(".png",))
+    assert _files.check_output(tmp_path / "c.PNG", endings=(".png",)) == tmp_path / "c.PNG"

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from seismo3d.errors import FileAccessError, FormatError, ParameterError
 from seismo3d.io import _lzf
+from seismo3d.io import points as points_module
 from seismo3d.io.points import read_points, write_points
 
 POINTS = np.array([[0.5, -1.25, 3.0], [1e3, 2.0, -4.5], [7.0, 8.0, 9.0]])
@@ -123,3 +125,28 @@ def test_missing_files_and_unknown_outputs_are_refused(tmp_path):
         read_points(tmp_path / "no.ply")
     with pytest.raises(ParameterError, match=r"expected \.ply"):
         write_points(tmp_path / "a.las", POINTS)
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.xyz", "a.npy", "q.NPY", "q.XYZ"])
+def test_every_digit_is_kept_under_the_given_name(tmp_path, name, rng):
+    points = rng.uniform(size=(50, 3)) * [1.0, 1e-9, 1.0] + [523456.789, 0.0, 5812345.678]
+    np.testing.assert_array_equal(read_points(write_points(tmp_path / name, points)).points, points)
+    assert [file.name for file in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.xyz", "a.npy"])
+def test_a_write_that_fails_leaves_the_old_file(tmp_path, name, monkeypatch):
+    write_points(tmp_path / name, POINTS)
+    held = (tmp_path / name).read_bytes()
+
+    def fail(aside, *_):
+        aside.write_bytes(b"half")
+        raise OSError(28, "no room")
+
+    monkeypatch.setattr(points_module, "_write_ply", fail)
+    monkeypatch.setattr(points_module.np, "savetxt", lambda aside, *_, **__: fail(aside))
+    monkeypatch.setattr(points_module.np, "save", lambda stream, *_: fail(Path(stream.name)))
+    with pytest.raises(FileAccessError, match=f"{name} cannot be written: no room"):
+        write_points(tmp_path / name, 2.0 * POINTS)
+    assert (tmp_path / name).read_bytes() == held
+    assert [file.name for file in tmp_path.iterdir()] == [name]

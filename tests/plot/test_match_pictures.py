@@ -6,7 +6,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from skimage import data
 
-from seismo3d.errors import FileAccessError, ShapeError
+from seismo3d.errors import FileAccessError, ParameterError, ShapeError
 from seismo3d.features.matching import Matches, match
 from seismo3d.plot.match_pictures import matches, save_matches
 
@@ -78,7 +78,7 @@ def test_saves_a_picture(photo, found, tmp_path):
 def test_refuses(photo, found, tmp_path):
     with pytest.raises(ShapeError, match="matches 3"):
         matches(photo, photo, volume_matches(3), ax=Figure().add_subplot())
-    with pytest.raises(FileAccessError, match="no folder"):
+    with pytest.raises(FileAccessError, match="is not a folder"):
         save_matches(tmp_path / "none" / "a.png", photo, photo, found)
-    with pytest.raises(FileAccessError, match="ending in"):
+    with pytest.raises(ParameterError, match=r"ends in '\.xyz'; expected \.png"):
         save_matches(tmp_path / "a.xyz", photo, photo, found)

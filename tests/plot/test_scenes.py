@@ -10,7 +10,7 @@ import pytest
 from fake_faults import make_cube, make_faults, make_section
 
 from seismo3d import plot
-from seismo3d.errors import RenderError, ShapeError
+from seismo3d.errors import FileAccessError, ParameterError, RenderError, ShapeError
 from seismo3d.plot import rendering
 from seismo3d.plot.scene_frame import SceneFrame, far_slices
 from seismo3d.plot.scenes import grid_cells
@@ -65,6 +65,28 @@ def test_saved_scene_is_a_picture_and_settings_stay(tmp_path: Path) -> None:
     with Image.open(path) as image:
         assert image.size == (320, 200)
     assert (pv.OFF_SCREEN, pv.global_theme.to_dict(), dict(os.environ)) == before
+
+
+def test_a_scene_is_refused_before_it_is_drawn_and_never_half_written(tmp_path: Path, monkeypatch) -> None:
+    from PIL import Image
+
+    drawn = []
+    monkeypatch.setattr(rendering, "render_scene", lambda *_, **__: drawn.append(1) or np.zeros((2, 2, 3), np.uint8))
+    with pytest.raises(ParameterError, match=r"ends in '\.jpg'; expected \.png"):
+        plot.save_scene(tmp_path / "a.jpg", make_cube())
+    assert not drawn
+
+    def fail(_image, file, **_):
+        file.write_bytes(b"half")
+        raise OSError(28, "no room")
+
+    plot.save_scene(tmp_path / "a.png", make_cube())
+    held = (tmp_path / "a.png").read_bytes()
+    monkeypatch.setattr(Image.Image, "save", fail)
+    with pytest.raises(FileAccessError, match=r"a\.png cannot be written: no room"):
+        plot.save_scene(tmp_path / "a.png", make_cube())
+    assert [file.name for file in tmp_path.iterdir()] == ["a.png"]
+    assert (tmp_path / "a.png").read_bytes() == held
 
 
 def test_scene_is_not_mirrored_and_samples_go_down() -> None:
