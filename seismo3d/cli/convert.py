@@ -8,7 +8,11 @@ import typer
 
 from seismo3d.cli._options import Cube, Json, Reading, reads_cube
 
-EXAMPLES = ("seismo3d convert f3.sgy f3.zarr", "seismo3d convert f3.zarr f3-again.sgy --domain time")
+EXAMPLES = (
+    "seismo3d convert f3.sgy f3.zarr",
+    "seismo3d convert f3.zarr f3-again.sgy",
+    "seismo3d convert migrated.sgy migrated.zarr --domain depth",
+)
 
 
 @reads_cube

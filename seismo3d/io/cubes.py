@@ -8,9 +8,11 @@ from uuid import uuid4
 
 import numpy as np
 
-from seismo3d._typing import Progress
+from seismo3d._typing import AnyArray, Progress
 from seismo3d._validate import as_number
 from seismo3d.errors import FileAccessError, FormatError, ParameterError
+from seismo3d.geometry.axis import USUAL_UNITS, length_unit_of, unit_of
+from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io._as_cube import as_cube
 from seismo3d.io._files import refuse_os_errors, written_aside
 from seismo3d.io.numpy_files import list_npz, read_npy, read_npz
@@ -52,7 +54,8 @@ def open_cube(
         What the samples run along; judged from the textual header, the interval and the file's name where it is not
         given, and ``domain_reason`` says why.
     interval, start : float, optional
-        Sample interval and first sample in ms, m or ft (a depth of a file in feet), in place of the headers'.
+        Sample interval and first sample in ms, m or ft (a depth of a file in feet), in place of the headers' or a
+        store's.
     lazy : bool, optional
         True: backed by dask, in chunks of whole inlines, read when asked for. False: in memory. Without it, lazy
         above 2 GiB. Values are identical.
@@ -77,6 +80,8 @@ def open_cube(
         If the file cannot be read.
     FormatError
         If it is cut short, not what its name says, or not stacked.
+    ParameterError
+        If an option has a value that cannot be, or does not serve files of this kind, such as header bytes for Zarr.
     """
     if scan not in ("auto", "full"):
         raise ParameterError(f"scan is {scan!r}; expected 'auto' or 'full'.")
@@ -84,11 +89,18 @@ def open_cube(
     limit = LAZY_ABOVE if lazy is None else (-1 if lazy else 2**63)
     with refuse_os_errors(file, "read"):
         is_zarr = file.suffix.lower() == ".zarr" or (file.is_dir() and _is_zarr(file))
+    is_numpy = file.suffix.lower() in (".npy", ".npz")
+    if is_zarr or is_numpy:
+        asked = {"inline_byte": inline_byte, "crossline_byte": crossline_byte, "x_byte": x_byte, "y_byte": y_byte}
+        _refuse_unused(asked, file, "SEG-Y trace headers")
+    if variable is not None and not is_zarr and file.suffix.lower() != ".npz":
+        _refuse_unused({"variable": variable}, file, "Zarr groups and NPZ files")
     if is_zarr:
         from seismo3d.io.zarr_store import read_zarr
 
-        return read_zarr(file, variable=variable, lazy_above=limit)
-    if file.suffix.lower() in (".npy", ".npz"):
+        stored = read_zarr(file, variable=variable, lazy_above=limit)
+        return _on_axis(stored, domain=domain, interval=interval, start=start)
+    if is_numpy:
         return _read_numpy(file, domain=domain, interval=interval, start=start, variable=variable, lazy_above=limit)
     from seismo3d.io.segy import read_segy
 
@@ -104,6 +116,35 @@ def open_cube(
         lazy_above=limit,
         scan=scan,
     )
+
+
+def _refuse_unused(given: dict[str, Any], file: Path, served: str) -> None:
+    for name, value in given.items():
+        if value is not None:
+            raise ParameterError(f"{name} is {value!r}; expected none for {file}: it serves {served}. Leave it out.")
+
+
+def _on_axis(cube: Any, *, domain: str | None, interval: float | None, start: float | None) -> Any:
+    """Return a stored cube with another sample axis: what the caller gives wins."""
+    if domain not in (None, *USUAL_UNITS):
+        raise ParameterError(f"domain is {domain!r}; expected 'time' or 'depth'.")
+    held, unit = str(cube.dims[-1]), unit_of(cube)
+    name = domain or held
+    if name == held and interval is None and start is None:
+        return cube
+    values: AnyArray = np.asarray(cube[held].values, dtype=np.float64)
+    first = values[0] if start is None else as_number(start, "start")
+    if interval is None:
+        values = values - values[0] + first
+    else:
+        values = first + as_number(interval, "interval", low=0, strict=True) * np.arange(values.size)
+    if (name != held and unit != "samples") or (interval is not None and unit == "samples"):
+        unit = length_unit_of(cube) if name == "depth" else USUAL_UNITS[name]
+    named = cube if name == held else cube.rename({held: name})
+    made = named.assign_coords({name: (name, values, {"units": unit})}).assign_attrs(sample_unit=unit)
+    if domain is not None:
+        made = made.assign_attrs(domain_reason="as given")
+    return made.assign_attrs(survey=SurveyGeometry.from_cube(made).to_dict()) if "survey" in cube.attrs else made
 
 
 def convert_cube(

@@ -103,6 +103,46 @@ def test_zarr_to_segy_without_the_original_file(segy, tmp_path):
     same(s3.open_cube(convert_cube(tmp_path / "a.zarr", tmp_path / "b.sgy")), cube)
 
 
+@pytest.mark.parametrize("lazy", [False, True])
+def test_a_store_takes_the_axis_that_is_given(segy, tmp_path, lazy):
+    convert_cube(segy, tmp_path / "a.zarr")
+    held = s3.open_cube(tmp_path / "a.zarr")
+    same(s3.open_cube(tmp_path / "a.zarr", domain="time"), held)
+    how = {"domain": "depth", "interval": 5.0, "start": 100.0}
+    cube, read = (s3.open_cube(path, lazy=lazy, **how) for path in (tmp_path / "a.zarr", segy))
+    assert cube.dims == ("inline", "crossline", "depth")
+    assert cube["depth"].attrs["units"] == cube.attrs["sample_unit"] == "m"
+    for name in ("survey", "domain_reason"):
+        assert cube.attrs[name] == read.attrs[name]
+    same(cube.compute(), read.compute())
+    later = s3.open_cube(tmp_path / "a.zarr", start=8.0)
+    np.testing.assert_array_equal(later.time - later.time[0], held.time - held.time[0])
+    assert (float(later.time[0]), later.attrs["sample_unit"]) == (8.0, "ms")
+    with pytest.raises(ParameterError, match="domain is 'twt'; expected 'time' or 'depth'"):
+        s3.open_cube(tmp_path / "a.zarr", domain="twt")
+    again = s3.open_cube(convert_cube(tmp_path / "a.zarr", tmp_path / "b.sgy", **how))
+    same(again, read.compute())
+
+
+def test_a_store_without_a_unit_gets_one_with_the_interval(tmp_path):
+    write_zarr(tmp_path / "a.zarr", s3.as_cube(np.ones((3, 4), np.float32)))
+    assert s3.open_cube(tmp_path / "a.zarr", domain="depth").attrs["sample_unit"] == "samples"
+    section = s3.open_cube(tmp_path / "a.zarr", interval=2.0)
+    same(section, s3.as_cube(np.ones((3, 4), np.float32), interval=2.0))
+    assert section.attrs["sample_unit"] == "ms"
+
+
+@pytest.mark.parametrize("name", ["a.zarr", "a.npy"])
+@pytest.mark.parametrize("option", ["inline_byte", "crossline_byte", "x_byte", "y_byte"])
+def test_options_that_do_not_serve_a_format_are_refused(segy, tmp_path, name, option):
+    convert_cube(segy, tmp_path / name)
+    with pytest.raises(ParameterError, match=rf"{option} is 9; expected none for .*{name}: it serves SEG-Y"):
+        s3.open_cube(tmp_path / name, **{option: 9})
+    for path in (segy, tmp_path / "a.npy"):
+        with pytest.raises(ParameterError, match="variable is 'b'; expected none for"):
+            s3.open_cube(path, variable="b")
+
+
 def test_npy_and_npz(segy, tmp_path):
     cube = s3.open_cube(segy)
     convert_cube(segy, tmp_path / "a.npy")
