@@ -147,5 +147,9 @@ def _decode(value: Any) -> Any:
     if isinstance(value, list):
         return [_decode(item) for item in value]
     if isinstance(value, dict):
-        return next(decoder for kind, decoder in _DECODERS.items() if kind in value)(value)
+        decoder = next((decoder for kind, decoder in _DECODERS.items() if kind in value), None)
+        if decoder is None:
+            # for refuse_damage to sort
+            raise ValueError(f"its description has an entry {', '.join(value)[:80]!r} of no known kind")
+        return decoder(value)
     return value

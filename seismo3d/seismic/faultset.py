@@ -256,6 +256,7 @@ class FaultSet:
         """
         from seismo3d.io.archive import read_archive
         from seismo3d.io.labelled import unpack_labelled
+        from seismo3d.io.numpy_files import refuse_damage
 
         path = Path(directory) / _FILE
         if not path.is_file():
@@ -268,7 +269,7 @@ class FaultSet:
             raise FormatError(
                 f"{path} holds {found}; expected 'seismo3d faults', version {_VERSION}. Trace the faults again."
             )
-        try:
+        with refuse_damage(path, "fault set"):
             surfaces = _unpack_surfaces(arrays, meta["surfaces"])
             volumes = {
                 name: _open_lazy(path.parent, meta["volumes"][name])
@@ -276,9 +277,7 @@ class FaultSet:
                 else unpack_labelled(arrays, name, description=meta["volumes"][name])
                 for name in _VOLUMES
             }
-        except KeyError as error:
-            raise FormatError(f"{path} lacks {error}: it is damaged. Trace the faults again.") from error
-        return cls(surfaces=surfaces, settings=meta["settings"], **volumes)
+            return cls(surfaces=surfaces, settings=dict(meta["settings"]), **volumes)
 
 
 def _keep_lazy(values: Any, store: Path) -> dict[str, Any]:
@@ -323,6 +322,8 @@ def _pack_surfaces(surfaces: tuple[FaultSurface, ...]) -> tuple[dict[str, Any], 
 def _unpack_surfaces(arrays: dict[str, Any], scalars: list[dict[str, Any]]) -> tuple[FaultSurface, ...]:
     parts = {}
     for name in _ARRAYS if scalars else ():
+        if len(arrays[f"ends.{name}"]) != len(scalars):
+            raise ValueError(f"it has {len(arrays[f'ends.{name}'])} surfaces, and describes {len(scalars)}")
         parts[name] = [part.copy() for part in np.split(arrays[f"surfaces.{name}"], arrays[f"ends.{name}"][:-1])]
     rows: list[dict[str, Any]] = [{name: freeze(parts[name][i]) for name in _ARRAYS} for i in range(len(scalars))]
     return tuple(FaultSurface(**row, **numbers) for row, numbers in zip(rows, scalars, strict=True))

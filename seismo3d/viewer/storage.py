@@ -15,6 +15,7 @@ from seismo3d._validate import freeze
 from seismo3d.errors import FileAccessError, FormatError, ShapeError
 from seismo3d.io._files import refuse_os_errors
 from seismo3d.io.archive import read_archive, write_archive
+from seismo3d.io.numpy_files import refuse_damage
 from seismo3d.seismic.exports import write_faults
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.track_exports import write_tracks
@@ -234,10 +235,8 @@ def read_tracks(folder: str | Path) -> list[Track]:
     arrays, meta = read_archive(path)
     if meta.get("format") != "seismo3d tracks" or meta.get("version") != 1:
         raise FormatError(f"{path} holds {meta.get('format')!r}; expected 'seismo3d tracks', version 1. Remove it.")
-    try:
+    with refuse_damage(path, "file of tracks"):
         return [
             Track(freeze(arrays[f"{n}.depth"]), freeze(arrays[f"{n}.confidence"]), freeze(arrays[f"{n}.seeds"]), unit)
             for n, unit in enumerate(meta["units"])
         ]
-    except KeyError as error:
-        raise FormatError(f"{path} lacks {error}: it is damaged. Remove it.") from error

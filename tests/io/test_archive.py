@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -55,3 +56,15 @@ def test_refusals(tmp_path: Path) -> None:
     np.savez(tmp_path / "other.npz", a=np.zeros(2))
     with pytest.raises(FormatError, match="no seismo3d archive"):
         read_archive(tmp_path / "other.npz")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ['{"dict": [["a", {"ditc": []}]]}', '{"a": 1}', "{}", '{"dict": [["a"]]}', '{"dict": 3}', '{"array": "AA"}', "3"],
+)
+def test_a_damaged_description_is_one_line(tmp_path: Path, text: str) -> None:
+    with zipfile.ZipFile(tmp_path / "x.npz", "w") as archive:
+        archive.writestr("meta.json", text)
+    with pytest.raises(FormatError, match=r"x\.npz") as error:
+        read_archive(tmp_path / "x.npz")
+    assert "\n" not in str(error.value)

@@ -9,6 +9,7 @@ import pytest
 from fake_faults import make_cube, make_faults, make_section
 
 from seismo3d.errors import FileAccessError, FormatError, GeometryError, ParameterError
+from seismo3d.io.archive import read_archive, write_archive
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 
 
@@ -100,6 +101,22 @@ def test_load_refuses_what_is_not_a_fault_set(tmp_path: Path) -> None:
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("meta.json", '{"dict": [["format", "seismo3d faults"], ["version", 99]]}')
     with pytest.raises(FormatError, match="version 99; expected"):
+        FaultSet.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("surfaces", 3), ("surfaces", [3]), ("surfaces", [{"confidence": 1.0}]), ("volumes", []), ("volumes", None),
+     ("settings", 3), ("volumes", {"likelihood": {"dims": 3, "coords": 4}})],
+)  # fmt: skip
+def test_a_damaged_description_is_refused(tmp_path: Path, key: str, value: object) -> None:
+    file = make_faults(make_cube()).save(tmp_path)
+    arrays, meta = read_archive(file)
+    write_archive(file, arrays, meta=meta | {key: value})
+    with pytest.raises(FormatError, match=r"faultset\.npz is no fault set, or is damaged"):
+        FaultSet.load(tmp_path)
+    write_archive(file, arrays, meta={name: held for name, held in meta.items() if name != key})
+    with pytest.raises(FormatError, match=f"damaged or cut short: '{key}'"):
         FaultSet.load(tmp_path)
 
 

@@ -168,7 +168,10 @@ def test_faults_of_another_cube_are_refused(tmp_path, cube, faults):
 
 def test_damaged_tracks_are_refused(tmp_path):
     write_archive(tmp_path / "tracks.npz", {}, meta={"format": "seismo3d tracks", "version": 1, "units": ["ms"]})
-    with pytest.raises(FormatError, match=r"lacks '0\.depth'"):
+    with pytest.raises(FormatError, match=r"tracks\.npz is no file of tracks, or is damaged or cut short: '0\.depth'"):
+        read_tracks(tmp_path)
+    write_archive(tmp_path / "tracks.npz", {}, meta={"format": "seismo3d tracks", "version": 1, "units": 3})
+    with pytest.raises(FormatError, match="is no file of tracks, or is damaged"):
         read_tracks(tmp_path)
     write_archive(tmp_path / "tracks.npz", {}, meta={"format": "poems"})
     with pytest.raises(FormatError, match="'poems'"):
