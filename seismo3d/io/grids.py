@@ -13,6 +13,7 @@ from seismo3d.errors import FileAccessError, FormatError
 from seismo3d.io._files import as_readable_file
 from seismo3d.io.numpy_files import check_declared, list_npz, read_npy, read_npz
 
+_NOT_UNDERSTOOD = (OSError, ValueError, SyntaxError, KeyError, TypeError, IndexError, ArithmeticError, struct.error)
 _PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
 
 
@@ -67,15 +68,34 @@ def _check_picture(path: Path, size: int) -> None:
     """Refuse a picture that declares far more pixels than its file can hold; what is not understood is let through."""
     from PIL import Image
 
-    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
     try:
-        with Image.open(path) as opened:
-            columns, rows = opened.size
-    except (OSError, ValueError, SyntaxError, KeyError, TypeError, IndexError, ArithmeticError, struct.error):
+        declared = _declared_size(path)
+    except Image.DecompressionBombError:
+        # raised by readers that have a limit of their own, at twice this many
+        least = 2 * (Image.MAX_IMAGE_PIXELS or 0)
+        check_declared(8 * least, size, f"{path}, of more than {least} pixels,")
         return
-    finally:
-        Image.MAX_IMAGE_PIXELS = limit
-    check_declared(8 * rows * columns, size, f"{path}, of {rows} x {columns} pixels,")
+    if declared is not None:
+        columns, rows = declared
+        check_declared(8 * rows * columns, size, f"{path}, of {rows} x {columns} pixels,")
+
+
+def _declared_size(path: Path) -> tuple[int, int] | None:
+    """Return columns and rows as a picture's header says; None where no reader understands it."""
+    from PIL import Image
+
+    # Image.open refuses by a limit that the whole process shares
+    Image.init()
+    with path.open("rb") as stream:
+        head = stream.read(16)
+        for name in Image.ID:
+            make, accepts = Image.OPEN[name]
+            if accepts is None or accepts(head) is not True:
+                continue
+            stream.seek(0)
+            with suppress(*_NOT_UNDERSTOOD):
+                return make(stream, str(path)).size
+    return None
 
 
 def _read_array(path: Path) -> AnyArray:

@@ -6,9 +6,11 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 import seismo3d as s3
 from seismo3d.errors import FileAccessError, FormatError
+from seismo3d.io import grids
 from seismo3d.io.grids import read_grid
 
 
@@ -63,6 +65,28 @@ def test_a_picture_that_declares_more_than_it_holds_is_refused(tmp_path):
     (tmp_path / "bomb.png").write_bytes(b"\x89PNG\r\n\x1a\n" + head + body)
     with pytest.raises(FormatError, match="of 30000 x 30000 pixels, declares 7200000000 bytes"):
         read_grid(tmp_path / "bomb.png")
+
+
+def test_a_picture_beyond_a_readers_own_limit_is_refused_by_that(tmp_path, monkeypatch):
+    def raise_bomb(_path):
+        raise Image.DecompressionBombError("too large")
+
+    Image.new("L", (40, 30), 7).save(tmp_path / "a.webp")
+    monkeypatch.setattr(grids, "_declared_size", raise_bomb)
+    with pytest.raises(FormatError, match="of more than 178956970 pixels, declares"):
+        read_grid(tmp_path / "a.webp")
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg", "tif", "bmp", "webp", "pgm"])
+def test_the_limit_that_the_process_shares_stays(tmp_path, ending, monkeypatch):
+    path = tmp_path / f"a.{ending}"
+    Image.new("L", (40, 30), 7).save(path)
+    seen = []
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 1000)
+    monkeypatch.setattr(Image, "open", lambda *_, **__: seen.append(Image.MAX_IMAGE_PIXELS) or Image.new("L", (4, 3)))
+    assert grids._declared_size(path) == (40, 30)
+    assert read_grid(path).shape == (30, 40)
+    assert set(seen) <= {1000}
 
 
 def test_an_empty_picture_is_refused(tmp_path):
