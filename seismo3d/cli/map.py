@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from seismo3d.cli._options import Overwrite
+from seismo3d.cli._options import Json, Overwrite
 
 if TYPE_CHECKING:
     from seismo3d._typing import Progress
@@ -37,6 +37,7 @@ def run(
     max_difference: float = typer.Option(0.02, help="Stamps of colour and depth farther apart are no pair, seconds."),
     close_loops: bool = typer.Option(True, help="Find places seen twice, and make the map anew from corrected poses."),
     threads: int = typer.Option(0, help="[default: one a core]", show_default=False),
+    json: Json = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Map an RGB-D sequence: where the camera was, and the surface that it saw.
@@ -45,8 +46,8 @@ def run(
     where rasterio is not installed), map.npz to go on from, trajectory.png, occupancy.png, map.png, report.html and
     run.json.
     """
-    from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, find_versions, write_record
+    from seismo3d._stages import StageClock, say_timings
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import GeometryError
     from seismo3d.io._files import written_aside
@@ -78,20 +79,20 @@ def run(
         facts = _facts(mapper, opened, found, closed)
         _write(mapper, opened, found, aside, cell)
         timings = clock.stop()
-        options = {"voxel_size": voxel_size, "far": far, "total_variation": total_variation, "cell": cell}
-        record = {
-            "command": "map",
-            "input": str(sequence),
-            "options": options,
-            **facts,
-            "versions": find_versions(),
-            "timings_s": timings,
-        }
-        write_record(aside / RECORD, record)
+        asked = {
+            "voxel_size": voxel_size, "far": far, "total_variation": total_variation, "cell": cell,
+            "max_difference": max_difference, "close_loops": close_loops,
+        }  # fmt: skip
+        record = describe_run(sequence, command="map", options=asked)
+        write_record(aside / RECORD, {**record, **facts, "timings_s": timings})
         _report(aside, str(sequence.name), facts, timings)
-    for name, value in facts.items():
-        typer.echo(f"{name.replace('_', ' '):<20}{value}")
-    typer.echo(str(out))
+    if json:
+        print_json({"folder": out, **facts, "timings_s": timings})
+    else:
+        for name, value in facts.items():
+            typer.echo(f"{name.replace('_', ' '):<20}{value}")
+        typer.echo(str(out))
+    say_timings(timings)
 
 
 def _calibrated(opened: RgbdSequence, show: Progress) -> list[Any]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import Overwrite
+from seismo3d.cli._options import Json, Overwrite
 
 EXAMPLES = (
     "seismo3d network f3-faults",
@@ -20,12 +20,13 @@ def run(
     out: Path | None = typer.Option(None, "--out", "-o", help="Folder to make for the results. [default: DIR/network]"),
     cell: int = typer.Option(16, min=1, help="Side, in traces and samples, of the cells in which density is counted."),
     reach: int = typer.Option(4, min=0, help="Farthest gap, in traces or samples, over which two faults meet."),
-    set_angle: float = typer.Option(30.0, help="Mean angle in degrees between two sets of faults."),
+    set_angle: float = typer.Option(30.0, min=0.0, max=90.0, help="Mean angle in degrees between two sets of faults."),
     start: str | None = typer.Option(
         None, "--from", help="Start of a flow path: INLINE,CROSSLINE,TIME, or a horizon's file. [default: no path]"
     ),
     end: str | None = typer.Option(None, "--to", help="End of the flow path: a point or a horizon's file."),
-    contrast: float = typer.Option(50.0, help="How much better a sure fault conducts than rock."),
+    contrast: float = typer.Option(50.0, min=1.0, max=1e9, help="How much better a sure fault conducts than rock."),
+    json: Json = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Build the fracture network of a faults run: intersections, connected zones, density, orientations, flow path.
@@ -34,8 +35,8 @@ def run(
     (map.png, density.png, stereonet.png, rose.png), flow_path.csv and flow_path.png where a path is asked for,
     report.html, and run.json with a summary. It appears when all is done, or not at all.
     """
-    from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
+    from seismo3d._stages import StageClock, say_timings
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside
@@ -82,7 +83,12 @@ def run(
         )  # fmt: skip
         write_page(aside / "report.html", page)
         write_record(aside / RECORD, record)
-    _say(final, network, path)
+    if json:
+        told = ("network", "flow_path", "timings_s")
+        print_json({"folder": final} | {name: value for name, value in record.items() if name in told})
+    else:
+        _say(final, network, path)
+    say_timings(record["timings_s"])
 
 
 def _as_end(word: str, cube: Any) -> Any:

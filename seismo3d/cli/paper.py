@@ -116,7 +116,7 @@ def _measure_registration(
 
 def _run_block(path: Path | None, out: Path, *, overwrite: bool) -> None:
     """Trace everything in a cube, and write it with a report."""
-    from seismo3d._stages import StageClock
+    from seismo3d._stages import StageClock, say_timings
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
     from seismo3d.cli.app import shown_progress
     from seismo3d.experiments.f3 import run_block
@@ -134,7 +134,8 @@ def _run_block(path: Path | None, out: Path, *, overwrite: bool) -> None:
         clock = StageClock(show)
         record = {**describe_run(path, command="paper f3", options={}), "extent": sample_extent(cube)}
         found = run_block(cube, aside, name=path.name, record=record, progress=clock)
-        write_record(aside / RECORD, {**record, "found": found, "timings_s": clock.stop()})
+        timings = clock.stop()
+        write_record(aside / RECORD, {**record, "found": found, "timings_s": timings})
     for name, value in found.items():
         shown = "unknown" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
         typer.echo(f"{name:<26}{shown}")
@@ -142,6 +143,7 @@ def _run_block(path: Path | None, out: Path, *, overwrite: bool) -> None:
     note = irap_note(cube)
     if note is not None:
         typer.echo(f"seismo3d: {note}", err=True)
+    say_timings(timings)
 
 
 def _measure_matching(name: str, n_images: int | None, output: Path | None) -> None:

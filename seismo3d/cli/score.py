@@ -133,11 +133,9 @@ def _extent_of(folder: Path) -> tuple[float, float] | None:
 
 def _say(out: Path, scores: list[dict[str, Any]], *, as_json: bool) -> None:
     if as_json:
-        from json import dumps
+        from seismo3d.cli._run_folder import print_json
 
-        from seismo3d.cli._run_folder import plain
-
-        typer.echo(dumps(plain({"scores": scores}), indent=2, ensure_ascii=False))
+        print_json({"scores": scores})
         return
     for score in scores:
         if "track" in score:

@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import Cube, Domain, Overwrite
+from seismo3d.cli._options import Cube, Domain, Json, Overwrite
 
 EXAMPLES = ("seismo3d timelapse base.sgy monitor.sgy -o shifts",)
 
@@ -17,6 +17,7 @@ def run(
     monitor: Path = typer.Argument(help="The later cube, on the same traces and samples.", show_default=False),
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
     domain: Domain = None,
+    json: Json = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Align a monitor cube with its base: local shifts with their uncertainty, and the aligned monitor.
@@ -26,8 +27,8 @@ def run(
     """
     import numpy as np
 
-    from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
+    from seismo3d._stages import StageClock, say_timings
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
     from seismo3d.cli.app import shown_progress
     from seismo3d.geometry.axis import unit_of
     from seismo3d.io._files import written_aside
@@ -59,9 +60,17 @@ def run(
         record: dict[str, Any] = {
             **describe_run(base, monitor, command="timelapse", options={"domain": domain}),
             "alignment": facts,
+            "timings_s": clock.stop(),
         }
-        write_record(aside / RECORD, {**record, "timings_s": clock.stop()})
-    unit = unit_of(first)
+        write_record(aside / RECORD, record)
+    if json:
+        print_json({"folder": out, "alignment": facts, "timings_s": record["timings_s"]})
+    else:
+        _say(out, facts, unit_of(first))
+    say_timings(record["timings_s"])
+
+
+def _say(out: Path, facts: dict[str, Any], unit: str) -> None:
     typer.echo(
         f"monitor deeper by {facts['shift_median']:.3g} {unit} (median; 90 % between {facts['shift_5_percent']:.3g} "
         f"and {facts['shift_95_percent']:.3g}), standard deviation {facts['shift_std_median']:.2g} {unit}"

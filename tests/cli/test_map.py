@@ -38,6 +38,8 @@ def test_run_writes_all_that_it_says(sequence: Path, tmp_path: Path, capsys: pyt
     assert np.linalg.norm(found[-1, 1:4]) == pytest.approx(np.linalg.norm(truth[-1, 1:4] - truth[0, 1:4]), abs=0.01)
     record = json.loads((out / "run.json").read_text())
     assert record["located"] == record["frames"] == 16
+    assert record["input"]["sha256"]
+    assert record["options"]["close_loops"] is True
     assert record["path_m"] == pytest.approx(steps, abs=0.03)
     assert len(read_g2o(out / "graph.g2o").poses) == record["keyframes"]
     assert (Occupancy.load(out / "occupancy.npz").cells != 2).any()

@@ -50,18 +50,22 @@ def test_network_is_written_beside_the_faults(folder: Path, capsys: pytest.Captu
     assert "http://" not in page.replace("http://www.w3.org", "")
 
 
-def test_flow_path_from_a_point_to_a_horizon(folder: Path, tmp_path: Path) -> None:
+def test_flow_path_from_a_point_to_a_horizon(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cube = make_cube()
     x, y = cube["cdp_x"].values.ravel(), cube["cdp_y"].values.ravel()
     np.savetxt(tmp_path / "foot.xyz", np.column_stack([x, y, np.full(x.size, 1180.0)]), fmt="%.3f")
     words = ("--from", "130,510,1020", "--to", tmp_path / "foot.xyz")
-    assert run("network", folder, "-o", tmp_path / "out", *words) == 0
+    assert run("network", folder, "-o", tmp_path / "out", *words, "--json") == 0
+    said = capsys.readouterr()
+    told = json.loads(said.out)
+    assert said.err.splitlines()[-1].startswith("time ")
     path = np.loadtxt(tmp_path / "out" / "flow_path.csv", delimiter=",", skiprows=1)
     assert path[0, 2] == 1020.0
     assert path[-1, 2] == 1180.0
     record = json.loads((tmp_path / "out" / "run.json").read_text())
     assert set(record["flow_path"]["surfaces"]) <= {1, 2}
     assert record["flow_path"]["straight"] > 1.0
+    assert (told["flow_path"], told["network"]) == (record["flow_path"], record["network"])
     assert (tmp_path / "out" / "flow_path.png").stat().st_size > 5000
 
 
@@ -72,6 +76,8 @@ def test_flow_path_from_a_point_to_a_horizon(folder: Path, tmp_path: Path) -> No
         (("--from", "1,2", "--to", "1,2,3"), "expected INLINE,CROSSLINE,TIME"),
         (("--from", "no.xyz", "--to", "1,2,3"), "does not exist"),
         (("--from", "1,2,3", "--to", "130,510,1020"), "lies outside the cube"),
+        (("--set-angle", "120"), "set-angle"),
+        (("--contrast", "0.5"), "contrast"),
     ],
 )
 def test_bad_input_leaves_nothing(

@@ -29,5 +29,9 @@ def test_shifts_are_written_on_the_base_s_geometry(tmp_path: Path, capsys: pytes
     assert np.median(shift.values[:, :, 16:-16]) == pytest.approx(8.0, abs=0.4)
     record = json.loads((tmp_path / "out" / "run.json").read_text())
     assert record["alignment"]["shift_median"] == pytest.approx(8.0, abs=0.4)
+    assert _run([*words, "--json", "--overwrite"], debug=True) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["alignment"]["shift_median"] == pytest.approx(8.0, abs=0.4)
+    assert said.err.splitlines()[-1].startswith("time ")
     assert _run(words, debug=False) == 2
     assert "--overwrite" in capsys.readouterr().err
