@@ -14,7 +14,7 @@ from seismo3d.io.surface_mesh import SurfaceMesh
 from seismo3d.io.tables import write_csv
 from seismo3d.io.vtk_surfaces import write_vtp
 from seismo3d.seismic.cube_checks import check_faults_of
-from seismo3d.seismic.fault_table import measure_slip, tabulate_faults
+from seismo3d.seismic.fault_table import measure_rake, measure_slip, tabulate_faults
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.sticks import cut_sticks
 
@@ -86,9 +86,9 @@ def mesh_faults(faults: FaultSet, cube: Any) -> list[SurfaceMesh]:
     list of SurfaceMesh
         One a surface, named ``fault_001`` and so on by label; properties ``throw`` (samples), ``throw_ms`` or
         ``throw_m`` where the sample interval is known, ``throw_fit`` (0 to 1), ``heave`` and ``strike_slip`` (traces),
-        ``heave_m`` and ``strike_slip_m`` on a map, all three ``_ft`` in a survey in feet, ``rake`` (degrees from
-        strike, 90 straight down), ``likelihood``, ``strike`` and ``dip`` (degrees); in a section no strike slip and no
-        rake.
+        ``heave_m`` and ``strike_slip_m`` on a map, split there, all three ``_ft`` in a survey in feet, ``rake``
+        (degrees from strike, 90 straight down, of the map where there is one), ``likelihood``, ``strike`` and ``dip``
+        (degrees); in a section no strike slip and no rake.
     """
     section = np.ndim(faults.labels) == 2
     geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
@@ -106,7 +106,7 @@ def _properties(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometr
         properties[f"throw_{surface.sample_unit}"] = surface.throw * np.float32(surface.sample_interval)
     properties |= {"throw_fit": surface.throw_fit, "heave": surface.heave}
     if isinstance(geometry, SurveyGeometry):
-        properties |= {"strike_slip": surface.strike_slip, "rake": surface.rake_deg}
+        properties |= {"strike_slip": surface.strike_slip, "rake": measure_rake(surface, geometry)}
     if geometry.has_map:
         heave, strike_slip = measure_slip(surface, geometry)
         properties[f"heave_{geometry.length_unit}"] = heave

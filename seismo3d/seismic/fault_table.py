@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,9 +39,10 @@ def tabulate_faults(faults: FaultSet, cube: Any) -> list[dict[str, Any]]:
         ``throw_mean_samples``, ``throw_max_samples`` (largest by size, with its sign), the same in ``_ms`` or ``_m``,
         ``throw_known`` (share of the area), ``throw_fit`` (mean match of the sides, 0 to 1), ``kind`` (normal, reverse,
         mixed or unknown); in a cube ``family`` (the same number for parts of one fault) and ``generation`` (0 for those
-        that moved last), ``dip_slip_mean_index`` and ``strike_slip_mean_index`` (index units), ``rake_deg`` (from
-        strike, 90 straight down the dip) and ``slip_certainty`` (0 to 1); ``heave_mean_m`` (of slip down the dip) and
-        ``strike_slip_mean_m`` on a map, and the extents in line numbers and time or depth.
+        that moved last), ``dip_slip_mean_index`` and ``strike_slip_mean_index`` (index units, split in bins and
+        samples), ``rake_deg`` (from strike, 90 straight down the dip; of the map where there is one) and
+        ``slip_certainty`` (0 to 1); on a map, and split there, ``heave_mean_m`` (down the dip) and
+        ``strike_slip_mean_m`` (along ``strike_deg``); and the extents in line numbers and time or depth.
     """
     section = np.ndim(faults.labels) == 2
     geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
@@ -131,36 +131,62 @@ def _throws(surface: FaultSurface, weights: Float64Array) -> dict[str, Any]:
 def measure_slip(
     surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry
 ) -> tuple[Float32Array, Float32Array]:
-    """Heave and strike slip of a surface in the map's unit of length.
+    """Heave and strike slip of a surface in the map's unit of length, in traces where a survey has no map.
+
+    Slip is split on the map, where dip and strike are square to each other whatever the bins are: heave is what the
+    whole motion goes down the dip, strike slip what it goes along strike. Where none is told along strike, slip is
+    straight down the dip of the map.
 
     Parameters
     ----------
     surface : FaultSurface
         A fault.
     geometry : SurveyGeometry or SectionGeometry
-        Of its cube, with map coordinates.
+        Of its cube, or of its section with map coordinates.
 
     Returns
     -------
     heave, strike_slip : ndarray of shape (n,), float32
-        With the signs of :attr:`FaultSurface.heave` and :attr:`FaultSurface.strike_slip`.
+        Heave is negative where it closes up. Strike slip is positive where the hanging wall went along
+        :attr:`FaultSurface.strike_deg`; 0 in a section.
     """
-    straight = replace(surface, strike_share=0.0)
-    start, down, full = (
-        np.asarray(geometry.index_to_map(points), dtype=np.float64)[:, :2]
-        for points in (
-            surface.vertices, surface.vertices + straight.slip, surface.vertices + surface.slip
-        )
-    )  # fmt: skip
-    heave = np.hypot(*(down - start).T) * np.sign(surface.heave)
-    along = np.hypot(*(full - down).T) * np.sign(surface.strike_slip)
-    return heave.astype(np.float32), along.astype(np.float32)
+    if isinstance(geometry, SectionGeometry):
+        ends = surface.vertices, surface.vertices + surface.slip
+        start, end = (np.asarray(geometry.index_to_map(points), dtype=np.float64)[:, :2] for points in ends)
+        heave = np.hypot(*(end - start).T) * np.sign(surface.heave)
+        return heave.astype(np.float32), np.zeros_like(surface.throw)
+    M = _map_matrix(geometry)
+    motion = surface.slip[:, :2].astype(np.float64) @ M.T
+    down = np.linalg.solve(M.T, surface.normals[:, :2].astype(np.float64).T).T
+    down /= np.maximum(np.hypot(*down.T), 1e-30)[:, None]
+    heave = (motion * down).sum(axis=1)
+    # looking along strike the hanging wall lies to the right: east is to the right of north
+    along = motion[:, 1] * down[:, 0] - motion[:, 0] * down[:, 1]
+    return heave.astype(np.float32), (along * (surface.strike_share != 0.0)).astype(np.float32)
+
+
+def measure_rake(surface: FaultSurface, geometry: SurveyGeometry) -> Float32Array:
+    """Rake of a surface in degrees, of the slip that :func:`measure_slip` gives: 90 straight down the dip.
+
+    In a time cube a sample counts as the side of a square that is as large as a bin; where there is no map, all is in
+    index units.
+    """
+    heave, along = measure_slip(surface, geometry)
+    frame = IndexFrame.of_survey(geometry)
+    sample = np.sqrt(abs(np.linalg.det(_map_matrix(geometry)))) if frame.unit == "bin" else frame.steps[2]
+    fall = surface.throw * np.float32(sample)
+    return np.degrees(np.arctan2(np.copysign(np.hypot(heave, fall), fall), along)).astype(np.float32)
+
+
+def _map_matrix(geometry: SurveyGeometry) -> Float64Array:
+    """Carries steps of traces to (east, north); without a map inlines grow northwards, crosslines eastwards."""
+    return np.eye(2)[::-1] if geometry.map_fit is None else geometry.map_fit.matrix
 
 
 def _slips(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry, weights: Float64Array) -> dict[str, Any]:
     row: dict[str, Any] = {}
     if isinstance(geometry, SurveyGeometry):
-        rake = surface.rake_deg.astype(np.float64)
+        rake = measure_rake(surface, geometry).astype(np.float64)
         known = np.isfinite(rake) & (weights > 0)
         turned = (weights[known] * np.abs(surface.throw[known]) * np.exp(1j * np.radians(rake[known]))).sum()
         row = {

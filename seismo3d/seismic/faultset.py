@@ -9,7 +9,9 @@ Frame and sign conventions, here once for the whole seismic side:
 - Throw is vertical: positive where the hanging wall went down (normal fault), negative where it went up (reverse).
 - Slip is the motion of the hanging wall against the footwall: down the dip (dip slip, its horizontal part heave, its
   vertical part throw) and along strike (strike slip, positive where the hanging wall went along strike by the
-  right-hand rule on the index grid).
+  right-hand rule on the index grid). Surfaces split it in bins and samples. Lines square to the strike in these are not
+  so on a map whose bins are not square: tables and exports carry the whole motion to the map and split it there.
+- A strike share of 0 tells no motion along strike: slip is then straight down the dip, on a map down the map's.
 - Strike obeys the right-hand rule: looking along it, the surface dips to the right. It is measured from north where the
   cube knows its map coordinates, else from the direction of growing inline numbers towards growing crosslines.
 """
@@ -67,8 +69,8 @@ class FaultSurface:
     area : float
         Area (cube) or length (section) in index units.
     strike_share : float
-        Strike slip in traces for each sample of throw; one for the surface. 0 where slip straight down the dip explains
-        what is seen as well, and in a section.
+        Strike slip in traces for each sample of throw, by the right-hand rule on the index grid; one for the surface.
+        0 where slip straight down the dip explains what is seen as well, and in a section.
     slip_certainty : float
         How sharply the direction of slip is told, 0 to 1; 0 in layers that are level along strike.
     family : int
@@ -129,7 +131,7 @@ class FaultSurface:
         """Direction of slip in the plane of the fault at each vertex, in degrees from strike, downwards positive.
 
         90 where the hanging wall went straight down the dip, -90 where straight up; less than 90 off strike where it
-        went along strike too. Index units.
+        went along strike too. Index units; see :func:`~seismo3d.seismic.fault_table.measure_rake` for that on a map.
         """
         return np.degrees(np.arctan2(self.dip_slip, self.strike_slip)).astype(np.float32)
 
