@@ -20,6 +20,8 @@ from seismo3d.seismic.index_frame import IndexFrame
 _THROUGH = 0.2
 # vertices this close to the other surface are on neither side of it
 _ON = 1.5
+# planes are told at vertices this far off the line, in voxels: nearer to it a surface bridges what the other has parted
+_OFF_LINE, _AROUND = 10.0, 30.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +39,7 @@ class Intersection:
     length : float
         Length of the line, in the unit of the network.
     angle_deg : float
-        Mean angle between the two planes along the line, 0 to 90.
+        Mean angle between the two planes on either side of the line, 0 to 90.
     abutting : int
         Label of the one that ends at the other; 0 where they cross, or both end.
     kind : {"cross", "abut", "corner"}
@@ -143,12 +145,29 @@ def _meet(one: _Meeting, other: _Meeting, frame: IndexFrame) -> tuple[Float64Arr
         return None
     steps = np.linalg.norm(frame.carry(points[segments[:, 1]] - points[segments[:, 0]]), axis=1)
     length = float(steps.sum())
-    middle = points[segments].mean(axis=1)
-    normals = [frame.normals(m.surface.normals[m.tree.query(middle)[1]]) for m in (one, other)]
-    angles = np.degrees(np.arccos(np.clip(np.abs((normals[0] * normals[1]).sum(axis=1)), 0.0, 1.0)))
     used, numbers = np.unique(segments, return_inverse=True)
-    angle = float(np.average(angles, weights=np.maximum(steps, 1e-12)))
-    return points[used], numbers.reshape(-1, 2).astype(np.int64), length, angle
+    line = points[used]
+    normals = [_normals_beside(meeting, line, frame) for meeting in (one, other)]
+    angles = np.degrees(np.arccos(np.clip(np.abs((normals[0] * normals[1]).sum(axis=1)), 0.0, 1.0)))
+    return line, numbers.reshape(-1, 2).astype(np.int64), length, float(angles.mean())
+
+
+def _normals_beside(meeting: _Meeting, line: Float64Array, frame: IndexFrame) -> Float64Array:
+    """Return unit normals of a surface beside places along a line: the median of those around, off the line."""
+    off = cKDTree(line).query(meeting.surface.vertices)[0]
+    # a surface that reaches less far has its outer half
+    kept = off >= min(_OFF_LINE, 0.5 * float(off.max()))
+    tree = cKDTree(meeting.surface.vertices[kept])
+    normals = frame.normals(meeting.surface.normals[kept])
+    places = _some(line)
+    around = tree.query_ball_point(places, r=_AROUND)
+    nearest = tree.query(places)[1]
+    beside = np.stack([np.median(normals[near or [one]], axis=0) for near, one in zip(around, nearest, strict=True)])
+    return np.asarray(beside / np.maximum(np.linalg.norm(beside, axis=1, keepdims=True), 1e-30))
+
+
+def _some(line: Float64Array) -> Float64Array:
+    return line[:: max(1, len(line) // 60)]
 
 
 def _height_above(grid: SurfaceGrid, points: AnyArray) -> Float64Array:
@@ -181,9 +200,8 @@ def _turn(a: Float64Array, b: Float64Array, p: Float64Array) -> Float64Array:
 def _goes_through(one: _Meeting, other: _Meeting, line: Float64Array) -> bool:
     """Whether one surface lies on both sides of the other along most of the line in which they meet."""
     height = _height_above(other.grid, one.surface.vertices.astype(np.float64))
-    places = line[:: max(1, len(line) // 60)]
     votes = []
-    for near in one.tree.query_ball_point(places, r=3.0 + 3.0 * one.spacing):
+    for near in one.tree.query_ball_point(_some(line), r=3.0 + 3.0 * one.spacing):
         side = height[near]
         above, below = int((side > _ON).sum()), int((side < -_ON).sum())
         if above + below:
