@@ -7,6 +7,8 @@ from itertools import combinations
 
 import numpy as np
 from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array, Int64Array
@@ -22,6 +24,10 @@ _THROUGH = 0.2
 _ON = 1.5
 # planes are told at vertices this far off the line, in voxels: nearer to it a surface bridges what the other has parted
 _OFF_LINE, _AROUND = 10.0, 30.0
+# points this close together, in voxels, are neighbours along a line: on a bridge it wavers to and fro within that
+_NEIGHBOURS = 8.0
+# more points than this are thinned before a line is measured
+_MOST_POINTS = 4000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +43,7 @@ class Intersection:
     segments : ndarray of shape (m, 2), int64
         Pairs of points.
     length : float
-        Length of the line, in the unit of the network.
+        Length of the line, in the unit of the network: from one end to the other, not to and fro where it wavers.
     angle_deg : float
         Mean angle between the two planes on either side of the line, 0 to 90.
     abutting : int
@@ -143,13 +149,28 @@ def _meet(one: _Meeting, other: _Meeting, frame: IndexFrame) -> tuple[Float64Arr
     segments = segments[_covers(one, middle) | _covers(other, middle)]
     if not len(segments):
         return None
-    steps = np.linalg.norm(frame.carry(points[segments[:, 1]] - points[segments[:, 0]]), axis=1)
-    length = float(steps.sum())
     used, numbers = np.unique(segments, return_inverse=True)
     line = points[used]
     normals = [_normals_beside(meeting, line, frame) for meeting in (one, other)]
     angles = np.degrees(np.arccos(np.clip(np.abs((normals[0] * normals[1]).sum(axis=1)), 0.0, 1.0)))
-    return line, numbers.reshape(-1, 2).astype(np.int64), length, float(angles.mean())
+    return line, numbers.reshape(-1, 2).astype(np.int64), _measure_line(line, frame), float(angles.mean())
+
+
+def _measure_line(points: Float64Array, frame: IndexFrame) -> float:
+    """Length of a line through points in no order: the shortest way between the far ends of each of its parts."""
+    points = points[:: -(-len(points) // _MOST_POINTS)]
+    pairs = cKDTree(points).query_pairs(_NEIGHBOURS, output_type="ndarray")
+    steps = np.linalg.norm(frame.carry(points[pairs[:, 1]] - points[pairs[:, 0]]), axis=1)
+    # a step of no length is no edge of a sparse graph
+    ways = coo_array((np.maximum(steps, 1e-9), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2).tocsr()
+    part = connected_components(ways, directed=False)[1]
+    length = 0.0
+    for start in np.unique(part, return_index=True)[1]:
+        far = dijkstra(ways, directed=False, indices=start)
+        end = int(np.where(np.isfinite(far), far, -1.0).argmax())
+        way = dijkstra(ways, directed=False, indices=end)
+        length += float(way[np.isfinite(way)].max())
+    return length
 
 
 def _normals_beside(meeting: _Meeting, line: Float64Array, frame: IndexFrame) -> Float64Array:

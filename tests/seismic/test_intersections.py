@@ -43,6 +43,15 @@ def crossed_by_a_younger_fault(throw: float = 8.0) -> tuple[FaultSurface, FaultS
     return lay_surface(40.0 + (k - 40.0) * 0.5 + 0.5 * throw * beyond, axis=0), lay_surface(younger, axis=1)
 
 
+def conjugate_pair(*, bridge: float, rough: float, seed: int = 0) -> tuple[FaultSurface, FaultSurface]:
+    """Two planes of one strike that dip towards each other; the older follows the younger over so many samples."""
+    k = np.arange(float(SIZE))
+    younger = 40.0 - 0.5 * (k - 40.0)
+    older = np.where(np.abs(k - 40.0) < bridge / 2, younger, 40.0 + 0.5 * (k - 40.0) - np.sign(k - 40.0) * bridge / 2)
+    wavering = np.random.default_rng(seed).uniform(-rough, rough, (SIZE, SIZE)) * (np.abs(k - 40.0) < bridge / 2)
+    return lay_surface(older + wavering, axis=1), lay_surface(np.tile(younger, (SIZE, 1)), axis=1)
+
+
 def angle_between(a: list[float], b: list[float]) -> float:
     cosine = np.dot(a, b) / np.linalg.norm(a) / np.linalg.norm(b)
     return float(np.degrees(np.arccos(abs(cosine))))
@@ -71,3 +80,23 @@ def test_angle_of_a_surface_that_reaches_less_far_than_a_bridge():
     small = replace(small, cells=numbers, **{name: getattr(younger, name)[used] for name in names})
     (line,) = find_intersections((older, small), frame=BINS)
     assert line.angle_deg == pytest.approx(angle_between([1.0, 0.0, -0.5], [0.0, 1.0, -0.4]), abs=0.5)
+
+
+@pytest.mark.parametrize(("bridge", "rough"), [(0.0, 0.0), (10.0, 0.4), (24.0, 0.4)])
+def test_a_line_that_wavers_along_a_bridge_is_as_long_as_it_is(bridge, rough):
+    pair = conjugate_pair(bridge=bridge, rough=rough)
+    (line,) = find_intersections(pair, frame=BINS)
+    # along strike from one side to the other, and at most across the bridge from corner to corner
+    assert SIZE - 2.0 <= line.length <= np.hypot(SIZE - 1.0, 1.2 * bridge) + 1.0
+    assert line.angle_deg == pytest.approx(angle_between([0.0, 1.0, -0.5], [0.0, 1.0, 0.5]), abs=0.5)
+    (long,) = find_intersections(pair, frame=IndexFrame(np.diag([10.0, 1.0, 1.0]), "m"))
+    assert long.length == pytest.approx(10.0 * (SIZE - 1.0), rel=0.02)
+
+
+def test_parts_of_a_line_are_added_up():
+    older, younger = crossed_by_a_younger_fault(throw=0.0)
+    (whole,) = find_intersections((older, younger), frame=BINS)
+    gap = np.abs(older.vertices[:, 2] - 40.0) < 10.0
+    parts = [replace(s, cells=s.cells[~gap[s.cells].any(axis=1)]) for s in (older, younger)]
+    (line,) = find_intersections((parts[0], parts[1]), frame=BINS)
+    assert line.length == pytest.approx(whole.length * (1.0 - 20.0 / 79.0), rel=0.03)
