@@ -14,6 +14,10 @@ EXAMPLES = (
     "seismo3d score f3-tracks top_a.xyz top_b.xyz --columns 1,2,5 --tolerance 6",
 )
 
+_AXES = ("inline", "crossline", "sample")
+# traces that lie farther off their map than this share of a bin, root mean square, are met by x and y
+_CROOKED = 0.25
+
 
 def run(
     folder: Path = typer.Argument(metavar="DIR", help="Folder of a faults run or of a tracks run.", show_default=False),
@@ -34,7 +38,8 @@ def run(
 ) -> None:
     """Compare a run with existing picks: distances, what was missed, what is new.
 
-    Picks of horizons are in the cube's own unit, growing downwards; those on a 2D line meet its traces by x and y.
+    Picks of horizons are in the cube's own unit, growing downwards, and meet the nearest trace, half a bin off at
+    most; those on a 2D line meet its traces by x and y.
 
     The folder gets score.json, a picture a file of picks, and run.json. It appears when all is done, or not at all.
     """
@@ -99,16 +104,16 @@ def _score_tracks(
     # a 2D line has no inlines and crosslines, and so no Charisma: x and y tell its traces
     files = sorted(folder.glob("track_*.charisma.txt")) or sorted(folder.glob("track_*.xyz"))
     tracks = [replace(read_horizon(file), name=file.name.split(".")[0]) for file in files]
-    unit, extent = _unit_of(folder), _extent_of(folder)
+    unit, extent, survey = _unit_of(folder), _extent_of(folder), _survey_of(folder)
     apart = same_trace_distance(tracks)
     scores = []
     for number, file in enumerate(picks, start=1):
         horizon = read_horizon(file, columns=columns)
-        score = score_horizon(tracks, horizon, tolerance=tolerance, apart=apart, extent=extent)
+        score = score_horizon(tracks, horizon, tolerance=tolerance, cube=survey, apart=apart, extent=extent)
         scores.append({"picks": file.name, "unit": unit, **asdict(score)})
         figure = Figure(figsize=(7.5, 6.5), layout="constrained")
         track = next(track for track in tracks if track.name == score.track)
-        pick_distance_map(track, horizon, unit=unit, apart=apart, ax=figure.add_subplot())
+        pick_distance_map(track, horizon, unit=unit, cube=survey, apart=apart, ax=figure.add_subplot())
         figure.savefig(aside / f"score_{number:02d}.png", dpi=130)
     return scores
 
@@ -127,6 +132,28 @@ def _extent_of(folder: Path) -> tuple[float, float] | None:
     try:
         low, high = (read_record(folder) or {})["extent"]
         return float(low), float(high)
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _survey_of(folder: Path) -> Any:
+    """Return an empty cube where a run's cube lies; None where its record does not tell, or no map holds its traces."""
+    import numpy as np
+    import xarray as xr
+
+    from seismo3d.cli._run_folder import read_record
+
+    try:
+        survey = (read_record(folder) or {})["survey"]
+        axes = {name: (float(survey[name][0]), float(survey[name][1]), int(survey[name][2])) for name in _AXES}
+        fit = survey.get("map")
+        if fit is not None:
+            steps = [float(np.hypot(*fit[name])) for name in ("inline_step", "crossline_step")]
+            if float(fit["rms"]) > _CROOKED * min(steps):
+                return None
+        values = np.broadcast_to(np.float32(0.0), [n for _, _, n in axes.values()])
+        lines = {name: first + step * np.arange(n) for name, (first, step, n) in axes.items()}
+        return xr.DataArray(values, dims=_AXES, coords=lines, attrs={"survey": survey})
     except (ValueError, KeyError, TypeError):
         return None
 

@@ -61,6 +61,7 @@ def run(
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, kept_aside, print_json, write_record
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
+    from seismo3d.geometry.survey import SurveyGeometry
     from seismo3d.io._files import written_aside
     from seismo3d.io.cubes import open_cube
     from seismo3d.io.horizons import read_horizon
@@ -121,6 +122,7 @@ def run(
         record = {
             **describe_run(cube, command="tracks", options=asked),
             "extent": sample_extent(opened),
+            "survey": SurveyGeometry.from_cube(opened).to_dict() if opened.ndim == 3 else None,
             "loops": tabulate_loops(closure),
             "timings_s": timings,
         }

@@ -62,7 +62,9 @@ def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any
     return ax
 
 
-def pick_distance_map(track: Any, picks: Any, *, unit: str, apart: float | None = None, ax: Any = None) -> Any:
+def pick_distance_map(
+    track: Any, picks: Any, *, unit: str, cube: Any = None, apart: float | None = None, ax: Any = None
+) -> Any:
     """Draw how far below the picks a track lies, at the picks.
 
     Parameters
@@ -71,6 +73,8 @@ def pick_distance_map(track: Any, picks: Any, *, unit: str, apart: float | None 
         What was traced, and what was picked.
     unit : str
         Of their times or depths.
+    cube : DataArray, optional
+        The cube that both are of: then picks meet the nearest trace.
     apart : float, optional
         Largest distance in x and y at which two points are of one trace. [default: from the track's traces]
     ax : matplotlib Axes, optional
@@ -88,12 +92,13 @@ def pick_distance_map(track: Any, picks: Any, *, unit: str, apart: float | None 
     ax = new_axes(7.5, 6.5) if ax is None else ax
     by_lines = have_lines(picks, track)
     apart = same_trace_distance([track]) if apart is None else apart
-    here, there, reach = flat_places(picks, track, apart=apart)
+    here, there, reach = flat_places(picks, track, apart=apart, cube=cube)
     distance, near = cKDTree(there).query(here, distance_upper_bound=reach + 1e-9)
     common = np.isfinite(distance)
     down = track.points[np.asarray(near)[common], 2] - picks.points[common, 2]
     limit = float(np.percentile(np.abs(down), 95.0)) or 1.0 if len(down) else 1.0
     across = (1, 0) if by_lines else (0, 1)
+    here = picks.lines if by_lines else picks.points[:, :2]
     ax.plot(*here[~common][:, across].T, ",", color="black")
     drawn = ax.scatter(*here[common][:, across].T, c=down, s=4, cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
     ax.figure.colorbar(drawn, ax=ax, label=f"Track below picks ({unit})", pad=0.02, shrink=0.8)

@@ -212,8 +212,9 @@ def score_horizon(
     tolerance : float
         Vertical distance up to which both agree, in that unit.
     cube : DataArray, optional
-        The cube that both are of: then traces are compared. By default line numbers where both files have them, else
-        x and y to within `apart`.
+        The cube that both are of: then picks meet the nearest trace, half a bin off at most. By default line numbers
+        are compared where both files have them, else x and y to within `apart`, which a grid whose nodes are not on
+        the traces misses.
     apart : float, optional
         Largest distance in x and y at which two points are of one trace. [default: :func:`same_trace_distance`]
     extent : (float, float), optional

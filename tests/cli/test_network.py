@@ -132,3 +132,42 @@ def test_horizons_are_scored(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "track_01  median 1.00  90 % 1.00 ms  within 4: 100 %  missed 25 % of 96 picks  new at 0 places" in said
     (score,) = json.loads((folder / "score" / "score.json").read_text())["scores"]
     assert score["bias"] == -1.0
+
+
+def test_picks_between_the_traces_meet_the_nearest_one(tmp_path: Path) -> None:
+    folder = tmp_path / "tracks"
+    folder.mkdir()
+    # inlines of steps of 2, 25 x 12.5 m, on a map turned by 33 degrees, every other inline traced
+    c, s = np.cos(np.radians(33.0)), np.sin(np.radians(33.0))
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(30), np.arange(40), indexing="ij"))
+    x, y = 4.5e5 + 25.0 * i * s + 12.5 * j * c, 6.7e6 + 25.0 * i * c - 12.5 * j * s
+    rows = [
+        f"INLINE : {900 - 2 * a} XLINE : {1300 + 3 * b} {e:.2f} {n:.2f} {800 + a}"
+        for a, b, e, n in zip(i, j, x, y, strict=True)
+        if a % 2 == 0
+    ]
+    (folder / "track_01.charisma.txt").write_text("\n".join(rows) + "\n")
+    (folder / "tracks.csv").write_text("track,unit\n1,ms\n")
+    fit = {"origin": [4.5e5, 6.7e6], "inline_step": [25 * s, 25 * c], "crossline_step": [12.5 * c, -12.5 * s]}
+    axes = {"inline": [900, -2, 30], "crossline": [1300, 3, 40], "sample": [0, 4, 500]}
+    # a grid of its own, 20 m from north to south
+    a, b = (v.ravel() for v in np.meshgrid(np.arange(x.min(), x.max(), 20.0), np.arange(y.min(), y.max(), 20.0)))
+    u, v = ((a - 4.5e5) * s + (b - 6.7e6) * c) / 25.0, ((a - 4.5e5) * c - (b - 6.7e6) * s) / 12.5
+    inside = (np.rint(u) >= 0) & (np.rint(u) < 30) & (np.rint(v) >= 0) & (np.rint(v) < 40)
+    picks = tmp_path / "top.xyz"
+    picks.write_text("".join(f"{p:.2f} {q:.2f} {803 + r:.3f}\n" for p, q, r in zip(a, b, u, strict=True)))
+    traced = inside & (np.rint(u) % 2 == 0)
+    for rms, missed in ((0.0, 1.0 - traced.mean()), (9.0, None)):
+        record = {
+            "extent": [-2, 1998],
+            "survey": {**axes, "unit": "ms", "length_unit": "m", "map": {**fit, "rms": rms}},
+        }
+        (folder / "run.json").write_text(json.dumps(record))
+        assert run("score", folder, picks, "--overwrite") == 0
+        (score,) = json.loads((folder / "score" / "score.json").read_text())["scores"]
+        if missed is None:
+            # traces off their map are met by x and y alone
+            assert score["missed"] > 0.97
+        else:
+            assert score["missed"] == pytest.approx(missed, abs=1e-9)
+            assert score["bias"] == pytest.approx(-3.0, abs=0.1)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from seismo3d.cli import _run
+from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io.cubes import open_cube
 from seismo3d.io.segy import write_segy
 from seismo3d.synthetic import SyntheticCube, make_cube, recipe_of
@@ -48,6 +49,16 @@ def test_run_writes_tracks_in_map_coordinates(
         (row,) = csv.DictReader(file)
     assert float(row["share_traced"]) == pytest.approx(len(rows) / (24 * 28), abs=1e-3)
     assert row["unit"] == "ms"
+    record = json.loads((out / "run.json").read_text())
+    assert record["survey"] == SurveyGeometry.from_cube(open_cube(tmp_path / "cube.sgy")).to_dict()
+    # picks 2 ms below the track, a third of a bin beside its traces
+    i_step, j_step = (np.array(record["survey"]["map"][name]) for name in ("inline_step", "crossline_step"))
+    beside = np.append(0.3 * i_step - 0.3 * j_step, 2.0)
+    np.savetxt(tmp_path / "top.xyz", points + beside, fmt="%.3f")
+    assert _run(["score", str(out), str(tmp_path / "top.xyz")], debug=True) == 0
+    (score,) = json.loads((out / "score" / "score.json").read_text())["scores"]
+    assert (score["missed"], score["new"]) == (0.0, 0)
+    assert score["bias"] == pytest.approx(-2.0, abs=1e-3)
 
 
 def test_sheared_survey_gets_all_but_irap(
