@@ -100,7 +100,7 @@ def judge_domain(layout: SegyLayout, interval: float, *, by_name: bool = True) -
         found.append((3, f"interval {interval:g} is too coarse for time in ms"))
     total = sum(weight for weight, _ in found)
     name = Path(layout.path).stem.lower() if by_name and total == 0 else ""
-    if re.search(r"depth|psdm|(^|[-_ .])z([-_ .]|$)", name):
+    if re.search(r"depth|psdm", name):
         found.append((1, "file name"))
     elif re.search(r"time|twt|pstm", name):
         found.append((-1, "file name"))
