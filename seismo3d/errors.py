@@ -1,4 +1,4 @@
-"""The errors that seismo3d raises on bad input: each says what came, what was needed, and what to do."""
+"""Errors that seismo3d raises on bad input, and its warnings: each says what came, what was needed, what to do."""
 
 from __future__ import annotations
 
@@ -33,3 +33,7 @@ class MissingDependencyError(Seismo3dError, ImportError):
 
 class RenderError(Seismo3dError, RuntimeError):
     """The machine has no way to draw a 3D scene."""
+
+
+class Seismo3dWarning(UserWarning):
+    """The data allow the operation, but its result may be empty or poor."""

@@ -11,9 +11,10 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Sequence
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -38,7 +39,9 @@ def _run(words: list[str], *, debug: bool) -> int:
 
     usage_error: type[BaseException] = typer.BadParameter.__bases__[0]
     try:
-        code = app(words or ["--help"], prog_name="seismo3d", standalone_mode=False)
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn
+            code = app(words or ["--help"], prog_name="seismo3d", standalone_mode=False)
         sys.stdout.flush()
     except usage_error as error:
         return _say(getattr(error, "format_message", error.__str__)(), BAD_INPUT)
@@ -68,6 +71,23 @@ def _say(message: str, code: int) -> int:
     line = " ".join(message.split())
     sys.stderr.write(f"seismo3d: {line}\n")
     return code
+
+
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Turn a warning of our own into one line on stderr; show others as Python does."""
+    from seismo3d.errors import Seismo3dWarning
+
+    if issubclass(category, Seismo3dWarning):
+        _say(str(message), 0)
+    else:
+        (file or sys.stderr).write(warnings.formatwarning(message, category, filename, lineno, line))
 
 
 def _terminate(number: int, frame: FrameType | None) -> Any:  # noqa: ARG001 - the signature of a signal handler

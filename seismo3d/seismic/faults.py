@@ -28,7 +28,7 @@ from seismo3d.seismic.layer_strain import LayerSlopes, sample_slopes
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
 from seismo3d.seismic.misfit import NOISES, MisfitSettings
 from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
-from seismo3d.seismic.preparing import as_volume, clean_volume
+from seismo3d.seismic.preparing import as_volume, check_live, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.restored_throws import restore_throws
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
@@ -154,12 +154,18 @@ def trace_faults(
     Raises
     ------
     ShapeError
-        If the input has another number of axes than 2 or 3, or is too small to hold a fault.
+        If the input has another number of axes than 2 or 3, is too small to hold a fault, or has no live trace.
     ParameterError
         If there is no such kind of evidence, the memory is too little, there is no folder for work in blocks, or the
         folder holds a run of another input or with other settings.
     FileAccessError
         If the folder cannot be written, or the cluster does not answer.
+
+    Warns
+    -----
+    Seismo3dWarning
+        If fewer than half of the live traces have a live neighbour along an axis, as where every other line is dead; in
+        one piece.
 
     Notes
     -----
@@ -183,6 +189,7 @@ def trace_faults(
     settings = settings or (FaultSettings.for_section() if is_section else FaultSettings())
     settings = _with_evidence(settings, evidence)
     volume, valid, *_ = clean_volume(amplitudes)
+    check_live(valid, geometry)
     report("dip", 0.0)
     slopes = estimate_slopes(volume, valid, settings=settings.dip)
     report("misfit", 0.0)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
-from seismo3d.errors import ShapeError
+from seismo3d.errors import Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import unit_of
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic._kernels_valid import mark_valid, same_as_next
@@ -21,6 +22,8 @@ _LEAST_REPEATS = 4
 # share of the live traces that are unlike each other below which repeating is the cube's own: padding seldom doubles
 # a survey, and layers drawn without noise have but one trace for a whole line, or a few for all of them
 _LEAST_UNLIKE = 0.5
+# share of the live traces with a live next one, along an axis, below which there is too little to compare
+_LEAST_NEIGHBOURS = 0.5
 # how many times their own strength amplitudes must lie off zero for that to be a level of theirs
 _SHIFTED = 1.0
 
@@ -103,6 +106,24 @@ def clean_volume(
     scale_amplitudes(amplitudes, valid, scale)
     white, whitening = whiten(amplitudes, valid, carried=carried)
     return white, valid, whitening.spectrum, scale.level
+
+
+def check_live(valid: BoolArray, geometry: SurveyGeometry | None) -> None:
+    """Refuse a cube or section without any data, and warn where too few of its traces have live neighbours."""
+    name = "section" if geometry is None else "cube"
+    live: BoolArray = np.asarray(valid.any(axis=2))
+    if not live.any():
+        raise ShapeError(f"{name} has no live trace. Give a {name} with data.")
+    for axis, lines in enumerate(("inline", "trace" if geometry is None else "crossline")):
+        along = np.moveaxis(live, axis, 0)
+        share = float((along[1:] & along[:-1]).sum() / live.sum())
+        if len(along) > 1 and share < _LEAST_NEIGHBOURS:
+            warnings.warn(
+                f"{100 * share:.0f} % of the live traces have a live one on the next {lines}; expected half or more. "
+                "Faults are seen where neighbours differ: few are found. Leave out the empty lines, or fill them.",
+                Seismo3dWarning,
+                stacklevel=3,
+            )
 
 
 def find_valid(amplitudes: Float32Array) -> BoolArray:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import sys
 import types
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import segyio
 from fake_faults import fake_trace_faults, make_cube, make_faults, make_section
 
 from seismo3d.cli import _run
+from seismo3d.errors import Seismo3dWarning
 from seismo3d.io.cubes import open_cube
 from seismo3d.io.segy import write_segy
 from seismo3d.seismic.faultset import FaultSet
@@ -304,3 +306,17 @@ def test_unfaulted_cube_is_written_on_request(demo: Path, capsys: pytest.Capture
     write_segy(demo.with_name("line.sgy"), make_section()[0], like=None)
     assert run("faults", "line.sgy", "-o", "line", "--unfault") == 2
     assert "for a 2D line" in capsys.readouterr().err
+
+
+def test_warnings_of_our_own_are_one_line(
+    demo: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def trace(cube: Any, **how: Any) -> FaultSet:
+        warnings.warn("every other\nline is dead.", Seismo3dWarning, stacklevel=2)
+        return fake_trace_faults(cube, **how)
+
+    use_tracer(monkeypatch, trace)
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert run("faults", str(demo), "-o", "out") == 0
+    assert "seismo3d: every other line is dead." in capsys.readouterr().err.splitlines()

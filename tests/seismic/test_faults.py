@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from scipy import ndimage
 
-from seismo3d.errors import ShapeError
+from seismo3d.errors import Seismo3dWarning, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings
 from seismo3d.seismic.faults import FaultSettings, largest_first, to_likelihood, trace_faults
@@ -229,12 +229,10 @@ def test_two_crossing_planes_are_two_surfaces():
 
 
 @pytest.mark.parametrize("value", [0.0, 7.0, np.nan])
-def test_constant_cube_has_no_faults(value):
-    faults = trace_faults(np.full(SHAPE, value))
-    assert faults.surfaces == ()
-    assert not np.asarray(faults.labels).any()
-    assert not np.asarray(faults.likelihood).any()
-    assert np.isnan(faults.throw).all()
+@pytest.mark.parametrize(("shape", "name"), [(SHAPE, "cube"), (SHAPE[1:], "section")])
+def test_what_has_no_live_trace_is_refused(value, shape, name):
+    with pytest.raises(ShapeError, match=f"{name} has no live trace"):
+        trace_faults(np.full(shape, value))
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -297,6 +295,15 @@ def test_dead_traces_and_missing_zones_do_not_hide_a_fault(rng):
     score = fault_score(faults.labels, cube.faults)
     assert min(score.precision, score.recall) > 0.85
     assert np.nanmedian(faults.throw) == pytest.approx(8.0, abs=0.7)
+
+
+@pytest.mark.parametrize(("axis", "lines"), [(0, "inline"), (1, "crossline")])
+def test_lines_with_dead_ones_between_are_warned_of(unbroken, axis, lines):
+    cube = np.moveaxis(unbroken.copy(), axis, 0)
+    cube[::2] = 0.0
+    with pytest.warns(Seismo3dWarning, match=f"0 % of the live traces have a live one on the next {lines}"):
+        faults = trace_faults(np.moveaxis(cube, 0, axis))
+    assert faults.surfaces == ()
 
 
 def test_no_fault_is_drawn_far_into_missing_data():
