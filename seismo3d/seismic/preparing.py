@@ -48,7 +48,7 @@ def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[flo
     Raises
     ------
     ShapeError
-        If the elements are no real numbers, or the array has other axes or is too small to hold a fault.
+        If the elements are no real numbers, or the array has other axes or is too small to compare traces in.
     """
     values = cube if hasattr(cube, "dims") else np.asarray(cube)
     sampling = describe_volume(values)
@@ -59,7 +59,7 @@ def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[flo
 
 
 def describe_volume(cube: Any) -> tuple[float, str]:
-    """Refuse what cannot hold a fault, without reading a sample; return the sample interval and its unit."""
+    """Refuse what is too small to compare traces in, unread; return the sample interval and its unit."""
     name = "section" if cube.ndim == 2 else "cube"
     check_order(cube, name)
     if cube.dtype.kind not in "fiu":
@@ -68,7 +68,9 @@ def describe_volume(cube: Any) -> tuple[float, str]:
         raise ShapeError(f"cube has shape {cube.shape}; expected (inline, crossline, sample) or (trace, sample).")
     least = (8,) * (cube.ndim - 1) + (16,)
     if any(n < m for n, m in zip(cube.shape, least, strict=True)):
-        raise ShapeError(f"{name} has shape {cube.shape}; expected at least {least}. A fault needs both its sides.")
+        has_line = cube.ndim == 3 and max(cube.shape[:2]) >= least[0] and cube.shape[2] >= least[2]
+        remedy = "Give one line of it as a 2D section" if has_line else f"Give a larger {name}"
+        raise ShapeError(f"{name} has shape {cube.shape}; expected at least {least}. {remedy}.")
     dims = getattr(cube, "dims", None)
     if dims is not None and dims[-1] in ("time", "depth") and dims[-1] in cube.coords:
         coordinate = cube[dims[-1]].values

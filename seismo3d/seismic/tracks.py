@@ -229,14 +229,16 @@ def read_seeds(cube: Any, seeds: Sequence[Any]) -> list[tuple[Float64Array, Floa
 
 
 def _as_points(entry: Any, number: int, n_axes: int) -> Float64Array:
+    told = f"{entry!r:.80}"
     try:
         points = np.atleast_2d(np.asarray(entry, dtype=np.float64))
+        told = _named(points[0])[:80] if points.shape[:-1] == (1,) else told
     except (TypeError, ValueError):
         points = np.empty(0)
     if points.ndim != 2 or points.shape[1] != n_axes or not np.isfinite(points).all():
         point = "(inline, crossline, time or depth)" if n_axes == 3 else "(trace, time or depth)"
         raise ShapeError(
-            f"seeds[{number}] is {entry!r:.80}; expected a point {point}, or a list of such points, of finite numbers."
+            f"seeds[{number}] is {told}; expected a point {point}, or a list of such points, of finite numbers."
         )
     return points
 

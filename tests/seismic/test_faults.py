@@ -453,9 +453,10 @@ def test_mirrored_section_gives_the_mirrored_fault():
         (np.zeros(SHAPE, bool), "type bool; expected real numbers"),
         (np.full((20, 20), "a"), "expected real numbers"),
         (np.zeros((7, 20, 40)), r"shape \(7, 20, 40\); expected at least \(8, 8, 16\)"),
-        (np.zeros((20, 7, 40)), "expected at least"),
-        (np.zeros((20, 20, 15)), "expected at least"),
-        (np.zeros((7, 40)), r"expected at least \(8, 16\)"),
+        (np.zeros((20, 7, 40)), r"expected at least \(8, 8, 16\). Give one line of it as a 2D section"),
+        (np.zeros((7, 7, 40)), "Give a larger cube"),
+        (np.zeros((20, 20, 15)), "Give a larger cube"),
+        (np.zeros((7, 40)), r"expected at least \(8, 16\). Give a larger section"),
     ],
 )
 def test_refusals(values, message):

@@ -70,6 +70,8 @@ def test_refusals() -> None:
         trace_tracks(section, [(11, 40.0), (11, 4000.0)])
     with pytest.raises(ParameterError, match="layers is given for a section"):
         trace_tracks(section, [(11, 40.0)], layers=object())  # type: ignore[arg-type]
+    with pytest.raises(ShapeError, match=r"seeds\[0\] is \(0, 32, 34\.4\); expected a point \(trace"):
+        trace_tracks(section, [(0, 32, np.float64(34.4))])
 
 
 def test_lines_elsewhere_or_on_their_side_are_refused() -> None:
