@@ -36,6 +36,7 @@ def run(
     ),
     output: Path | None = typer.Option(
         None,
+        "--out",
         "--output",
         "-o",
         help="Folder for the tables' texts and the figure [default: none; the figure's is the current folder], or, for "
