@@ -67,7 +67,7 @@ class SlipField:
     ----------
     displacement : ndarray of shape (3, inline, crossline, sample), float32
         In traces and samples: place ``x`` of the unfaulted cube is at ``x + displacement`` today. It is smooth but for
-        its jumps across faults, which are their slip; its mean is zero.
+        its jumps across faults, which are their slip.
     surfaces : tuple of ndarray of shape (n, 3), float64
         Where the vertices of each surface lie in the unfaulted cube.
     missing : float
@@ -169,18 +169,12 @@ def find_slip_field(
     for number, parted in enumerate(generations):
         if progress is not None:
             progress("unfault", number / len(generations))
-        laid_out = [_lay_out(faults.surfaces, vertices, parts, shape, settings) for parts in parted]
-        sheets = [sheet for sheet in laid_out if sheet is not None]
-        step, places, missing, crossed = _take_back(sheets, shape, settings)
+        laid_out = ((parts, _lay_out(faults.surfaces, vertices, parts, shape, settings)) for parts in parted)
+        sheets = [(parts, sheet) for parts, sheet in laid_out if sheet is not None]
+        step, places, missing, crossed = _take_back([sheet for _, sheet in sheets], shape, settings)
         squares, n_edges = squares + missing**2 * crossed, n_edges + crossed
         displacement = _follow_on(displacement, step) if number else step
-        moved = [n for parts, sheet in zip(parted, laid_out, strict=True) if sheet is not None for n in parts]
-        vertices = [at if n in moved else _before(step, at) for n, at in enumerate(vertices)]
-        kept = [parts for parts, sheet in zip(parted, laid_out, strict=True) if sheet is not None]
-        for parts, sheet, place in zip(kept, sheets, places, strict=True):
-            for n in parts:
-                _, near = cKDTree(sheet.nodes).query(vertices[n])
-                vertices[n] = vertices[n] + (place - sheet.nodes)[near]
+        vertices = _carry_back(vertices, step, sheets, places)
     if progress is not None:
         progress("unfault", 1.0)
     missing = float(np.sqrt(squares / max(n_edges, 1)))
@@ -368,6 +362,19 @@ def _inverse_laplacian(shape: tuple[int, ...]) -> Float32Array:
     total = waves[0] + waves[1] + waves[2]
     total[0, 0, 0] = np.inf
     return (1.0 / total).astype(np.float32)
+
+
+def _carry_back(
+    vertices: Sequence[Float64Array], step: Float32Array, sheets: Sequence[tuple[list[int], _SlipSheet]],
+    places: Sequence[Float64Array],
+) -> list[Float64Array]:  # fmt: skip
+    """Where vertices lie once some faults are taken back: theirs go with their nodes, others with their wall."""
+    carried = [_before(step, at) for at in vertices]
+    for (parts, sheet), place in zip(sheets, places, strict=True):
+        tree = cKDTree(sheet.nodes)
+        for n in parts:
+            carried[n] = vertices[n] + (place - sheet.nodes)[tree.query(vertices[n])[1]]
+    return carried
 
 
 def _follow(sheet: _SlipSheet, places: Float64Array, displacement: Float32Array, width: float) -> Float64Array:
