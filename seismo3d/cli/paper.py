@@ -34,7 +34,7 @@ def run(
         "For f3: the cube, such as the Netherlands F3 block.",
         show_default=False,
     ),
-    output: Path | None = typer.Option(
+    out: Path | None = typer.Option(
         None,
         "--out",
         "--output",
@@ -55,6 +55,7 @@ def run(
     overwrite: bool = typer.Option(
         False, "--overwrite", help="For f3: replace the results of an earlier run in the folder."
     ),
+    json: bool = typer.Option(False, "--json", help="For f3: print the results as JSON."),
 ) -> None:
     """Measure a table or the figure of the paper again, beside the methods that the paper compares with.
 
@@ -62,10 +63,11 @@ def run(
     """
     if experiment == "f3":
         _check_given({"--images": images, "--frames": frames, "--angles": angles}, ("f3",), ())
-        _run_block(data, Path("f3") if output is None else output, overwrite=overwrite)
+        _run_block(data, Path("f3") if out is None else out, overwrite=overwrite, json=json)
         return
-    if overwrite:
-        raise ParameterError(f"--overwrite is given with {experiment}; it serves f3. Leave it out.")
+    for name, is_given in (("--overwrite", overwrite), ("--json", json)):
+        if is_given:
+            raise ParameterError(f"{name} is given with {experiment}; it serves f3. Leave it out.")
     if experiment != "all" and experiment not in _EXPERIMENTS:
         raise ParameterError(f"experiment is {experiment!r}; expected one of {', '.join(_EXPERIMENTS)}, f3 or all.")
     chosen = _EXPERIMENTS if experiment == "all" else (experiment,)
@@ -73,10 +75,10 @@ def run(
     _check_given({"--angles": angles}, chosen, ("table1",))
     _check_given({"--images": images}, chosen, _MATCHING)
     if set(chosen) & set(_REGISTRATION):
-        _measure_registration(chosen, data, 4 if frames is None else frames, _as_degrees(angles or _ANGLES), output)
+        _measure_registration(chosen, data, 4 if frames is None else frames, _as_degrees(angles or _ANGLES), out)
     for name in chosen:
         if name in _MATCHING:
-            _measure_matching(name, images, output)
+            _measure_matching(name, images, out)
 
 
 def _check_given(given: dict[str, object], chosen: tuple[str, ...], served: tuple[str, ...]) -> None:
@@ -115,10 +117,10 @@ def _measure_registration(
         typer.echo(str(draw_figure(made, folder / "figure3.png")))
 
 
-def _run_block(path: Path | None, out: Path, *, overwrite: bool) -> None:
+def _run_block(path: Path | None, out: Path, *, overwrite: bool, json: bool) -> None:
     """Trace everything in a cube, and write it with a report."""
     from seismo3d._stages import StageClock, say_timings
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
     from seismo3d.cli.app import shown_progress
     from seismo3d.experiments.f3 import run_block
     from seismo3d.io._files import written_aside
@@ -137,10 +139,13 @@ def _run_block(path: Path | None, out: Path, *, overwrite: bool) -> None:
         found = run_block(cube, aside, name=path.name, record=record, progress=clock)
         timings = clock.stop()
         write_record(aside / RECORD, {**record, "found": found, "timings_s": timings})
-    for name, value in found.items():
-        shown = "unknown" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
-        typer.echo(f"{name:<26}{shown}")
-    typer.echo(str(out / "report.html"))
+    if json:
+        print_json({"folder": out, "found": found, "timings_s": timings})
+    else:
+        for name, value in found.items():
+            shown = "unknown" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
+            typer.echo(f"{name:<26}{shown}")
+        typer.echo(str(out / "report.html"))
     note = irap_note(cube)
     if note is not None:
         typer.echo(f"seismo3d: {note}", err=True)

@@ -36,6 +36,12 @@ def test_examples_are_command_lines_that_the_command_takes(name):
             assert context.params
 
 
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_is_written_is_named_alike(name):
+    options = [p.opts for p in typer.main.get_command(app).commands[name].params if "-o" in p.opts]
+    assert all("--out" in names for names in options)
+
+
 @pytest.mark.parametrize(
     ("line", "wanted"),
     [("seismo3d fa", {"faults"}), ("seismo3d co", {"compare", "convert"}), ("seismo3d info --in", {"--inline-byte"})],

@@ -30,11 +30,14 @@ def test_faulted_cube_gets_everything_and_one_report(tmp_path: Path, capsys: pyt
     page = (out / "report.html").read_text()
     for heading in ("Faults", "Tracks", "Connected zones", "Sets"):
         assert f"<h2>{heading}</h2>" in page
-    assert str(out / "report.html") in capsys.readouterr().out
+    said, took = capsys.readouterr()
+    assert str(out / "report.html") in said
+    assert took.splitlines()[-1].startswith("time ")
     assert run("paper", "f3", tmp_path / "block.sgy", "-o", out) == 2
     assert "replace it with --overwrite" in capsys.readouterr().err
     (out / "old.txt").write_text("of the earlier run")
-    assert run("paper", "f3", tmp_path / "block.sgy", "-o", out, "--overwrite") == 0
+    assert run("paper", "f3", tmp_path / "block.sgy", "--out", out, "--overwrite", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["found"] == record["found"]
     assert not (out / "old.txt").exists()
     assert json.loads((out / "run.json").read_text())["command"] == "paper f3"
 
@@ -44,6 +47,8 @@ def test_what_f3_does_not_take_is_refused(tmp_path: Path, capsys: pytest.Capture
     assert "f3 is given no cube" in capsys.readouterr().err
     assert run("paper", "f3", "x.sgy", "--images", "3") == 2
     assert "--images" in capsys.readouterr().err
+    assert run("paper", "table2", "--json") == 2
+    assert "--json is given with table2; it serves f3" in capsys.readouterr().err
     write_segy(tmp_path / "line.sgy", fault_section("clean", seed=2022, shape=(16, 40, 64)).to_dataarray())
     assert run("paper", "f3", tmp_path / "line.sgy", "-o", tmp_path / "out") == 2
     assert "not a 2D line" in capsys.readouterr().err
