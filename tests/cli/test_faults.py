@@ -17,6 +17,7 @@ from seismo3d.cli import _run
 from seismo3d.errors import Seismo3dWarning
 from seismo3d.io.cubes import open_cube
 from seismo3d.io.segy import write_segy
+from seismo3d.io.zarr_store import write_zarr
 from seismo3d.seismic.faultset import FaultSet
 
 FILES = {
@@ -320,3 +321,19 @@ def test_warnings_of_our_own_are_one_line(
         warnings.simplefilter("always")
         assert run("faults", str(demo), "-o", "out") == 0
     assert "seismo3d: every other line is dead." in capsys.readouterr().err.splitlines()
+
+
+@pytest.mark.parametrize("spoil", [{"start": 3276.75}, {"domain": "time", "interval": 40.0}])
+def test_what_segy_cannot_hold_is_refused_before_there_is_work(
+    demo: Path, spoil: dict[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: Any, **__: Any) -> None:
+        raise AssertionError("work was done")
+
+    use_tracer(monkeypatch, fail)
+    monkeypatch.setattr("seismo3d.seismic.time_lapse.align_cubes", fail)
+    write_zarr("odd.zarr", open_cube(demo, **spoil))
+    for words in (("faults", "odd.zarr"), ("timelapse", "odd.zarr", "odd.zarr")):
+        assert run(*words, "-o", "out") == 2
+        assert "all that SEG-Y can hold" in capsys.readouterr().err
+    assert sorted(path.name for path in demo.parent.iterdir()) == ["demo.sgy", "odd.zarr"]
