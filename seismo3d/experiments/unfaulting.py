@@ -129,15 +129,15 @@ def run_cube(
     UnfaultResult
     """
     import seismo3d
-    from seismo3d.seismic.unfaulting import UnfaultSettings, find_slip_field, unfault
+    from seismo3d.seismic.unfaulting import UnfaultSettings, carry_amplitudes, find_slip_field, is_taken_out
 
     cube = fault_cube(kind, seed=seed, shape=shape)
     found: Any = seismo3d.trace_faults(cube.seismic) if faults is None else faults
     start = time.perf_counter()
-    unfaulted = unfault(cube.seismic, found)
-    seconds = time.perf_counter() - start
     field = find_slip_field(found)
-    moved = [n for n, s in enumerate(found.surfaces) if float(np.mean(s.throw_fit)) >= UnfaultSettings().least_fit]
+    unfaulted = carry_amplitudes(cube.seismic, field.displacement)
+    seconds = time.perf_counter() - start
+    moved = [n for n, surface in enumerate(found.surfaces) if is_taken_out(surface, UnfaultSettings())]
     normals = [found.surfaces[n].normals.astype(np.float64) for n in moved]
     places = [field.surfaces[n] for n in moved]
     today = [(found.surfaces[n].vertices.astype(np.float64), normal) for n, normal in zip(moved, normals, strict=True)]

@@ -98,6 +98,11 @@ class SurveyGeometry:
         return (float(np.hypot(*self.map_fit.inline_step)), float(np.hypot(*self.map_fit.crossline_step)))
 
     @property
+    def east_north(self) -> Float64Array:
+        """Carries steps of traces to (east, north), shape (2, 2); without a map inlines grow north, crosslines east."""
+        return np.eye(2)[::-1] if self.map_fit is None else self.map_fit.matrix
+
+    @property
     def inline_axis_azimuth_deg(self) -> float:
         """Azimuth from north of the direction in which inline numbers' index grows; 0 without a map."""
         return float(self.azimuth_deg([[1.0, 0.0]])[0])
@@ -170,11 +175,8 @@ class SurveyGeometry:
         ndarray of shape (n,), float64
             Degrees in [0, 360), clockwise from north; without a map, from the inline axis towards the crossline axis.
         """
-        d = as_points(directions, "directions", finite=False)[:, :2]
-        if self.map_fit is not None:
-            east_north = d @ self.map_fit.matrix.T
-            return _degrees(east_north[:, 0], east_north[:, 1])
-        return _degrees(d[:, 1], d[:, 0])
+        east_north = as_points(directions, "directions", finite=False)[:, :2] @ self.east_north.T
+        return _degrees(east_north[:, 0], east_north[:, 1])
 
     def strike_deg(self, normals: ArrayLike) -> Float64Array:
         """Strike of planes by the right-hand rule: looking along it, the plane dips to the right.
@@ -194,11 +196,8 @@ class SurveyGeometry:
         """
         normal = as_points(normals, "normals", dim=3, finite=False)
         horizontal = np.where(normal[:, 2:] > 0, -normal[:, :2], normal[:, :2])
-        if self.map_fit is not None:
-            dip_direction = np.linalg.solve(self.map_fit.matrix.T, horizontal.T).T
-            dip_azimuth = _degrees(dip_direction[:, 0], dip_direction[:, 1])
-        else:
-            dip_azimuth = _degrees(horizontal[:, 1], horizontal[:, 0])
+        dip_direction = np.linalg.solve(self.east_north.T, horizontal.T).T
+        dip_azimuth = _degrees(dip_direction[:, 0], dip_direction[:, 1])
         level = np.hypot(horizontal[:, 0], horizontal[:, 1]) == 0
         return np.where(level, np.nan, (dip_azimuth - 90.0) % 360.0)
 

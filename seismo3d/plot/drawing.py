@@ -53,7 +53,7 @@ def draw_rose(
     ParameterError
         If `bin_deg` is not 1 to 90.
     """
-    n = max(round(180.0 / as_number(bin_deg, "bin_deg", low=1.0, high=90.0)), 1)
+    n = round(180.0 / as_number(bin_deg, "bin_deg", low=1.0, high=90.0))
     if ax is None:
         import matplotlib.pyplot as plt
 

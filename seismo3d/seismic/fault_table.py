@@ -155,7 +155,7 @@ def measure_slip(
         start, end = (np.asarray(geometry.index_to_map(points), dtype=np.float64)[:, :2] for points in ends)
         heave = np.hypot(*(end - start).T) * np.sign(surface.heave)
         return heave.astype(np.float32), np.zeros_like(surface.throw)
-    M = _map_matrix(geometry)
+    M = geometry.east_north
     motion = surface.slip[:, :2].astype(np.float64) @ M.T
     down = np.linalg.solve(M.T, surface.normals[:, :2].astype(np.float64).T).T
     down /= np.maximum(np.hypot(*down.T), 1e-30)[:, None]
@@ -173,14 +173,9 @@ def measure_rake(surface: FaultSurface, geometry: SurveyGeometry) -> Float32Arra
     """
     heave, along = measure_slip(surface, geometry)
     frame = IndexFrame.of_survey(geometry)
-    sample = np.sqrt(abs(np.linalg.det(_map_matrix(geometry)))) if frame.unit == "bin" else frame.steps[2]
+    sample = np.sqrt(abs(np.linalg.det(geometry.east_north))) if frame.unit == "bin" else frame.steps[2]
     fall = surface.throw * np.float32(sample)
     return np.degrees(np.arctan2(np.copysign(np.hypot(heave, fall), fall), along)).astype(np.float32)
-
-
-def _map_matrix(geometry: SurveyGeometry) -> Float64Array:
-    """Carries steps of traces to (east, north); without a map inlines grow northwards, crosslines eastwards."""
-    return np.eye(2)[::-1] if geometry.map_fit is None else geometry.map_fit.matrix
 
 
 def _slips(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry, weights: Float64Array) -> dict[str, Any]:

@@ -12,8 +12,7 @@ from scipy.spatial import cKDTree
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
 from seismo3d._validate import freeze
-from seismo3d.errors import ShapeError
-from seismo3d.seismic.cube_checks import check_cube, check_faults
+from seismo3d.seismic.cube_checks import check_cube, placing_cube
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_points
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.index_frame import settle_places
@@ -158,10 +157,7 @@ def find_slip_field(
     .. [2] X. Wu, S. Luo, D. Hale, Geophysics 81(2), IM25-IM33, 2016. :doi:`10.1190/geo2015-0381.1`
     """
     settings = settings or UnfaultSettings()
-    check_faults(faults)
-    shape = np.shape(faults.labels)
-    if len(shape) != 3:
-        raise ShapeError(f"faults are of a section of shape {shape}; expected those of a cube.")
+    shape = np.shape(placing_cube(None, faults))
     displacement = np.zeros((3, *shape), np.float32)
     vertices = [surface.vertices.astype(np.float64) for surface in faults.surfaces]
     generations = _generations(faults.surfaces, settings)
@@ -181,15 +177,16 @@ def find_slip_field(
     return SlipField(freeze(displacement), tuple(freeze(at) for at in vertices), missing)
 
 
-def _generations(surfaces: tuple[FaultSurface, ...], settings: UnfaultSettings) -> list[list[list[int]]]:
-    """Return the numbers of the surfaces that are taken out: those that moved last first, parts of one fault together.
+def is_taken_out(surface: FaultSurface, settings: UnfaultSettings) -> bool:
+    """Tell whether the throw of a surface is known well enough to be taken out: a guess tears the layers."""
+    return bool(np.isfinite(surface.throw).any()) and float(np.mean(surface.throw_fit)) >= settings.least_fit
 
-    A surface whose throw is a guess is not among them.
-    """
+
+def _generations(surfaces: tuple[FaultSurface, ...], settings: UnfaultSettings) -> list[list[list[int]]]:
+    """Return the numbers of the surfaces that are taken out: the last to move first, parts of one fault together."""
     found: dict[int, dict[tuple[int, int], list[int]]] = {}
     for n, surface in enumerate(surfaces):
-        known = np.isfinite(surface.throw)
-        if known.any() and float(np.mean(surface.throw_fit)) >= settings.least_fit:
+        if is_taken_out(surface, settings):
             fault = (surface.family, -1) if surface.family >= 0 else (-1, n)
             found.setdefault(surface.generation, {}).setdefault(fault, []).append(n)
     return [list(found[generation].values()) for generation in sorted(found)]
@@ -369,7 +366,8 @@ def _carry_back(
     places: Sequence[Float64Array],
 ) -> list[Float64Array]:  # fmt: skip
     """Where vertices lie once some faults are taken back: theirs go with their nodes, others with their wall."""
-    carried = [_before(step, at) for at in vertices]
+    moved = {n for parts, _ in sheets for n in parts}
+    carried = [at if n in moved else _before(step, at) for n, at in enumerate(vertices)]
     for (parts, sheet), place in zip(sheets, places, strict=True):
         tree = cKDTree(sheet.nodes)
         for n in parts:
