@@ -32,11 +32,11 @@ def shift_traces(traces: Traces, other: Traces) -> Traces:
     )
 
 
-def gaussian_taps(sigma: float) -> Float32Array:
-    """Return the weights of a Gaussian cut at 2.5 sigma, of sum 1; a single 1 for sigma 0."""
+def gaussian_taps(sigma: float, *, cut: float = 2.5) -> Float32Array:
+    """Return the weights of a Gaussian cut at so many sigma, of sum 1; a single 1 for sigma 0."""
     if sigma <= 0.0:
         return np.ones(1, np.float32)
-    half = max(1, int(np.ceil(2.5 * sigma)))
+    half = max(1, int(np.ceil(cut * sigma)))
     t = np.arange(-half, half + 1)
     weights = np.exp(-(t**2) / (2.0 * sigma**2))
     return (weights / weights.sum()).astype(np.float32)

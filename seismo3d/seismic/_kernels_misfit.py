@@ -123,14 +123,14 @@ def clear_unknown(energy, known):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, parallel=True)
 def divide_known(difference, energy, known, floor, most, out, weight):  # type: ignore[no-untyped-def]
-    """Write difference / energy, at most `most`, and how far it is known."""
+    """Write difference over energy and the floor of each sample, at most `most`, and how far it is known."""
     n0, n1, n2 = out.shape
     for i in prange(n0):
         for j in range(n1):
             for k in range(n2):
                 w = known[i, j, k]
                 if w > np.float32(0.05):
-                    out[i, j, k] = min(difference[i, j, k] / w / (energy[i, j, k] + floor), most)
+                    out[i, j, k] = min(difference[i, j, k] / w / (energy[i, j, k] + floor[k]), most)
                     weight[i, j, k] = w
                 else:
                     out[i, j, k] = 0.0

@@ -67,19 +67,19 @@ class ChoiceSettings:
     """
 
     least_area: float = 400.0
-    least_strength: float = 38.0
+    least_strength: float = 23.0
     least_height: float = 24.0
     least_throw: float = 1.0
-    still_score: float = 1.0
+    still_score: float = 0.6
     still_throw: tuple[float, float] = (0.5, 1.0)
     still_fit: float = 0.7
     tall: float = 60.0
-    tall_strength: float = 28.0
+    tall_strength: float = 17.0
     low_fit: float = 0.6
     steep_height: float = 40.0
-    host_strength: float = 55.0
+    host_strength: float = 33.0
     company_area: float = 200.0
-    company_strength: float = 18.0
+    company_strength: float = 11.0
     company_length: float = 30.0
     company_matched: tuple[float, float] = (0.3, 0.45)
     company_throw: tuple[float, float] = (1.0, 1.4)

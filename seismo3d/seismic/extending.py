@@ -45,10 +45,10 @@ class ExtendSettings:
         flanks, and are not found there.
     """
 
-    strength: float = 70.0
-    company_strength: float = 18.0
+    strength: float = 55.0
+    company_strength: float = 14.0
     gap: float = 8.0
-    weakest: float = 0.2
+    weakest: float = 0.15
     width: float = 4.0
     off_plane: float = 1.5
     angle_deg: float = 25.0

@@ -43,6 +43,9 @@ from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface, order_by_area
 from seismo3d.seismic.throw import SheetSides, SheetThrow, ThrowSettings, gather_sides, measure_throw, slopes_beside
 
+# support, in standard deviations of the evidence, at which a fault is as likely as not
+_EVEN = 0.6
+
 
 @dataclass(frozen=True, slots=True)
 class FaultSettings:
@@ -61,8 +64,8 @@ class FaultSettings:
         Settings of the stages; `section` is that of a stage which cubes do without.
     """
 
-    least_score: tuple[float, float, float] = (0.45, 0.42, 0.28)
-    end_score: tuple[float, float, float] = (0.42, 0.45, 0.3)
+    least_score: tuple[float, float, float] = (0.26, 0.23, 0.16)
+    end_score: tuple[float, float, float] = (0.26, 0.23, 0.16)
     evidence: str = "both"
     dip: DipSettings = field(default_factory=DipSettings)
     misfit: MisfitSettings = field(default_factory=MisfitSettings)
@@ -92,9 +95,9 @@ class FaultSettings:
             least_score=(0.2, 0.2, 0.28),
             end_score=(0.2, 0.2, 0.25),
             dip=DipSettings(lateral=8.0),
-            misfit=MisfitSettings(reach=(1, 6), lateral=0.5, background=(10.0, 16.0), levelling=1.0),
+            misfit=MisfitSettings(reach=(1, 6), lateral=0.5, background=(10.0, 16.0), floor=0.01),
             registration=RegistrationSettings(share=(0.0, 0.0, 1.0)),
-            scan=ScanSettings(along_dip=(14.0, 16.0), n_dips=(61, 41)),
+            scan=ScanSettings(along_dip=(14.0, 16.0), n_dips=(61, 41), evenness=0.5),
             link=LinkSettings(fragment=6, contacts=5),
             extend=ExtendSettings(strength=np.inf),
             choice=ChoiceSettings.for_section(),
@@ -271,8 +274,8 @@ def score_at_noise(scores: tuple[float, float, float], noise: float) -> float:
 
 
 def to_likelihood(score: Float32Array) -> Float32Array:
-    """Turn support into a likelihood from 0 to 1: one half at one standard deviation of the cube's evidence."""
-    return (1.0 - np.exp2(-np.maximum(score, 0.0))).astype(np.float32)
+    """Turn support into a likelihood from 0 to 1: one half at `_EVEN` standard deviations of the cube's evidence."""
+    return (1.0 - np.exp2(-np.maximum(score, 0.0) / np.float32(_EVEN))).astype(np.float32)
 
 
 def find_candidates(

@@ -9,7 +9,7 @@ from functools import reduce
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array
+from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_filters import (
     Traces,
     all_traces,
@@ -24,8 +24,13 @@ from seismo3d.seismic._kernels_misfit import clear_unknown, divide_known, log_ra
 
 Compare = Callable[[int, int, tuple[int, int], Float32Array, Float32Array], None]
 
-NOISES = (0.0, 0.08, 0.2)
+NOISES = (0.0, 0.057, 0.145)
 """Median misfit ratios of a cube without noise, of a good survey, and of one with nearly as much noise as signal."""
+
+# median misfit ratio of mild noise
+_MILD = 0.036
+# samples over which the energy of a depth is averaged, about, and share of that of all depths which it is at least
+_DEPTH, _LEAST_ENERGY = 256, 0.01
 
 # share of a second way that is not worth measuring it
 _LEAST_SHARE = 0.05
@@ -54,6 +59,9 @@ class MisfitSettings:
         Share of the local background that is taken out: 0 none, 1 all.
     energy : tuple of (float, float)
         Lateral and vertical width of the window whose energy normalises the misfit.
+    floor : float
+        What is added to that energy, as a share of the mean at the depth: between strong reflectors the noise alone
+        differs from side to side, and in proportion to itself it differs much.
     step : int
         Every how many samples the evidence is kept.
     softness : float
@@ -64,13 +72,14 @@ class MisfitSettings:
         Inlines that are worked on at a time; bounds the memory.
     """
 
-    reach: tuple[int, int] = (2, 6)
+    reach: tuple[int, int] = (2, 10)
     vertical: float = 1.5
     lateral: float = 1.25
     footprint: float = 0.5
-    background: tuple[float, float] = (16.0, 16.0)
-    levelling: float = 0.5
+    background: tuple[float, float] = (7.0, 9.0)
+    levelling: float = 1.0
     energy: tuple[float, float] = (2.0, 4.0)
+    floor: float = 0.25
     step: int = 2
     softness: float = 0.02
     most: float = 1.5
@@ -195,7 +204,7 @@ def fuse_misfits(
     Evidence
     """
     settings = settings or MisfitSettings()
-    floor = energy_floor(trace_energies(volume, valid), int(valid.sum()))
+    floor = energy_floor(depth_energies(volume, valid), volume.shape[2], settings)
     least = settings.reach[0]
     near = _ratios(volume.shape, comparisons[0], least, floor, settings)
     usual = _median_ratio(*near)
@@ -264,7 +273,7 @@ def _add_logs(
 def judge_noise(noise: float, settings: MisfitSettings) -> tuple[float, int]:
     """Return how noisy a cube is, 0 to 1, by its median misfit ratio, and how many traces to average for that."""
     least, most = settings.reach
-    noisiness = float(np.clip((noise - 0.05) / 0.4, 0.0, 1.0))
+    noisiness = float(np.clip((noise - 0.01) / 0.28, 0.0, 1.0))
     return noisiness, round(least + noisiness * (most - least))
 
 
@@ -278,6 +287,14 @@ def find_background(noise: float, settings: MisfitSettings) -> float:
     return float(np.log1p(noise / find_softness(noise, settings)))
 
 
+def share_of_noise(noise: float) -> float:
+    """Return how much of what differs between lines is taken for noise, given the cube's median misfit ratio.
+
+    All of it from mild noise on; in a cube with next to none it is the faults'.
+    """
+    return min(1.0, noise / _MILD)
+
+
 def find_footprint(medians: Float32Array, axis: int, noise: float, settings: MisfitSettings) -> Float32Array | None:
     """Find what an acquisition footprint adds: evidence that a whole line has more of than its neighbours.
 
@@ -285,7 +302,7 @@ def find_footprint(medians: Float32Array, axis: int, noise: float, settings: Mis
     depth, and at most `footprint` is taken out, a fraction of what a fault shows. `medians` are those of the traces;
     None where lines are too short to tell.
     """
-    most = settings.footprint * min(1.0, noise / 0.05)
+    most = settings.footprint * share_of_noise(noise)
     if medians.shape[1 - axis] < _LEAST_LINE:
         return None
     median = np.median(medians, axis=1 - axis)
@@ -358,7 +375,7 @@ def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> floa
 
 
 def _ratios(
-    shape: tuple[int, ...], compare: Compare, reach: int, floor: np.float32, settings: MisfitSettings
+    shape: tuple[int, ...], compare: Compare, reach: int, floor: Float32Array, settings: MisfitSettings
 ) -> tuple[list[Float32Array], list[Float32Array]]:
     return measure_ratios(shape, compare, reach, floor, settings, (slice(0, shape[0]), slice(0, shape[1])))
 
@@ -377,7 +394,7 @@ def measure_ratios(
     shape: tuple[int, ...],
     compare: Compare,
     reach: int,
-    floor: np.float32,
+    floor: Float32Array,
     settings: MisfitSettings,
     within: Traces,
 ) -> tuple[list[Float32Array], list[Float32Array]]:
@@ -400,7 +417,7 @@ def measure_ratios(
 
 
 def _measure_slab(
-    shape: tuple[int, ...], compare: Compare, reach: int, floor: np.float32, settings: MisfitSettings,
+    shape: tuple[int, ...], compare: Compare, reach: int, floor: Float32Array, settings: MisfitSettings,
     within: Traces, ratios: list[Float32Array], known: list[Float32Array],
 ) -> None:  # fmt: skip
     """Write the misfit ratios of traces, both ways, and how far they are known."""
@@ -425,8 +442,11 @@ def _measure_slab(
     mean = smooth(total, (lateral, lateral, vertical), within=inner)
     mean /= np.maximum(smooth(weights, (lateral, lateral, vertical), within=inner), np.float32(1e-3))
     mean = np.ascontiguousarray(mean[:, :, :: settings.step])
+    thinned_floor = floor[:: settings.step]
     for axis, (smoothed_difference, share) in enumerate(parts):
-        divide_known(smoothed_difference, mean, share, floor, np.float32(settings.most), ratios[axis], known[axis])
+        divide_known(
+            smoothed_difference, mean, share, thinned_floor, np.float32(settings.most), ratios[axis], known[axis]
+        )
 
 
 def trace_energies(volume: Float32Array, valid: BoolArray) -> Float64Array:
@@ -439,9 +459,33 @@ def trace_energies(volume: Float32Array, valid: BoolArray) -> Float64Array:
     )
 
 
-def energy_floor(energies: Float64Array, n_valid: int) -> np.float32:
-    """Return the energy that the ratios are kept from dividing by less of: a hundredth of two sides' mean."""
-    return np.float32(max(0.01 * 2.0 * float(energies.sum()) / max(n_valid, 1), 1e-20))
+def depth_energies(volume: Float32Array, valid: BoolArray) -> Float64Array:
+    """Return every trace's sums of squares over some depths, and how many samples they are of.
+
+    The shape is (2, depth, inline, crossline).
+    """
+    edges = _depth_edges(volume.shape[2])[:-1]
+    out = np.empty((2, len(edges), *volume.shape[:2]))
+    for i, (line, known) in enumerate(zip(volume, valid, strict=True)):
+        squares = np.where(known, np.square(line, dtype=np.float64), 0.0)
+        out[0, :, i] = np.add.reduceat(squares, edges, axis=1).T
+        out[1, :, i] = np.add.reduceat(known.astype(np.float64), edges, axis=1).T
+    return out
+
+
+def energy_floor(energies: Float64Array, n_samples: int, settings: MisfitSettings) -> Float32Array:
+    """Return what is added to the energy that misfits are divided by, at every sample, from :func:`depth_energies`."""
+    sums, counts = energies.sum(axis=(2, 3))
+    usual = sums.sum() / max(counts.sum(), 1.0)
+    means = np.maximum(np.where(counts > 0.0, sums / np.maximum(counts, 1.0), usual), _LEAST_ENERGY * usual)
+    edges = _depth_edges(n_samples)
+    floor = np.interp(np.arange(n_samples) + 0.5, 0.5 * (edges[:-1] + edges[1:]), 2.0 * settings.floor * means)
+    return np.maximum(floor, 1e-20).astype(np.float32)
+
+
+def _depth_edges(n_samples: int) -> IntArray:
+    """Return where the depths begin whose energies are told apart, and where the last one ends."""
+    return np.linspace(0, n_samples, max(1, round(n_samples / _DEPTH)) + 1).astype(np.int64)
 
 
 FILL_WIDTH = 2.0

@@ -69,7 +69,7 @@ class RegistrationSettings:
     down: float = 4.0
     memory: float = 5.0
     share: tuple[float, float, float] = (0.5, 0.0, 1.0)
-    share_noises: tuple[float, float, float] = (0.0, 0.08, 0.16)
+    share_noises: tuple[float, float, float] = (0.0, 0.057, 0.115)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,6 +8,8 @@ from seismo3d.seismic import _kernels_misfit as kernels
 from seismo3d.seismic.misfit import (
     MisfitSettings,
     compare_along,
+    depth_energies,
+    energy_floor,
     fill_unknown,
     level,
     level_reach,
@@ -152,8 +154,9 @@ def test_ratio_is_taken_where_it_is_known(rng):
     difference, energy, known = (rng.random((3, 4, 9)).astype(np.float32) for _ in range(3))
     known[1, 1] = 0.0
     out, weight = np.empty_like(known), np.empty_like(known)
-    kernels.divide_known(difference, energy, known, np.float32(0.1), np.float32(1.5), out, weight)
-    ratio = difference / np.maximum(known, 1e-9) / (energy + 0.1)
+    floor = rng.random(9).astype(np.float32)
+    kernels.divide_known(difference, energy, known, floor, np.float32(1.5), out, weight)
+    ratio = difference / np.maximum(known, 1e-9) / (energy + floor)
     usable = known > 0.05
     np.testing.assert_allclose(out, np.where(usable, np.minimum(ratio, 1.5), 0.0), rtol=1e-5)
     np.testing.assert_allclose(weight, np.where(usable, known, 0.0))
@@ -168,9 +171,8 @@ def test_ratios_of_some_traces_are_those_of_all_in_any_slabs(rng, step):
     inner = (slice(9, 21), slice(4, 28))
     found = []
     for slab, within in ((64, (slice(0, 30), slice(0, 28))), (5, inner)):
-        ratios, known = measure_ratios(
-            volume.shape, compare, 3, np.float32(0.01), MisfitSettings(slab=slab, step=step), within
-        )
+        floor = np.linspace(0.01, 0.02, 17).astype(np.float32)
+        ratios, known = measure_ratios(volume.shape, compare, 3, floor, MisfitSettings(slab=slab, step=step), within)
         found.append(np.stack(ratios + known))
     assert found[0].shape == (4, 30, 28, -(-17 // step))
     np.testing.assert_array_equal(found[1], found[0][(slice(None), *inner)])
@@ -294,9 +296,48 @@ def test_noise_is_measured():
     assert noise == sorted(noise)
     assert noise[0] < 1e-3
     alone = measure(own)
-    assert 0.4 < alone.noise < 1.0
+    assert 0.2 < alone.noise < 0.8
     assert alone.noisiness == 1.0
     assert all(0.0 <= evidence.noisiness <= 1.0 for evidence in measured)
+
+
+def test_energy_floor_follows_the_mean_energy_down_the_trace():
+    volume = np.ones((4, 5, 768), np.float32)
+    volume[..., 512:] = 3.0
+    floor = energy_floor(depth_energies(volume, everywhere(volume)), 768, MisfitSettings(floor=0.25))
+    # two sides' mean energy in the middle of each third, straight in between, and level at the ends
+    np.testing.assert_allclose(floor[[0, 127, 383, 639, 767]], [0.5, 0.5, 0.5, 4.5, 4.5], rtol=0.01)
+    assert floor[511] == pytest.approx(2.5, rel=0.01)
+
+
+def test_energy_floor_is_of_what_there_are_data_of():
+    volume = np.full((4, 5, 64), 2.0, np.float32)
+    valid = everywhere(volume)
+    valid[:, ::2] = False
+    assert energy_floor(depth_energies(volume, valid), 64, MisfitSettings(floor=0.1)) == pytest.approx(0.8)
+
+
+def test_a_depth_without_energy_has_a_hundredth_of_the_mean():
+    volume = np.ones((3, 3, 512), np.float32)
+    volume[..., 256:] = 0.0
+    floor = energy_floor(depth_energies(volume, everywhere(volume)), 512, MisfitSettings(floor=0.5))
+    assert floor[-1] == pytest.approx(0.005)
+    nothing = np.zeros_like(volume)
+    assert (energy_floor(depth_energies(nothing, everywhere(nothing)), 512, MisfitSettings()) > 0.0).all()
+
+
+def test_noise_between_strong_reflectors_is_less_evidence_than_a_break_of_them():
+    """Sides that hold noise alone differ much in proportion to themselves, and little to the cube."""
+    rng = np.random.default_rng(2)
+    volume = cut(0, at=18, shape=(36, 24, 64))
+    volume[..., 32:] = 0.0
+    volume += 0.15 * rng.normal(size=volume.shape).astype(np.float32)
+    ratios = {}
+    for floor in (0.01, 0.25):
+        settings = MisfitSettings(floor=floor, footprint=0.0, levelling=0.0)
+        evidence = measure_misfit(volume, everywhere(volume), *slopes(volume), settings=settings).along_inlines
+        ratios[floor] = evidence[4:12, :, 20:].mean() / evidence[17:19, :, 2:14].mean()
+    assert ratios[0.25] < 0.75 * ratios[0.01]
 
 
 def test_dead_traces_are_bridged():

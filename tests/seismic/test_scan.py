@@ -7,7 +7,7 @@ import pytest
 from seismo3d.seismic import _kernels_scan as kernels
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic.misfit import Evidence
-from seismo3d.seismic.scan import PlanarSupport, ScanSettings, scan_planes, thin
+from seismo3d.seismic.scan import PlanarSupport, ScanSettings, find_offsets, scan_planes, thin
 
 SHAPE = (40, 40, 64)
 STEP = 2
@@ -198,6 +198,32 @@ def test_noise_has_little_support():
     evidence = Evidence(parts[0], parts[1], np.ones_like(parts[0]), 0.0, 0.0, 0.0, 1.0, STEP)
     assert np.percentile(scan_planes(evidence).score, 99) < 0.9
     assert scan_planes(evidence_of(90.0, 65.0)).score.max() > 1.5
+
+
+@pytest.mark.parametrize(
+    ("shape", "noise", "expected"),
+    [
+        ((9, 9, 9), 0.1, (-0.2, 0.2)),
+        ((9, 9, 9), 0.018, (-0.1, 0.1)),
+        ((9, 9, 9), 0.0, (0.0, 0.0)),
+        ((1, 9, 9), 0.1, (0.0, 0.0)),
+    ],
+    ids=["noise", "half of mild noise", "no noise", "section"],
+)
+def test_both_ways_are_scanned_about_one_median_in_noise(shape, noise, expected):
+    assert find_offsets([1.0, 0.6], shape, noise) == pytest.approx(expected)
+
+
+def test_planes_across_the_noisier_axis_have_no_support_for_that_alone():
+    """Evidence that is higher everywhere along one axis, as gridding leaves it, is no fault."""
+    rng = np.random.default_rng(5)
+    parts = [(level + 0.3 * rng.normal(size=(24, 24, 32))).astype(np.float32) for level in (1.4, 0.6)]
+    scores = []
+    for values in (parts, [parts[0] - 0.4, parts[1] + 0.4]):
+        evidence = Evidence(*(v.astype(np.float32) for v in values), np.ones_like(parts[0]), 0.1, 0.3, 1.0, 0.8, STEP)
+        scores.append(np.median(scan_planes(evidence).score))
+    assert scores[0] == pytest.approx(scores[1], abs=0.02)
+    assert scores[0] < 0.2
 
 
 @pytest.mark.parametrize("axis", [0, 1])

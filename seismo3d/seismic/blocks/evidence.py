@@ -17,6 +17,7 @@ from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.fault_evidence import compare_sides
 from seismo3d.seismic.misfit import (
     compare_along,
+    depth_energies,
     energy_floor,
     fill_unknown,
     find_background,
@@ -56,16 +57,18 @@ def dip(run: BlockRun, number: int) -> None:
     volume, valid, slopes = estimate_block(run, box)
     for name, slope in zip(("p", "q"), slopes, strict=True):
         run.store.write(name, box, slope)
-    run.write_part("dip", number, {"energies": trace_energies(volume, valid)})
+    found = {"energies": trace_energies(volume, valid), "depths": depth_energies(volume, valid)}
+    run.write_part("dip", number, found)
 
 
 def dip_facts(run: BlockRun) -> None:
-    """Find the energy below which misfits are not divided by it, and the derivative below which nothing is matched."""
-    energies = run.gather("dip", "energies", "dip")
+    """Find what is added to the energy that divides misfits, and the derivative below which nothing is matched."""
+    n_samples = run.plan.shape[2]
+    energies, depths = (run.gather("dip", name, "dip") for name in ("energies", "depths"))
     run.write_fact(
         "dip",
-        floor=float(energy_floor(energies, run.fact("survey")["n_valid"])),
-        matching=float(slice_floor(energies, run.plan.shape[2], run.settings.registration)),
+        floor=energy_floor(depths, n_samples, run.settings.misfit),
+        matching=float(slice_floor(energies, n_samples, run.settings.registration)),
     )
 
 
@@ -101,7 +104,7 @@ def misfit(run: BlockRun, number: int, attempt: str) -> None:
         way = compare_sides(volume, valid, read_sides(run, wide))
     else:
         way = compare_along(volume, valid, (run.store.read("p", wide), run.store.read("q", wide)))
-    floor = np.float32(run.fact("dip")["floor"])
+    floor = run.fact("dip")["floor"]
     ratios, known = measure_ratios(volume.shape, way, reach, floor, settings, box.within(wide))
     for name, values in zip(ratio_names(attempt), ratios + known, strict=True):
         run.store.write(name, box, values)

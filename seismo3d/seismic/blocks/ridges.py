@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from seismo3d._typing import IntArray
+from seismo3d._typing import Float32Array, IntArray
 from seismo3d.seismic.blocks.evidence import final_noise, read_levelled, thinned_shape
 from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.results import write_result
@@ -16,6 +16,7 @@ from seismo3d.seismic.scan import (
     RidgePoints,
     ScanPlan,
     ScanRegion,
+    find_offsets,
     find_prior,
     in_spreads,
     plan_scan,
@@ -43,18 +44,26 @@ def scan(run: BlockRun, number: int) -> None:
     """Scan a block for planes."""
     plan = find_plan(run)
     box = run.plan.tiling("scan").box(number)
+    moments, medians = run.fact("moments"), run.fact("medians")["medians"]
+    prior, offsets = find_prior(medians), find_offsets(medians, run.plan.shape, final_noise(run)[0])
 
     def take(across: int) -> ScanRegion:
         reach = plan.reach if across == 0 else (plan.reach[1], plan.reach[0])
         wide = box.grown(reach, run.plan.shape)
         corner = (box.i0 - wide.i0, box.j0 - wide.j0)
-        return ScanRegion.turned((read_levelled(run, axis, wide) for axis in range(2)), across, corner, box.shape)
+        levelled = (_read_offset(run, axis, wide, offset) for axis, offset in enumerate(offsets))
+        return ScanRegion.turned(levelled, across, corner, box.shape)
 
-    moments = run.fact("moments")
-    best, orientation = scan_region(take, plan, find_prior(*run.fact("medians")["medians"]))
+    best, orientation = scan_region(take, plan, prior)
     run.store.write("score", box, in_spreads(best, moments["mean"], moments["spread"]))
     run.store.write("orientation", box, orientation)
     run.write_part("scan", number, {})
+
+
+def _read_offset(run: BlockRun, axis: int, box: Box, offset: np.float32) -> Float32Array:
+    values = read_levelled(run, axis, box)
+    values += offset
+    return values
 
 
 def thin(run: BlockRun, number: int) -> None:
