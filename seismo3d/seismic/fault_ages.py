@@ -21,7 +21,7 @@ _SMOOTH = 0.03
 # strike slips over throw that are tried where ages are told, and what a trial costs that is so far off the known one
 _TURNS, _PRICE = np.linspace(-0.6, 0.6, 13), 0.5
 # strike slips over throw among which the one is looked for that mends older faults, and how far aside is surely worse
-_SHARES, _ASIDE = np.linspace(-0.8, 0.8, 17), 0.2
+_SHARES, _ASIDE = np.linspace(-1.2, 1.2, 25), 0.2
 # mend from which on an older fault bears witness, and how many times clearer a single one must
 _WITNESS, _ALONE = 0.25, 1.6
 # traces within which surfaces that cover each other are the same, and distance along a surface that is still on it

@@ -120,9 +120,9 @@ def trace_faults(
     What does not fit across a voxel after both sides are carried to it is the evidence. They are carried along
     reflector slopes, which come from the structure tensor, and by the shifts that register neighbouring slices. Planes
     of all strikes and dips are scanned for the evidence [1]_. Its crests are thinned with sub-voxel position and grown
-    into surfaces that pass through each other; certain ones are followed on along weaker crests. At every place of a
-    surface the throw is the shift that matches its two sides; those of faults that others have offset are matched as
-    they lay before these moved. At last a surface is moved to where the layers on its two sides break.
+    into surfaces that pass through each other; certain ones are followed on along weaker crests. A surface is moved to
+    where the layers on its two sides break. At every place of it the throw is the shift that matches these sides; those
+    of faults that others have offset are matched as they lay before these moved.
 
     Parameters
     ----------
@@ -213,6 +213,14 @@ def trace_faults(
         del slopes
         slopes = slopes_beside(volume, valid, sheets, dip=settings.dip, settings=settings.throw)
     layers = sample_slopes(slopes, valid, sheets, volume.shape)
+    sheets = [
+        place_sheet(
+            sheet,
+            *read_profile(volume, valid, slopes, sheet, throw=settings.throw, settings=settings.place),
+            settings=settings.place,
+        )
+        for sheet in sheets
+    ]
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
@@ -230,14 +238,6 @@ def trace_faults(
         settings,
         is_section=is_section,
     )
-    sheets = [
-        place_sheet(
-            sheet,
-            *read_profile(volume, valid, slopes, sheet, throw=settings.throw, settings=settings.place),
-            settings=settings.place,
-        )
-        for sheet in sheets
-    ]
     if is_section:
         ridges = weigh_by_lines(
             ridges, found.known.shape, step=found.step, link=settings.link, settings=settings.section

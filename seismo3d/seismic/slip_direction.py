@@ -93,7 +93,7 @@ def _find_share(
     """Return the strike slip over throw, beyond that of the field, that the throws about a field ask for.
 
     Also by how much of itself it lowers what a quadratic throw leaves over, and how much of what is left over a share
-    aside leaves it is gone.
+    aside leaves it is gone. All zero where the best lies at the end of those tried: such throws tell of no share.
     """
     shift, weight = match_about_field(sides, slip, inside, thin, _LEEWAY, settings)
     taken = np.zeros_like(inside)
@@ -105,11 +105,12 @@ def _find_share(
     throw, counts = (slip.throw + shift)[taken].astype(np.float64), weight[taken].astype(np.float64)
     left = _left_over(throw, counts, terms, 1.0 - _SHARES[:, None] * slope)
     best = int(left.argmin())
+    if best in (0, len(left) - 1):
+        return 0.0, 0.0, 0.0
     share, least = float(_SHARES[best]), float(left[best])
-    if 0 < best < len(left) - 1:
-        before, after = left[best - 1] - least, left[best + 1] - least
-        if before + after > 1e-12:
-            share += float(0.5 * (before - after) / (before + after)) * float(_SHARES[1] - _SHARES[0])
+    before, after = left[best - 1] - least, left[best + 1] - least
+    if before + after > 1e-12:
+        share += float(0.5 * (before - after) / (before + after)) * float(_SHARES[1] - _SHARES[0])
     aside = float(np.interp([share - _ASIDE, share + _ASIDE], _SHARES, left).min())
     straight = float(left[len(left) // 2])
     return share, 1.0 - least / max(straight, 1e-12), float(np.clip(1.0 - least / max(aside, 1e-12), 0.0, 1.0))

@@ -52,7 +52,7 @@ def make_beside_arrays(run: BlockRun) -> None:
 def beside(run: BlockRun, number: int) -> None:
     """Estimate a block's slopes without what lies on the sheets."""
     box = run.plan.tiling("dip").box(number)
-    sheets, width = run_sheets(run), run.settings.throw.beside
+    sheets, width = linked_sheets(run), run.settings.throw.beside
     _, valid, slopes = estimate_block(
         run, box, leave_out=lambda valid, corner: mask_sheets(sheets, valid, beside=width, corner=corner)
     )
@@ -68,9 +68,40 @@ def _joined_slopes(run: BlockRun) -> LayerSlopes:
     return join_slopes([LayerSlopes(found["points"], found["slopes"], voxels) for found, voxels in parts])
 
 
+def profiles(run: BlockRun, number: int) -> None:
+    """Read the traces on both sides of every sheet where it passes through a block."""
+    settings = run.settings
+
+    def read(around: Around, _place: int, part: Sheet, w: Float32Array) -> tuple[Float32Array, BoolArray]:
+        return read_profile(
+            around.volume, around.valid, around.slopes, part, throw=settings.throw, settings=settings.place, w=w,
+            corner=around.corner,
+        )  # fmt: skip
+
+    read_parts(run, "profiles", number, linked_sheets(run), read)
+
+
+def profiles_facts(run: BlockRun) -> None:
+    """Note which blocks each sheet passes through."""
+    note_blocks(run, "profiles", count_sheets(run))
+
+
+def place(run: BlockRun, number: int) -> None:
+    """Move a sheet to where the layers on its two sides break."""
+    sheet, settings = linked_sheets(run)[number], run.settings.place
+    values, known = join_parts(run, "profiles", sheet, number, 2 * settings.reach + 1)
+    run.write_part("place", number, pack("sheet", [place_sheet(sheet, values, known, settings=settings)]))
+
+
+def place_facts(run: BlockRun) -> None:
+    """Gather the sheets where they lie."""
+    parts = [run.read_part("place", number)[0] for number in range(count_sheets(run))]
+    run.write_fact("place", **pack("sheet", [unpack("sheet", part, Sheet)[0] for part in parts]))
+
+
 def sides(run: BlockRun, number: int) -> None:
     """Read both sides of every sheet where it passes through a block."""
-    settings, sheets = run.settings.throw, run_sheets(run)
+    settings, sheets = run.settings.throw, placed_sheets(run)
 
     def read(around: Around, place: int, part: Sheet, w: Float32Array) -> tuple[Float32Array, BoolArray]:
         off = farther_off(sheets[place], settings)
@@ -82,32 +113,14 @@ def sides(run: BlockRun, number: int) -> None:
     read_parts(run, "sides", number, sheets, read)
 
 
-def profiles(run: BlockRun, number: int) -> None:
-    """Read the traces on both sides of every fault where it passes through a block."""
-    settings = run.settings
-
-    def read(around: Around, _place: int, part: Sheet, w: Float32Array) -> tuple[Float32Array, BoolArray]:
-        return read_profile(
-            around.volume, around.valid, around.slopes, part, throw=settings.throw, settings=settings.place, w=w,
-            corner=around.corner,
-        )  # fmt: skip
-
-    read_parts(run, "profiles", number, unpack("sheet", run.fact("choice"), Sheet), read)
-
-
 def sides_facts(run: BlockRun) -> None:
-    """Note which blocks each sheet passes through."""
-    note_blocks(run, "sides", int(run.fact("link")["n_sheets"]))
-
-
-def profiles_facts(run: BlockRun) -> None:
-    """Note which blocks each fault passes through."""
-    note_blocks(run, "profiles", count_faults(run))
+    """Note which blocks each of them passes through."""
+    note_blocks(run, "sides", count_sheets(run))
 
 
 def throw(run: BlockRun, number: int) -> None:
     """Find the throw of a sheet, and where it ends."""
-    sheet = run_sheets(run)[number]
+    sheet = placed_sheets(run)[number]
     both, known, _ = _joined_sides(run, sheet, number)
     measured = match_sides(sheet, both, known, settings=run.settings.throw)
     ratio, _ = final_noise(run)
@@ -122,60 +135,43 @@ def _joined_sides(run: BlockRun, sheet: Sheet, number: int) -> SheetSides:
 
 
 def choice_facts(run: BlockRun) -> None:
-    """Choose the sheets that are faults, and measure what they threw when they moved."""
-    moving = []
-    for number in range(run.fact("link")["n_sheets"]):
+    """Choose the sheets that are faults, each place of one once, and measure what they threw when they moved."""
+    moving, is_section = [], 1 in run.plan.shape[:2]
+    for number in range(count_sheets(run)):
         part, _ = run.read_part("throw", number)
         moving.append((unpack("sheet", part, Sheet)[0], unpack("throw", part, SheetThrow)[0]))
-    numbers, candidates = choose_faults(moving, run.settings.choice), run_sheets(run)
+    numbers, candidates = choose_faults(moving, run.settings.choice), placed_sheets(run)
     sheets, today = [moving[number][0] for number in numbers], [moving[number][1] for number in numbers]
     throws = finish_throws(
         sheets, today,
         lambda n: _joined_sides(run, candidates[numbers[n]], numbers[n]), _joined_slopes(run), run.settings,
-        is_section=1 in run.plan.shape[:2],
+        is_section=is_section,
     )  # fmt: skip
-    run.write_fact(
-        "choice",
-        n_faults=len(sheets),
-        **pack("sheet", sheets),
-        **pack("throw", throws),
-        **pack("today", today),
-    )
-
-
-def place(run: BlockRun, number: int) -> None:
-    """Move a fault to where the layers on its two sides break."""
-    sheet = unpack("sheet", run.fact("choice"), Sheet)[number]
-    settings = run.settings.place
-    values, known = join_parts(run, "profiles", sheet, number, 2 * settings.reach + 1)
-    run.write_part("place", number, pack("sheet", [place_sheet(sheet, values, known, settings=settings)]))
-
-
-def place_facts(run: BlockRun) -> None:
-    """Gather the faults where they lie, each place of a fault once."""
-    parts = [run.read_part("place", number)[0] for number in range(count_faults(run))]
-    sheets = [unpack("sheet", part, Sheet)[0] for part in parts]
-    throws, today = (unpack(name, run.fact("choice"), SheetThrow) for name in ("throw", "today"))
-    if 1 not in run.plan.shape[:2]:
+    if not is_section:
         sheets, throws, today = part_doubles(sheets, throws, today, run.settings.choice)
     sheets, throws, today = largest_first(sheets, throws, today, run.plan.shape)
-    run.write_fact("place", **pack("sheet", sheets), **pack("throw", throws), **pack("today", today))
-
-
-def count_faults(run: BlockRun) -> int:
-    """Return how many sheets are faults, or parts of one that lie on each other."""
-    return int(run.fact("choice")["n_faults"])
+    run.write_fact("choice", **pack("sheet", sheets), **pack("throw", throws), **pack("today", today))
 
 
 def chosen_faults(run: BlockRun) -> tuple[list[Sheet], list[SheetThrow], list[SheetThrow]]:
     """Return the sheets that are faults, their throws when they moved, and what lies apart today."""
-    throws, today = (unpack(name, run.fact("place"), SheetThrow) for name in ("throw", "today"))
-    return unpack("sheet", run.fact("place"), Sheet), throws, today
+    throws, today = (unpack(name, run.fact("choice"), SheetThrow) for name in ("throw", "today"))
+    return unpack("sheet", run.fact("choice"), Sheet), throws, today
 
 
-def run_sheets(run: BlockRun) -> list[Sheet]:
-    """Return the sheets that may be faults."""
+def count_sheets(run: BlockRun) -> int:
+    """Return how many sheets may be faults."""
+    return int(run.fact("link")["n_sheets"])
+
+
+def linked_sheets(run: BlockRun) -> list[Sheet]:
+    """Return the sheets that may be faults, as they were linked."""
     return unpack("sheet", run.fact("link"), Sheet)
+
+
+def placed_sheets(run: BlockRun) -> list[Sheet]:
+    """Return the sheets that may be faults, each where the layers on its two sides break."""
+    return unpack("sheet", run.fact("place"), Sheet)
 
 
 def draw(run: BlockRun, number: int) -> None:

@@ -34,8 +34,8 @@ class Stage:
     shown : str
         What progress calls it.
     tiling : str
-        Which blocks it works on; "sheets" for one of each sheet, "faults" of each that is a fault, "surfaces" of each
-        surface given, "" for none.
+        Which blocks it works on; "sheets" for one of each sheet, "surfaces" of each surface given, "" for
+        none.
     work : callable
         Works on one block: takes the run and the block's number, and of stages that read it a piece of the input.
     make : callable
@@ -157,14 +157,13 @@ def _fault_stages(settings: FaultSettings) -> dict[str, Stage]:
             "throw", "dip", sheets.beside, make=sheets.make_beside_arrays, writes=("beside_p", "beside_q"),
             leaves=("p", "q"),
         ),
-        "sides": Stage("throw", "draw", sheets.sides, find=sheets.sides_facts),
+        "profiles": Stage("throw", "draw", sheets.profiles, find=sheets.profiles_facts),
+        "place": Stage("throw", "sheets", sheets.place, find=sheets.place_facts),
+        "sides": Stage(
+            "throw", "draw", sheets.sides, find=sheets.sides_facts, leaves=("white", "valid", "beside_p", "beside_q")
+        ),
         "throw": Stage("throw", "sheets", sheets.throw),
         "choice": Stage("surfaces", "", _no_block, find=sheets.choice_facts),
-        "profiles": Stage(
-            "surfaces", "draw", sheets.profiles, find=sheets.profiles_facts,
-            leaves=("white", "valid", "beside_p", "beside_q"),
-        ),
-        "place": Stage("surfaces", "faults", sheets.place, find=sheets.place_facts),
         "draw": Stage("surfaces", "draw", sheets.draw),
     }  # fmt: skip
 
@@ -215,9 +214,7 @@ def count_blocks(run: BlockRun, stage: str) -> int:
     """Return how many blocks a stage works on."""
     tiling = stages_of(run)[stage].tiling
     if tiling == "sheets":
-        return int(run.fact("link")["n_sheets"])
-    if tiling == "faults":
-        return sheets.count_faults(run)
+        return sheets.count_sheets(run)
     if tiling == "surfaces":
         return int(run.fact("faults")["n_surfaces"])
     return len(run.plan.tiling(tiling)) if tiling else 0
