@@ -76,7 +76,7 @@ class HistorySettings:
     least_gain: float = 0.65
     least_free: float = 0.1
     least_share: float = 0.27
-    least_mend: float = 1.6
+    least_mend: float = 1.2
     least_area: float = 1500.0
     stiffness: float = 300.0
     least_match: float = 0.9

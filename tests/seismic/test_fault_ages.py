@@ -132,7 +132,7 @@ def test_all_parts_of_a_fault_slid_alike():
     assert slips[2].share == -slips[0].share
 
 
-@pytest.mark.parametrize(("witnesses", "told"), [((2.0, 0.0), False), ((3.0, 0.0), True), ((1.2, 0.8), True)])
+@pytest.mark.parametrize(("witnesses", "told"), [((1.8, 0.0), False), ((2.2, 0.0), True), ((0.8, 0.6), True)])
 def test_two_older_faults_together_tell_what_one_must_tell_clearly(witnesses, told):
     mended = np.array([clear * np.exp(-0.5 * ((_SHARES - 0.4) / 0.1) ** 2) for clear in witnesses])
     share, certainty = _best_share(mended, SETTINGS)
