@@ -31,7 +31,7 @@ from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
 from seismo3d.seismic.preparing import as_volume, check_live, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.restored_throws import restore_throws
-from seismo3d.seismic.scan import RidgePoints, ScanSettings, count_scores, level_of_chance, scan_planes, thin
+from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
 from seismo3d.seismic.section_scores import (
     SectionScoreSettings,
     spread_likelihood,
@@ -205,12 +205,10 @@ def trace_faults(
     ridges = thin(support, found, least=0.0)
     if is_section:
         ridges = weigh_crests(volume, valid, slopes, ridges, settings=settings.section)
+    strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, found.noise))
     del support
     report("link", 0.0)
-    weak = ridges.scaled(level_of_chance(count_scores(ridges.score), volume.shape, found.noise))
-    strong = weak.select(weak.score >= score_at_noise(settings.least_score, found.noise))
-    sheets = find_candidates(strong, weak, found.known.shape, found.noise, settings)
-    del strong, weak
+    sheets = find_candidates(strong, ridges, found.known.shape, found.noise, settings)
     if sheets:
         del slopes
         slopes = slopes_beside(volume, valid, sheets, dip=settings.dip, settings=settings.throw)

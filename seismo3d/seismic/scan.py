@@ -7,16 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray, Progress
+from seismo3d._typing import BoolArray, Float32Array, Float64Array, Progress
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_scan import find_ridges, keep_best_dip, merge_best, sum_strike_lines
 from seismo3d.seismic.misfit import Evidence, share_of_noise
 
 # widths of its Gaussian at which a patch ends
 _CUT = 2.0
-# steps in which scores are counted; share of ridges that are noise's alone, and what white noise scores there at most
-_SCORE_STEP, _SCORE_STEPS = 1e-3, 4000
-_WEAKEST, _WHITE = 0.25, 0.085
 # difference of both axes' medians half of which noise is taken to have made: faults make less
 _AXES_APART = 0.12
 
@@ -93,10 +90,6 @@ class RidgePoints:
     def select(self, chosen: BoolArray) -> RidgePoints:
         """Return the chosen points, a boolean for each."""
         return RidgePoints(self.voxels[chosen], self.positions[chosen], self.planes[chosen], self.score[chosen])
-
-    def scaled(self, share: np.float32) -> RidgePoints:
-        """Return the same points with scores divided by so much."""
-        return RidgePoints(self.voxels, self.positions, self.planes, self.score / share)
 
 
 def scan_planes(
@@ -317,42 +310,6 @@ def thin_region(
     positions[:, :2] += off[:, None] * planes[:, :2]
     positions[:, 2] *= step
     return RidgePoints(voxels, positions, planes, score)
-
-
-def count_scores(score: Float32Array) -> IntArray:
-    """Return how many ridges have a score in each step of `_SCORE_STEP` from 0 on; those beyond all steps in the last.
-
-    Counts of parts of a cube add up to those of the whole.
-    """
-    at = np.clip(score / np.float32(_SCORE_STEP), 0.0, _SCORE_STEPS - 1).astype(np.int64)
-    return np.bincount(at, minlength=_SCORE_STEPS)
-
-
-def level_of_chance(counts: IntArray, shape: tuple[int, ...], noise: float) -> np.float32:
-    """Return how many times better a cube's noise lines up along planes by chance than white noise may, at least 1.
-
-    The weakest quarter of a noisy cube's ridges are none of its faults': what they score is what noise alone does.
-    Where it goes on from trace to trace, as migration leaves it, that is more than any white noise scores. In a cube
-    with next to no noise the weakest are faults' as well, and tell nothing; a section's ridges are weighed by its
-    lines.
-
-    Parameters
-    ----------
-    counts : ndarray of int64
-        Of all ridges' scores, from :func:`count_scores`.
-    shape : tuple of int
-        Of the cube.
-    noise : float
-        The cube's median misfit ratio.
-
-    Returns
-    -------
-    float32
-    """
-    if 1 in shape[:2] or not counts.sum():
-        return np.float32(1.0)
-    weakest = (int(np.searchsorted(np.cumsum(counts), _WEAKEST * counts.sum())) + 1) * _SCORE_STEP
-    return np.float32(max(1.0, share_of_noise(noise) * weakest / _WHITE))
 
 
 def _between(pair: tuple[float, float], share: float) -> float:

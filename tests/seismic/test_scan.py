@@ -3,7 +3,6 @@ from __future__ import annotations
 import numba
 import numpy as np
 import pytest
-from scipy import ndimage
 
 from seismo3d.seismic import _kernels_scan as kernels
 from seismo3d.seismic._kernels_filters import gaussian_taps
@@ -11,9 +10,7 @@ from seismo3d.seismic.misfit import Evidence
 from seismo3d.seismic.scan import (
     PlanarSupport,
     ScanSettings,
-    count_scores,
     find_offsets,
-    level_of_chance,
     scan_planes,
     thin,
 )
@@ -225,38 +222,6 @@ def test_both_ways_are_scanned_about_one_median_in_noise(shape, noise, expected)
 
 def test_a_small_difference_of_both_ways_is_left_to_the_faults():
     assert np.abs(find_offsets([1.0, 0.95], (9, 9, 9), 0.1)).max() < 0.005
-
-
-def level_in_noise(sigma, *, shape=SHAPE, noise=0.2):
-    """How much better than white noise may, noise that is alike over so many traces lines up."""
-    values = [
-        ndimage.gaussian_filter(n, (sigma, sigma, 0.0)) for n in np.random.default_rng(8).normal(size=(2, *shape))
-    ]
-    both = [(n / n.std()).astype(np.float32) for n in values]
-    evidence = Evidence(*both, np.ones(shape, np.float32), noise, 0.5, 0.0, 1.0, STEP)
-    ridges = thin(scan_planes(evidence), evidence, least=0.0)
-    return level_of_chance(count_scores(ridges.score), shape, noise)
-
-
-def test_noise_that_goes_on_from_trace_to_trace_asks_for_more_support():
-    assert level_in_noise(0.0) == 1.0
-    assert 1.2 < level_in_noise(1.0) < level_in_noise(2.0)
-
-
-def test_without_noise_and_in_sections_nothing_more_is_asked_for():
-    assert level_in_noise(2.0, noise=0.0) == 1.0
-    counts = np.ones(100, np.int64)
-    assert level_of_chance(counts, (9, 9, 9), 0.2) == pytest.approx(1.0)
-    assert level_of_chance(np.roll(counts, 300), (1, 9, 9), 0.2) == 1.0
-    assert level_of_chance(np.zeros(4, np.int64), (9, 9, 9), 0.2) == 1.0
-
-
-def test_counts_of_parts_add_up_to_those_of_the_whole():
-    score = np.array([0.0, 0.0004, 0.0996, 0.2505, 17.0], np.float32)
-    whole = count_scores(score)
-    assert whole.sum() == len(score)
-    assert (whole[0], whole[99], whole[250], whole[-1]) == (2, 1, 1, 1)
-    np.testing.assert_array_equal(whole, count_scores(score[:2]) + count_scores(score[2:]))
 
 
 def test_planes_across_the_noisier_axis_have_no_support_for_that_alone():

@@ -16,11 +16,9 @@ from seismo3d.seismic.scan import (
     RidgePoints,
     ScanPlan,
     ScanRegion,
-    count_scores,
     find_offsets,
     find_prior,
     in_spreads,
-    level_of_chance,
     plan_scan,
     scan_region,
     thin_region,
@@ -80,20 +78,11 @@ def thin(run: BlockRun, number: int) -> None:
     ridges = ridges.select(_inside(ridges, box.grown((drawn_from,) * 2, run.plan.shape)))
     shape = (*box.shape, run.plan.shape[2])
     write_result(run, "likelihood", box, draw_ridges(ridges, plan.step, shape, corner=(box.i0, box.j0)))
-    own = ridges.select(_inside(ridges, box))
-    kept = own.select(own.score >= min(least_scores(run)))
+    kept = ridges.select(_inside(ridges, box) & (ridges.score >= min(least_scores(run))))
     run.write_part(
         "thin", number,
-        {"voxels": kept.voxels, "positions": kept.positions, "planes": kept.planes, "score": kept.score,
-         "counts": count_scores(own.score)},
+        {"voxels": kept.voxels, "positions": kept.positions, "planes": kept.planes, "score": kept.score},
     )  # fmt: skip
-
-
-def thin_facts(run: BlockRun) -> None:
-    """Tell how well the cube's noise lines up by chance."""
-    blocks = range(len(run.plan.tiling("draw")))
-    counts = sum((run.read_part("thin", number)[0]["counts"] for number in blocks), np.zeros(1, np.int64))
-    run.write_fact("thin", chance=float(level_of_chance(counts, run.plan.shape, final_noise(run)[0])))
 
 
 def least_scores(run: BlockRun) -> tuple[float, float]:
@@ -108,13 +97,12 @@ def gather_ridges(run: BlockRun, room: OnDisk) -> list[RidgePoints]:
     They are in the order in which the cube in one piece has them.
     """
     blocks, shape, scores = range(len(run.plan.tiling("draw"))), thinned_shape(run), least_scores(run)
-    chance = np.float32(run.fact("thin")["chance"])
     keys: list[list[IntArray]] = [[] for _ in scores]
     for number in blocks:
         part, _ = run.read_part("thin", number)
         flat = np.ravel_multi_index(tuple(part["voxels"].T), shape)
         for found, least in zip(keys, scores, strict=True):
-            found.append(flat[part["score"] / chance >= least])
+            found.append(flat[part["score"] >= least])
     places = [_places_in_order(np.concatenate(found)) for found in keys]
     del keys
     wholes = [
@@ -127,7 +115,6 @@ def gather_ridges(run: BlockRun, room: OnDisk) -> list[RidgePoints]:
     first = [0] * len(scores)
     for number in blocks:
         part, _ = run.read_part("thin", number)
-        part["score"] = part["score"] / chance
         for n, (whole, place, least) in enumerate(zip(wholes, places, scores, strict=True)):
             enough = part["score"] >= least
             at = place[first[n] : first[n] + int(enough.sum())]

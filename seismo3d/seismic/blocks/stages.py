@@ -151,9 +151,7 @@ def _fault_stages(settings: FaultSettings) -> dict[str, Stage]:
             "scan", "scan", ridges.scan, make=ridges.make_support_arrays, writes=("score", "orientation"),
             leaves=("evidence0", "evidence1"),
         ),
-        "thin": Stage(
-            "scan", "draw", ridges.thin, find=ridges.thin_facts, leaves=("score", "orientation", "known")
-        ),
+        "thin": Stage("scan", "draw", ridges.thin, leaves=("score", "orientation", "known")),
         "link": Stage("link", "", _no_block, find=sheets.link_facts),
         "beside": Stage(
             "throw", "dip", sheets.beside, make=sheets.make_beside_arrays, writes=("beside_p", "beside_q"),

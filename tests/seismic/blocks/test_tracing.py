@@ -11,11 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scipy import ndimage
 
 import seismo3d as s3
 from seismo3d.errors import FileAccessError, ParameterError
-from seismo3d.io.archive import read_archive
 from seismo3d.io.cubes import write_npy
 from seismo3d.io.zarr_store import write_zarr
 from seismo3d.seismic.blocks.plan import plan_blocks
@@ -105,14 +103,6 @@ def test_blocks_give_what_one_piece_gives_to_the_bit(noise, evidence, tmp_path):
     cube = make_cube(noise)
     settings = FaultSettings(evidence=evidence)
     assert_same(trace(cube, tmp_path / "run", settings=settings), trace_faults(cube, settings=settings))
-
-
-def test_blocks_weigh_noise_that_goes_on_from_trace_to_trace_as_one_piece_does(tmp_path):
-    noise = ndimage.gaussian_filter(np.random.default_rng(4).normal(size=SHAPE), (1.5, 1.5, 1.0))
-    cube = make_cube(0.0) + (0.6 / noise.std() * noise).astype(np.float32)
-    found = trace(cube, tmp_path / "run")
-    assert read_archive(tmp_path / "run" / "work" / "facts" / "thin.npz")[1]["chance"] > 1.1
-    assert_same(found, trace_faults(cube))
 
 
 def test_repeats_of_a_noise_free_cube_are_data_in_blocks_too(tmp_path):
