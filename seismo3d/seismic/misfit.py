@@ -97,7 +97,7 @@ class Evidence:
     known : ndarray of the same shape, float32
         0 where the misfit could not be measured, up to 1.
     noise : float
-        The cube's own median misfit ratio: 0 without noise, about 0.7 in noise alone.
+        The cube's own median misfit ratio: 0 without noise, about a quarter in noise alone.
     noisiness : float
         0 for a cube without noise to 1 for one whose noise is as strong as its signal; it sets window sizes.
     mean, spread : float
@@ -123,7 +123,7 @@ def measure_misfit(
 
     With L and R the means of a few traces on either side, the ratio :math:`\langle (L - R)^2 \rangle / \langle L^2 +
     R^2 \rangle` is near 0 on an unbroken reflector and 1 on average where the sides are unrelated: a semblance of
-    two. Its
+    two. To its denominator a share of the mean at the depth is added, so that it is less between strong reflectors. Its
     logarithm, softened by the cube's own noise, is the evidence: the mean logarithm over a patch cannot be raised by a
     few bright voxels. How many traces are averaged follows from the cube's noise, which is measured first.
 

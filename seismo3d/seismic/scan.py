@@ -200,7 +200,7 @@ def find_prior(medians: Sequence[float]) -> np.float32:
 
 
 def find_offsets(medians: Sequence[float], shape: tuple[int, ...], noise: float) -> list[np.float32]:
-    """Return what is to be added to the evidence, either way, so that both have one median in a cube of this noise.
+    """Return what is to be added to the evidence, either way, to take off what noise makes their medians differ by.
 
     Where inlines differ from each other more than crosslines do, as footprints and gridding leave them, planes across
     the inlines would be found everywhere. A small difference is kept: faults of one strike make it, in little noise all

@@ -7,13 +7,7 @@ import pytest
 from seismo3d.seismic import _kernels_scan as kernels
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic.misfit import Evidence
-from seismo3d.seismic.scan import (
-    PlanarSupport,
-    ScanSettings,
-    find_offsets,
-    scan_planes,
-    thin,
-)
+from seismo3d.seismic.scan import PlanarSupport, ScanSettings, find_offsets, scan_planes, thin
 
 SHAPE = (40, 40, 64)
 STEP = 2
