@@ -55,7 +55,7 @@ def part_doubles(
         for m in near_boxes(bounds, placed.nodes.bounds, _ON):
             taken |= placed.lies_on(kept[m], settings)
         if taken.any():
-            parted[n] = _without(sheets[n], taken, settings)
+            parted[n] = without_nodes(sheets[n], taken, settings)
         if parted[n].inside.any():
             kept.append(_Placed.of(parted[n]) if taken.any() else placed)
             bounds = np.concatenate([bounds, kept[-1].nodes.bounds[None]])
@@ -78,11 +78,7 @@ class _Placed:
 
     @classmethod
     def of(cls, sheet: Sheet) -> _Placed:
-        rows, columns = np.nonzero(sheet.inside)
-        planes = local_planes(sheet.w.astype(np.float64), sheet.inside, (rows, columns), _WIDTH)
-        flat = sheet.across - planes[:, 1:2] * sheet.along
-        normals = np.column_stack([flat, -planes[:, 2] / sheet.step])
-        return cls(SheetNodes.of(sheet), normals / np.sqrt((normals**2).sum(axis=1, keepdims=True)))
+        return cls(SheetNodes.of(sheet), node_normals(sheet))
 
     def lies_on(self, other: _Placed, settings: ChoiceSettings) -> BoolArray:
         """Tell which nodes lie on another sheet, in its attitude there."""
@@ -96,7 +92,16 @@ class _Placed:
         return found
 
 
-def _without(sheet: Sheet, taken: BoolArray, settings: ChoiceSettings) -> Sheet:
+def node_normals(sheet: Sheet) -> Float64Array:
+    """Return the unit normal of a sheet at each of its nodes, in traces and samples: shape (n, 3)."""
+    rows, columns = np.nonzero(sheet.inside)
+    planes = local_planes(sheet.w.astype(np.float64), sheet.inside, (rows, columns), _WIDTH)
+    flat = sheet.across - planes[:, 1:2] * sheet.along
+    normals = np.column_stack([flat, -planes[:, 2] / sheet.step])
+    return np.asarray(normals / np.sqrt((normals**2).sum(axis=1, keepdims=True)))
+
+
+def without_nodes(sheet: Sheet, taken: BoolArray, settings: ChoiceSettings) -> Sheet:
     """Return a sheet without some of its nodes, and without the slivers and scraps that are left beside them."""
     removed = np.zeros(sheet.w.shape, bool)
     removed[sheet.inside] = taken

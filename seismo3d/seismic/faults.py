@@ -1,6 +1,6 @@
 """Fault tracing, from a cube or section to surfaces: one straight line of steps.
 
-slopes -> misfit -> planar support -> ridges -> sheets -> throws -> places -> surfaces, labels, likelihood
+slopes -> misfit -> planar support -> ridges -> sheets -> places -> throws -> surfaces, labels, likelihood
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from seismo3d.seismic.extending import ExtendSettings, extend_sheets
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
+from seismo3d.seismic.flanks import FlankSettings, join_flanks
 from seismo3d.seismic.layer_strain import LayerSlopes, sample_slopes
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
 from seismo3d.seismic.misfit import NOISES, MisfitSettings
@@ -60,12 +61,13 @@ class FaultSettings:
         The same, averaged over the surface nearby, below which a surface ends.
     evidence : {"semblance", "registration", "both"}
         How the sides of a voxel are carried to it.
-    dip, misfit, registration, scan, section, link, extend, cut, choice, throw, history, place
-        Settings of the stages; `section` is that of a stage which cubes do without.
+    dip, misfit, registration, scan, section, link, extend, cut, choice, throw, history, place, flank
+        Settings of the stages; `section` is that of a stage which cubes do without, `flank` that of one which sections
+        do without.
     """
 
-    least_score: tuple[float, float, float] = (0.26, 0.23, 0.16)
-    end_score: tuple[float, float, float] = (0.26, 0.23, 0.16)
+    least_score: tuple[float, float, float] = (0.26, 0.26, 0.18)
+    end_score: tuple[float, float, float] = (0.26, 0.26, 0.18)
     evidence: str = "both"
     dip: DipSettings = field(default_factory=DipSettings)
     misfit: MisfitSettings = field(default_factory=MisfitSettings)
@@ -79,6 +81,7 @@ class FaultSettings:
     throw: ThrowSettings = field(default_factory=ThrowSettings)
     history: HistorySettings = field(default_factory=HistorySettings)
     place: PlaceSettings = field(default_factory=PlaceSettings)
+    flank: FlankSettings = field(default_factory=FlankSettings)
 
     @classmethod
     def for_section(cls) -> FaultSettings:
@@ -95,7 +98,7 @@ class FaultSettings:
             least_score=(0.2, 0.2, 0.28),
             end_score=(0.2, 0.2, 0.25),
             dip=DipSettings(lateral=8.0),
-            misfit=MisfitSettings(reach=(1, 6), lateral=0.5, background=(10.0, 16.0), floor=0.01),
+            misfit=MisfitSettings(reach=(1, 6), vertical=(1.5, 1.5), lateral=0.5, background=(10.0, 16.0), floor=0.01),
             registration=RegistrationSettings(share=(0.0, 0.0, 1.0)),
             scan=ScanSettings(along_dip=(14.0, 16.0), n_dips=(61, 41), evenness=0.5),
             link=LinkSettings(fragment=6, contacts=5),
@@ -221,6 +224,8 @@ def trace_faults(
         )
         for sheet in sheets
     ]
+    if not is_section:
+        sheets = join_flanks(sheets, settings.choice, settings=settings.flank)
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))

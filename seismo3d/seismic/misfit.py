@@ -29,13 +29,16 @@ NOISES = (0.0, 0.057, 0.145)
 
 # median misfit ratio of mild noise
 _MILD = 0.036
+# widths along the trace, and what noise leaves in the median ratio over them, as a share of that over the second
+_WIDTHS, _LEFT = (0.7, 1.5, 2.0), (0.81, 1.0, 1.06)
 # samples over which the energy of a depth is averaged, about, and share of that of all depths which it is at least
 _DEPTH, _LEAST_ENERGY = 256, 0.01
 
 # share of a second way that is not worth measuring it
 _LEAST_SHARE = 0.05
-_LEAST_MEAN = 0.6
-_LEAST_SPREAD = 0.8
+# mean and spread of the evidence of a cube with a few faults: without noise, and in the mild noise of a good survey
+_LEAST_MEAN = (0.47, 0.6)
+_LEAST_SPREAD = (0.65, 0.9)
 _LEAST_LINE = 32
 
 
@@ -47,8 +50,9 @@ class MisfitSettings:
     ----------
     reach : tuple of (int, int)
         Traces averaged on each side, in a cube without noise and in a cube of noise.
-    vertical : float
-        Width of the Gaussian that smooths the misfit along the trace.
+    vertical : tuple of (float, float)
+        Width of the Gaussian that smooths the misfit along the trace, in a cube without noise and in a cube of noise.
+        What it spreads along the trace lies off a gently dipping fault, by as many traces as samples and more.
     lateral : float
         Width of the Gaussian that smooths the evidence over neighbouring traces.
     footprint : float
@@ -73,7 +77,7 @@ class MisfitSettings:
     """
 
     reach: tuple[int, int] = (2, 10)
-    vertical: float = 1.5
+    vertical: tuple[float, float] = (0.7, 2.0)
     lateral: float = 1.25
     footprint: float = 0.5
     background: tuple[float, float] = (7.0, 9.0)
@@ -207,7 +211,7 @@ def fuse_misfits(
     floor = energy_floor(depth_energies(volume, valid), volume.shape[2], settings)
     least = settings.reach[0]
     near = _ratios(volume.shape, comparisons[0], least, floor, settings)
-    usual = _median_ratio(*near)
+    usual = find_noise(_median_ratio(*near), least, settings)
     noisiness, reach = judge_noise(usual, settings)
     counted = [1.0] if len(comparisons) == 1 else share_out(usual, share, share_noises)
     ways = [(compare, reach, weight) for compare, weight in zip(comparisons, counted, strict=True)]
@@ -215,6 +219,7 @@ def fuse_misfits(
     parts = (
         _log_ratios(
             *(near if number == 0 and reach == least else _ratios(volume.shape, compare, n_traces, floor, settings)),
+            n_traces,
             weight,
             settings,
         )
@@ -224,7 +229,7 @@ def fuse_misfits(
     logs, known, noise, background = reduce(_add_logs, parts)
     del near
     moments = [trace_moments(ratio, weight) for ratio, weight in zip(logs, known, strict=True)]
-    mean, spread = find_moments(moments, noisiness)
+    mean, spread = find_moments(moments, noise, noisiness)
     filled = [fill_unknown(ratio, weight, background) for ratio, weight in zip(logs, known, strict=True)]
     for axis, values in enumerate(filled):
         take_out_lines(values, find_footprint(np.median(values, axis=2), axis, noise, settings), axis)
@@ -241,10 +246,10 @@ def share_out(noise: float, share: tuple[float, float, float], noises: tuple[flo
 
 
 def _log_ratios(
-    ratios: list[Float32Array], known: list[Float32Array], weight: float, settings: MisfitSettings
+    ratios: list[Float32Array], known: list[Float32Array], reach: int, weight: float, settings: MisfitSettings
 ) -> tuple[list[Float32Array], list[Float32Array], float, float]:
-    """Weigh ratios as :func:`weigh_logs` does; return also their median, and the evidence where nothing breaks."""
-    noise = _median_ratio(ratios, known)
+    """Weigh ratios as :func:`weigh_logs` does; return also the noise, and the evidence where nothing breaks."""
+    noise = find_noise(_median_ratio(ratios, known), reach, settings)
     weigh_logs(ratios, known, noise, weight, settings)
     return ratios, known, noise, weight * find_background(noise, settings)
 
@@ -275,6 +280,17 @@ def judge_noise(noise: float, settings: MisfitSettings) -> tuple[float, int]:
     least, most = settings.reach
     noisiness = float(np.clip((noise - 0.01) / 0.28, 0.0, 1.0))
     return noisiness, round(least + noisiness * (most - least))
+
+
+def find_noise(median: float, reach: int, settings: MisfitSettings) -> float:
+    """Return what a median ratio would be over the usual width along the trace: noise leaves less over a narrow one."""
+    return median / float(np.interp(width_along_trace(reach, settings), _WIDTHS, _LEFT))
+
+
+def width_along_trace(reach: int, settings: MisfitSettings) -> float:
+    """Return the width of the window along the trace, given how many traces a side the cube's noise asks for."""
+    least, most = settings.reach
+    return float(np.interp(reach, settings.reach, settings.vertical)) if least < most else settings.vertical[0]
 
 
 def find_softness(noise: float, settings: MisfitSettings) -> np.float32:
@@ -359,13 +375,16 @@ def trace_moments(ratio: Float32Array, weight: Float32Array) -> Float64Array:
     return sums
 
 
-def find_moments(sums: list[Float64Array], noisiness: float) -> tuple[float, float]:
-    """Mean and standard deviation of a cube's evidence where it is known, from its traces' sums."""
+def find_moments(sums: list[Float64Array], noise: float, noisiness: float) -> tuple[float, float]:
+    """Mean and standard deviation of a cube's evidence where it is known, from its traces' sums and its noise."""
     count, total, square = (float(sum(part[k].sum() for part in sums)) for k in range(3))
     mean = total / max(count, 1.0)
     spread = max(float(np.sqrt(max(square / max(count, 1.0) - mean**2, 0.0))), 1e-6)
     # where there is next to no evidence, its own scatter must not be taken for faults
-    return max(mean, _LEAST_MEAN), max(spread, _LEAST_SPREAD * (1.0 - noisiness))
+    least_mean, least_spread = (
+        np.interp(share_of_noise(noise), (0.0, 1.0), ends) for ends in (_LEAST_MEAN, _LEAST_SPREAD)
+    )
+    return max(mean, float(least_mean)), max(spread, float(least_spread) * (1.0 - noisiness))
 
 
 def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> float:
@@ -421,7 +440,7 @@ def _measure_slab(
     within: Traces, ratios: list[Float32Array], known: list[Float32Array],
 ) -> None:  # fmt: skip
     """Write the misfit ratios of traces, both ways, and how far they are known."""
-    taps = gaussian_taps(settings.vertical)
+    taps = gaussian_taps(width_along_trace(reach, settings))
     around = grow_traces(within, (energy_reach(settings),) * 2, shape)
     inner, corner = shift_traces(within, around), (around[0].start, around[1].start)
     size = (around[0].stop - corner[0], around[1].stop - corner[1], shape[2])

@@ -23,6 +23,7 @@ from seismo3d.seismic.misfit import (
     find_background,
     find_footprint,
     find_moments,
+    find_noise,
     judge_noise,
     level,
     level_mean,
@@ -133,7 +134,7 @@ def noise(run: BlockRun, number: int, attempt: str) -> None:
 
 def noise_facts(run: BlockRun, attempt: str) -> None:
     """Find the cube's median misfit ratio, and what follows from it."""
-    ratio = noise_median(attempt).find(run)[0]
+    ratio = find_noise(noise_median(attempt).find(run)[0], attempt_reach(run, attempt), run.settings.misfit)
     noisiness, reach = judge_noise(ratio, run.settings.misfit)
     if attempt != "near":
         noisiness = run.fact("noise_near")["noisiness"]
@@ -186,7 +187,7 @@ def moments(run: BlockRun, number: int) -> None:
 def moments_facts(run: BlockRun) -> None:
     """Find the mean and spread of the cube's evidence, and its acquisition footprint."""
     ratio, noisiness = final_noise(run)
-    mean, spread = find_moments(list(run.gather("moments", "sums", "moments")), noisiness)
+    mean, spread = find_moments(list(run.gather("moments", "sums", "moments")), ratio, noisiness)
     medians = run.gather("moments", "medians", "moments")
     lines = [find_footprint(medians[axis], axis, ratio, run.settings.misfit) for axis in range(2)]
     found = {f"excess{axis}": line for axis, line in enumerate(lines) if line is not None}

@@ -17,6 +17,7 @@ from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.choosing import choose_faults, end_where_still
 from seismo3d.seismic.doubles import part_doubles
 from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws, largest_first
+from seismo3d.seismic.flanks import join_flanks
 from seismo3d.seismic.layer_strain import LayerSlopes, join_slopes, sample_slopes
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.placing import place_sheet, read_profile
@@ -94,9 +95,12 @@ def place(run: BlockRun, number: int) -> None:
 
 
 def place_facts(run: BlockRun) -> None:
-    """Gather the sheets where they lie."""
+    """Gather the sheets where they lie, one of two that are flanks of one fault."""
     parts = [run.read_part("place", number)[0] for number in range(count_sheets(run))]
-    run.write_fact("place", **pack("sheet", [unpack("sheet", part, Sheet)[0] for part in parts]))
+    sheets = [unpack("sheet", part, Sheet)[0] for part in parts]
+    if 1 not in run.plan.shape[:2]:
+        sheets = join_flanks(sheets, run.settings.choice, settings=run.settings.flank)
+    run.write_fact("place", n_sheets=len(sheets), **pack("sheet", sheets))
 
 
 def sides(run: BlockRun, number: int) -> None:
@@ -115,7 +119,7 @@ def sides(run: BlockRun, number: int) -> None:
 
 def sides_facts(run: BlockRun) -> None:
     """Note which blocks each of them passes through."""
-    note_blocks(run, "sides", count_sheets(run))
+    note_blocks(run, "sides", count_placed(run))
 
 
 def throw(run: BlockRun, number: int) -> None:
@@ -137,7 +141,7 @@ def _joined_sides(run: BlockRun, sheet: Sheet, number: int) -> SheetSides:
 def choice_facts(run: BlockRun) -> None:
     """Choose the sheets that are faults, each place of one once, and measure what they threw when they moved."""
     moving, is_section = [], 1 in run.plan.shape[:2]
-    for number in range(count_sheets(run)):
+    for number in range(count_placed(run)):
         part, _ = run.read_part("throw", number)
         moving.append((unpack("sheet", part, Sheet)[0], unpack("throw", part, SheetThrow)[0]))
     numbers, candidates = choose_faults(moving, run.settings.choice), placed_sheets(run)
@@ -160,8 +164,13 @@ def chosen_faults(run: BlockRun) -> tuple[list[Sheet], list[SheetThrow], list[Sh
 
 
 def count_sheets(run: BlockRun) -> int:
-    """Return how many sheets may be faults."""
+    """Return how many sheets may be faults, as they were linked."""
     return int(run.fact("link")["n_sheets"])
+
+
+def count_placed(run: BlockRun) -> int:
+    """Return how many of them there are where they lie."""
+    return int(run.fact("place")["n_sheets"])
 
 
 def linked_sheets(run: BlockRun) -> list[Sheet]:

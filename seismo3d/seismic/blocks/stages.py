@@ -34,8 +34,8 @@ class Stage:
     shown : str
         What progress calls it.
     tiling : str
-        Which blocks it works on; "sheets" for one of each sheet, "surfaces" of each surface given, "" for
-        none.
+        Which blocks it works on; "sheets" for one of each sheet, "placed" of each where it lies, "surfaces" of each
+        surface given, "" for none.
     work : callable
         Works on one block: takes the run and the block's number, and of stages that read it a piece of the input.
     make : callable
@@ -162,7 +162,7 @@ def _fault_stages(settings: FaultSettings) -> dict[str, Stage]:
         "sides": Stage(
             "throw", "draw", sheets.sides, find=sheets.sides_facts, leaves=("white", "valid", "beside_p", "beside_q")
         ),
-        "throw": Stage("throw", "sheets", sheets.throw),
+        "throw": Stage("throw", "placed", sheets.throw),
         "choice": Stage("surfaces", "", _no_block, find=sheets.choice_facts),
         "draw": Stage("surfaces", "draw", sheets.draw),
     }  # fmt: skip
@@ -215,6 +215,8 @@ def count_blocks(run: BlockRun, stage: str) -> int:
     tiling = stages_of(run)[stage].tiling
     if tiling == "sheets":
         return sheets.count_sheets(run)
+    if tiling == "placed":
+        return sheets.count_placed(run)
     if tiling == "surfaces":
         return int(run.fact("faults")["n_surfaces"])
     return len(run.plan.tiling(tiling)) if tiling else 0
