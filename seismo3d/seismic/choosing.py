@@ -12,7 +12,7 @@ from seismo3d._typing import AnyArray, BoolArray
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.misfit import NOISES
 from seismo3d.seismic.sheet_distances import SheetNodes
-from seismo3d.seismic.throw import SheetThrow
+from seismo3d.seismic.throw import SheetSides, SheetThrow, every_sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +36,9 @@ class ChoiceSettings:
         throw that is read may be off by as much.
     still_fit : float
         Fit of the unmoved sides that this takes: a throw carried on from elsewhere says nothing of a place.
+    layer_angle_deg : float
+        Least angle, in the median, between a sheet and the layers beside it, across its strike: what runs along steep
+        layers is one of them, whose neighbours do not fit where its dip is told wrongly.
     tall, tall_strength : float
         Height from which on a sheet is no channel's edge, and the strength that is enough there.
     low_fit, steep_height : float
@@ -73,6 +76,7 @@ class ChoiceSettings:
     still_score: float = 0.6
     still_throw: tuple[float, float] = (0.5, 1.0)
     still_fit: float = 0.7
+    layer_angle_deg: float = 20.0
     tall: float = 60.0
     tall_strength: float = 17.0
     low_fit: float = 0.6
@@ -175,6 +179,34 @@ def end_where_still(
     if n_parts > 1:
         inside &= are_large(parts, settings.company_area / sheet.step)
     return sheet.only(inside), replace(throw, throw=np.where(inside, throw.throw, np.float32(np.nan)))
+
+
+def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) -> Sheet:
+    """Leave nothing of a sheet that runs along the layers beside it.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        A sheet.
+    sides : SheetSides
+        What was read on its two sides.
+    settings : ChoiceSettings
+        The angle that is needed.
+
+    Returns
+    -------
+    Sheet
+        The same one, or none of its nodes.
+    """
+    if sheet.w.shape[1] < 2:
+        return sheet
+    lean = np.arctan2(1.0, np.gradient(every_sample(sheet), axis=1))
+    apart = np.abs(lean - np.arctan(sides.tilts))
+    apart = np.minimum(apart, np.pi - apart)
+    told = (sides.known > 0.0) & np.isfinite(lean)
+    if not told.any() or np.median(apart[told]) >= np.radians(settings.layer_angle_deg):
+        return sheet
+    return sheet.only(np.zeros(sheet.w.shape, bool))
 
 
 def are_large(parts: AnyArray, least: float) -> BoolArray:

@@ -39,9 +39,9 @@ def measure_evidence(
 
     Semblance carries each side along reflector slopes, from the structure tensor. Registration carries it by shifts
     found by matching: every slice is registered with the next, coarse to fine, shifts that disagree with their
-    surroundings are rejected, and each side follows its own. Where both are used, the mean of
-    their log ratios counts: each half without noise, slopes alone in the mild noise of a good survey, and registration
-    the more the noisier the cube is beyond that.
+    surroundings are rejected, and each side follows its own. Where both are used, the mean of their log ratios counts:
+    registration three quarters without noise, slopes alone in the mild noise of a good survey, and registration the
+    more the noisier the cube is beyond that.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from seismo3d._stages import no_progress
 from seismo3d._typing import Float32Array, Int32Array, Progress
 from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_where_still, may_be_faults
+from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_along_layers, end_where_still, may_be_faults
 from seismo3d.seismic.cut_offsets import CutSettings, offset_sheets
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.doubles import part_doubles
@@ -42,7 +42,7 @@ from seismo3d.seismic.section_scores import (
 )
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface, order_by_area
-from seismo3d.seismic.throw import SheetSides, SheetThrow, ThrowSettings, gather_sides, measure_throw, slopes_beside
+from seismo3d.seismic.throw import SheetSides, SheetThrow, ThrowSettings, gather_sides, match_sides, slopes_beside
 
 # support, in standard deviations of the evidence, at which a fault is as likely as not
 _EVEN = 0.6
@@ -134,9 +134,9 @@ def trace_faults(
         NaN, dead traces and constant zones count as no data; what all amplitudes share, such as the 128 of unsigned
         bytes, is taken off.
     evidence : {"semblance", "registration", "both"}, optional
-        How sides are carried: along their slopes, by registration, or by both ways. Of both, each counts half in a cube
-        without noise, slopes alone in a section without it and in the mild noise of a good survey, and registration the
-        more the more noise there is beyond. What the settings say if not given, which is both.
+        How sides are carried: along their slopes, by registration, or by both ways. Of both, registration counts three
+        quarters in a cube without noise, slopes alone in a section without it and in the mild noise of a good survey,
+        and registration the more the more noise there is beyond. What the settings say if not given, which is both.
     settings : FaultSettings, optional
         Thresholds and windows; by default ``FaultSettings()`` for a cube and ``FaultSettings.for_section()`` for a
         section.
@@ -229,8 +229,10 @@ def trace_faults(
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
-        measured = measure_throw(volume, valid, slopes, sheet, settings=settings.throw)
-        moving.append(end_where_still(sheet, measured, settings.choice, noise=found.noise))
+        sides = gather_sides(volume, valid, slopes, sheet, settings=settings.throw)
+        measured = match_sides(sheet, sides.both, sides.known, settings=settings.throw)
+        crossing = end_along_layers(sheet, sides, settings.choice)
+        moving.append(end_where_still(crossing, measured, settings.choice, noise=found.noise))
     report("surfaces", 0.0)
     numbers = choose_faults(moving, settings.choice)
     chosen = [sheets[number] for number in numbers]

@@ -68,7 +68,7 @@ class RegistrationSettings:
     across: float = 3.0
     down: float = 4.0
     memory: float = 5.0
-    share: tuple[float, float, float] = (0.5, 0.0, 1.0)
+    share: tuple[float, float, float] = (0.75, 0.0, 1.0)
     share_noises: tuple[float, float, float] = (0.0, 0.057, 0.115)
 
 

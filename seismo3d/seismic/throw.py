@@ -129,47 +129,6 @@ class SheetThrow:
     generation: int = 0
 
 
-def measure_throw(
-    volume: Float32Array,
-    valid: BoolArray,
-    slopes: tuple[Float32Array, Float32Array],
-    sheet: Sheet,
-    *,
-    settings: ThrowSettings | None = None,
-) -> SheetThrow:
-    """Find where on the footwall each place of the hanging wall came from.
-
-    Each side is read along the surface, a few traces off and carried to it along its dips. The throw at a place is how
-    far the hanging wall there lies below its counterpart in the footwall today. For every throw the squared difference
-    of the two is averaged over a small window and divided by their energy. The trend over the whole surface that costs
-    least, a quadratic or a bell, tells repeated reflectors apart; then the cheapest paths along rows and columns are
-    added up (semi-global matching [1]_) near the trend, which is fitted anew to what matched. Where the counterpart
-    lies outside the surface, as it does below the top of the cube, the throw is that of the bell through what matches.
-
-    Parameters
-    ----------
-    volume, valid : ndarray of shape (inline, crossline, sample)
-        Amplitudes, float32, and where there are any.
-    slopes : tuple of ndarray
-        Reflector slopes along inlines and crosslines, of the layers alone: see :func:`slopes_beside`.
-    sheet : Sheet
-        The fault.
-    settings : ThrowSettings, optional
-        Windows and limits.
-
-    Returns
-    -------
-    SheetThrow
-
-    References
-    ----------
-    .. [1] H. Hirschmueller, IEEE TPAMI 30(2), 328-341, 2008. :doi:`10.1109/TPAMI.2007.1166`
-    """
-    settings = settings or ThrowSettings()
-    sides = gather_sides(volume, valid, slopes, sheet, settings=settings)
-    return match_sides(sheet, sides.both, sides.known, settings=settings)
-
-
 def gather_sides(
     volume: Float32Array,
     valid: BoolArray,
@@ -228,7 +187,32 @@ def slopes_beside(
 
 
 def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settings: ThrowSettings) -> SheetThrow:
-    """Find a sheet's throw from its two sides, as :func:`gather_sides` gives them."""
+    """Find where on the footwall each place of the hanging wall came from.
+
+    Each side was read along the surface, a few traces off and carried to it along its dips. The throw at a place is how
+    far the hanging wall there lies below its counterpart in the footwall today. For every throw the squared difference
+    of the two is averaged over a small window and divided by their energy. The trend over the whole surface that costs
+    least, a quadratic or a bell, tells repeated reflectors apart; then the cheapest paths along rows and columns are
+    added up (semi-global matching [1]_) near the trend, which is fitted anew to what matched. Where the counterpart
+    lies outside the surface, as it does below the top of the cube, the throw is that of the bell through what matches.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        The fault.
+    both, known : ndarray of shape (2, row, sample), float32
+        Its two sides, as :func:`gather_sides` gives them.
+    settings : ThrowSettings
+        Windows and limits.
+
+    Returns
+    -------
+    SheetThrow
+
+    References
+    ----------
+    .. [1] H. Hirschmueller, IEEE TPAMI 30(2), 328-341, 2008. :doi:`10.1109/TPAMI.2007.1166`
+    """
     w = every_sample(sheet)
     is_line = sheet.w.shape[1] == 1  # no way down it, so it leans to neither side and nothing can be matched
     hanging_side = 1 if is_line or np.nanmean(np.gradient(sheet.w, axis=1)) >= 0 else -1

@@ -9,6 +9,7 @@ from seismo3d.seismic.choosing import (
     ChoiceSettings,
     choose_faults,
     dip_deg,
+    end_along_layers,
     end_where_still,
     length_down_dip,
     may_be_faults,
@@ -16,7 +17,7 @@ from seismo3d.seismic.choosing import (
     strength,
 )
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.throw import SheetThrow
+from seismo3d.seismic.throw import SheetSides, SheetThrow
 
 SETTINGS = ChoiceSettings()
 
@@ -203,3 +204,44 @@ def test_a_faults_own_break_seen_upright_is_no_fault(change, is_kept):
     upright = candidate(columns=22, origin=(21.0 / np.tan(np.radians(60.0)), 0.0), **change)
     assert chosen(upright) == [0]
     assert chosen(host, upright) == ([0, 1] if is_kept else [0])
+
+
+def between_layers(sheet, *tilts_deg, known=1.0):
+    """Sides of a sheet whose layers dip along `across` by these angles, on either side."""
+    shape = (2, len(sheet.w), 2 * sheet.w.shape[1] - 1)
+    tilts = np.tan(np.radians(np.array(tilts_deg)))[:, None, None]
+    return SheetSides(
+        np.zeros(shape, np.float32),
+        np.full(shape, known, np.float32),
+        np.broadcast_to(tilts, shape).astype(np.float32),
+    )
+
+
+@pytest.mark.parametrize(
+    ("dip", "tilts_deg"),
+    [(50.0, (35.0, 35.0)), (50.0, (50.0, 48.0)), (50.0, (65.0, 66.0)), (100.0, (-75.0, -75.0)), (35.0, (20.0, 18.0))],
+    ids=["gentler layers", "along them", "steeper layers", "upright layers", "low"],
+)
+def test_what_runs_along_the_layers_is_no_fault(dip, tilts_deg):
+    sheet, throw = candidate(dip=dip)
+    ended = end_along_layers(sheet, between_layers(sheet, *tilts_deg), SETTINGS)
+    assert not ended.inside.any()
+    assert np.isnan(ended.score).all()
+    assert chosen((ended, throw)) == []
+
+
+@pytest.mark.parametrize(
+    ("dip", "tilts_deg"),
+    [(50.0, (25.0, 25.0)), (50.0, (-35.0, -35.0)), (100.0, (75.0, 75.0)), (35.0, (0.0, 0.0)), (50.0, (10.0, 20.0))],
+    ids=["layers less steep", "layers dip against it", "upright against it", "level layers", "sides that differ"],
+)
+def test_what_cuts_the_layers_stays_as_it_is(dip, tilts_deg):
+    sheet, _ = candidate(dip=dip)
+    assert end_along_layers(sheet, between_layers(sheet, *tilts_deg), SETTINGS) is sheet
+
+
+def test_layers_that_are_not_known_end_no_sheet():
+    sheet, _ = candidate(dip=50.0)
+    assert end_along_layers(sheet, between_layers(sheet, 45.0, 45.0, known=0.0), SETTINGS) is sheet
+    line, _ = candidate(columns=1)
+    assert end_along_layers(line, between_layers(line, 45.0, 45.0), SETTINGS) is line

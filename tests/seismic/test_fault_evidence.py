@@ -110,7 +110,7 @@ def noisy(cube, level=0.8):
 
 @pytest.mark.parametrize(
     ("noise", "expected"),
-    [(0.0, 0.5), (0.0285, 0.25), (0.055, 0.0), (0.057, 0.0), (0.086, 0.5), (0.113, 1.0), (0.115, 1.0), (0.6, 1.0)],
+    [(0.0, 0.75), (0.0285, 0.375), (0.055, 0.0), (0.057, 0.0), (0.086, 0.5), (0.113, 1.0), (0.115, 1.0), (0.6, 1.0)],
 )
 def test_share_of_registration_follows_the_noise(noise, expected):
     settings = RegistrationSettings()

@@ -8,7 +8,7 @@ from seismo3d.seismic import _kernels_slip as kernels
 from seismo3d.seismic.dip import DipSettings
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.slip_fields import Sides, SlipSettings, _pull, refine_slip, smooth_field
-from seismo3d.seismic.throw import ThrowSettings, measure_throw, slopes_beside
+from seismo3d.seismic.throw import ThrowSettings, gather_sides, match_sides, slopes_beside
 from seismo3d.synthetic import CubeRecipe, SyntheticFault, make_cube
 
 SHAPE = (72, 64, 96)
@@ -35,10 +35,11 @@ def layer_slopes(volume, valid, sheet):
     return slopes_beside(volume, valid, [sheet], dip=DipSettings(), settings=ThrowSettings())
 
 
-def measured(cube):
-    volume = cube.seismic.copy()
-    valid = np.ones(volume.shape, bool)
-    return measure_throw(volume, valid, layer_slopes(volume, valid, sheet_of(cube)), sheet_of(cube))
+def measured(cube, settings=None):
+    volume, settings = cube.seismic.copy(), settings or ThrowSettings()
+    valid, sheet = np.ones(volume.shape, bool), sheet_of(cube)
+    sides = gather_sides(volume, valid, layer_slopes(volume, valid, sheet), sheet, settings=settings)
+    return match_sides(sheet, sides.both, sides.known, settings=settings)
 
 
 @pytest.mark.parametrize(("throw", "rake_deg"), [(12.0, 60.0), (12.0, 120.0), (-12.0, 60.0), (10.0, 50.0)])
@@ -61,12 +62,8 @@ def test_strike_slip_of_an_exact_oblique_fault(throw, rake_deg):
 def test_oblique_slip_left_out_spoils_the_throw():
     """In layers folded along strike, what has slid along it seems to have come down."""
     cube = cut_cube(14.0, 55.0)
-    volume = cube.seismic.copy()
-    valid = np.ones(volume.shape, bool)
-    sheet = sheet_of(cube)
-    slopes = layer_slopes(volume, valid, sheet)
-    straight = measure_throw(volume, valid, slopes, sheet, settings=ThrowSettings(slip=SlipSettings(least_gain=2.0)))
-    free = measure_throw(volume, valid, slopes, sheet)
+    straight = measured(cube, ThrowSettings(slip=SlipSettings(least_gain=2.0)))
+    free = measured(cube)
     inner = np.s_[12:-12, 12:-4]
     assert np.abs(free.throw[inner] - 14.0).mean() < 0.6 * np.abs(straight.throw[inner] - 14.0).mean()
 

@@ -10,7 +10,7 @@ from scipy import ndimage
 from seismo3d.seismic import _kernels_throw as kernels
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.throw import ThrowSettings, farther_off, mask_sheets, measure_throw, slopes_beside
+from seismo3d.seismic.throw import ThrowSettings, farther_off, gather_sides, mask_sheets, match_sides, slopes_beside
 
 SHAPE = (30, 40, 80)
 
@@ -46,7 +46,9 @@ def sheet_on(cotangent=0.4, *, shape=SHAPE, step=2, turn=1.0, outside=None):
 def measure(volume, sheet, *, valid=None, slope=0.0, **settings):
     valid = np.ones(volume.shape, bool) if valid is None else valid
     slopes = np.zeros_like(volume), np.full_like(volume, slope)
-    return measure_throw(volume, valid, slopes, sheet, settings=ThrowSettings(**settings))
+    chosen = ThrowSettings(**settings)
+    sides = gather_sides(volume, valid, slopes, sheet, settings=chosen)
+    return match_sides(sheet, sides.both, sides.known, settings=chosen)
 
 
 def test_a_sheet_of_one_column_has_no_throw():

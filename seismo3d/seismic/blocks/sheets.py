@@ -14,7 +14,7 @@ from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.sheet_parts import Around, join_parts, note_blocks, pack, read_parts, rows_near, unpack
 from seismo3d.seismic.blocks.slopes import estimate_block
-from seismo3d.seismic.choosing import choose_faults, end_where_still
+from seismo3d.seismic.choosing import choose_faults, end_along_layers, end_where_still
 from seismo3d.seismic.doubles import part_doubles
 from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws, largest_first
 from seismo3d.seismic.flanks import join_flanks
@@ -125,10 +125,11 @@ def sides_facts(run: BlockRun) -> None:
 def throw(run: BlockRun, number: int) -> None:
     """Find the throw of a sheet, and where it ends."""
     sheet = placed_sheets(run)[number]
-    both, known, _ = _joined_sides(run, sheet, number)
-    measured = match_sides(sheet, both, known, settings=run.settings.throw)
+    read = _joined_sides(run, sheet, number)
+    measured = match_sides(sheet, read.both, read.known, settings=run.settings.throw)
     ratio, _ = final_noise(run)
-    ended = end_where_still(sheet, measured, run.settings.choice, noise=ratio)
+    crossing = end_along_layers(sheet, read, run.settings.choice)
+    ended = end_where_still(crossing, measured, run.settings.choice, noise=ratio)
     run.write_part("throw", number, {**pack("sheet", [ended[0]]), **pack("throw", [ended[1]])})
 
 
