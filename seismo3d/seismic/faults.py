@@ -91,7 +91,8 @@ class FaultSettings:
         of the section; and what a cube's strike averages away, windows across the fault must not smear, so the sides
         are compared where they touch and the evidence is hardly smoothed. A line's mean scatters more than a plane's:
         it is taken over more of the dip, at dips so close that its ends are met too. Shifts have no neighbours
-        along the strike to be averaged with: beside semblance registration counts in noise alone. Breaks that no move
+        along the strike to be averaged with: beside semblance registration counts in noise alone. Noise that no
+        neighbours average out is smoothed along the trace, however little there is. Breaks that no move
         of their sides explains lose most of their score, and thresholds are lower for that. Sizes are lengths of lines.
         """
         return cls(

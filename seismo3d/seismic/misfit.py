@@ -101,7 +101,8 @@ class Evidence:
     known : ndarray of the same shape, float32
         0 where the misfit could not be measured, up to 1.
     noise : float
-        The cube's own median misfit ratio: 0 without noise, about a quarter in noise alone.
+        The cube's own median misfit ratio, as it would be over the usual width along the trace: 0 without noise, about
+        a quarter in noise alone.
     noisiness : float
         0 for a cube without noise to 1 for one whose noise is as strong as its signal; it sets window sizes.
     mean, spread : float
