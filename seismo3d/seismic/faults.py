@@ -92,8 +92,8 @@ class FaultSettings:
         are compared where they touch and the evidence is hardly smoothed. A line's mean scatters more than a plane's:
         it is taken over more of the dip, at dips so close that its ends are met too. Shifts have no neighbours
         along the strike to be averaged with: beside semblance registration counts in noise alone. Noise that no
-        neighbours average out is smoothed along the trace, however little there is. Breaks that no move
-        of their sides explains lose most of their score, and thresholds are lower for that. Sizes are lengths of lines.
+        neighbours average out is smoothed along the trace, however little there is. Breaks that no move of their sides
+        explains lose most of their score, and thresholds are lower for that. Sizes are lengths of lines.
         """
         return cls(
             least_score=(0.2, 0.2, 0.28),
@@ -231,9 +231,7 @@ def trace_faults(
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
         sides = gather_sides(volume, valid, slopes, sheet, settings=settings.throw)
-        measured = match_sides(sheet, sides.both, sides.known, settings=settings.throw)
-        crossing = end_along_layers(sheet, sides, settings.choice)
-        moving.append(end_where_still(crossing, measured, settings.choice, noise=found.noise))
+        moving.append(measure_moving(sheet, sides, found.noise, settings))
     report("surfaces", 0.0)
     numbers = choose_faults(moving, settings.choice)
     chosen = [sheets[number] for number in numbers]
@@ -311,6 +309,13 @@ def find_candidates(
     return offset_sheets(
         sheets, patch=(settings.scan.along_strike[0], settings.scan.along_dip[0]), settings=settings.cut
     )
+
+
+def measure_moving(sheet: Sheet, sides: SheetSides, noise: float, settings: FaultSettings) -> tuple[Sheet, SheetThrow]:
+    """Return what of a sheet moves its two sides, across their layers, and its throw, given the cube's noise."""
+    measured = match_sides(sheet, sides.both, sides.known, settings=settings.throw)
+    crossing = end_along_layers(sheet, sides, settings.choice)
+    return end_where_still(crossing, measured, settings.choice, noise=noise)
 
 
 def finish_throws(

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
+from seismo3d.seismic._kernels_extending import lay_on_grid
 from seismo3d.seismic.choosing import ChoiceSettings, strength
 from seismo3d.seismic.doubles import node_normals, without_nodes
 from seismo3d.seismic.linking import Sheet
@@ -64,24 +65,24 @@ def join_flanks(
         what lies beyond it, and is left out where that is hardly anything.
     """
     settings = settings or FlankSettings()
-    found = [_Laid.of(sheet) for sheet in sheets]
+    laid, found = [_Laid.of(sheet) for sheet in sheets], list(sheets)
     order = sorted(range(len(sheets)), key=lambda number: -strength(sheets[number]))
     for place, number in enumerate(order):
-        stronger = found[number]
-        moves, weights = np.zeros((2, *stronger.sheet.w.shape))
+        moves, weights = np.zeros((2, *sheets[number].w.shape))
         for other in order[place + 1 :]:
-            weaker = found[other]
-            beside = _find_beside(weaker, stronger, settings)
+            weaker = laid[other]
+            beside = _find_beside(weaker, laid[number], settings)
             if beside is None:
                 continue
             flank, at, move = beside
             weight = _weights(weaker.sheet)[weaker.rows[flank], weaker.columns[flank]]
             np.add.at(moves, at, weight * move)
             np.add.at(weights, at, weight)
-            found[other] = _Laid.of(without_nodes(weaker.sheet, flank, choice))
+            found[other] = without_nodes(weaker.sheet, flank, choice)
+            laid[other] = _Laid.of(found[other])
         if weights.any():
-            found[number] = _Laid.of(_moved(stronger.sheet, moves, weights, settings))
-    return [laid.sheet for laid in found if len(laid.rows)]
+            found[number] = _moved(found[number], moves, weights, settings)
+    return [sheet for sheet in found if sheet.inside.any()]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,9 +112,9 @@ def _find_beside(
     if not len(weaker.rows) or abs(float(weaker.sheet.across @ grid.across)) < 0.9 * cosine:
         return None
     points = weaker.sheet.nodes()
-    flat = points[:, :2] - grid.origin
-    row = np.rint(flat @ grid.along - grid.first_s).astype(np.int64)
-    column = np.rint((points[:, 2] - grid.first_sample) / grid.step).astype(np.int64)
+    row, column, height = lay_on_grid(
+        points, np.arange(len(points)), grid.origin, grid.along, grid.across, grid.first_s, grid.first_sample, grid.step
+    )
     place: IntArray = np.full(grid.w.shape, -1)
     place[stronger.rows, stronger.columns] = np.arange(len(stronger.rows))
     near = np.flatnonzero((row >= 0) & (row < place.shape[0]) & (column >= 0) & (column < place.shape[1]))
@@ -123,7 +124,7 @@ def _find_beside(
     at = row[near], column[near]
     normals = stronger.normals[place[at[0], at[1]]]
     cotangent = np.abs(normals[:, 2]) / np.maximum(np.hypot(normals[:, 0], normals[:, 1]), 1e-6)
-    move = np.asarray(flat[near] @ grid.across, np.float64) - grid.w[at[0], at[1]]
+    move = height[near] - grid.w[at[0], at[1]]
     close = np.abs(move) <= settings.apart * cotangent + 0.5
     close &= np.abs((weaker.normals[near] * normals).sum(axis=1)) > cosine
     if np.count_nonzero(close) < max(least, 1.0):

@@ -14,9 +14,9 @@ from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.sheet_parts import Around, join_parts, note_blocks, pack, read_parts, rows_near, unpack
 from seismo3d.seismic.blocks.slopes import estimate_block
-from seismo3d.seismic.choosing import choose_faults, end_along_layers, end_where_still
+from seismo3d.seismic.choosing import choose_faults
 from seismo3d.seismic.doubles import part_doubles
-from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws, largest_first
+from seismo3d.seismic.faults import draw_sheets, find_candidates, finish_throws, largest_first, measure_moving
 from seismo3d.seismic.flanks import join_flanks
 from seismo3d.seismic.layer_strain import LayerSlopes, join_slopes, sample_slopes
 from seismo3d.seismic.linking import Sheet
@@ -27,7 +27,6 @@ from seismo3d.seismic.throw import (
     farther_off,
     gather_sides,
     mask_sheets,
-    match_sides,
 )
 
 # rows of a sheet around a block, so that what is interpolated there does not see the cut
@@ -125,12 +124,9 @@ def sides_facts(run: BlockRun) -> None:
 def throw(run: BlockRun, number: int) -> None:
     """Find the throw of a sheet, and where it ends."""
     sheet = placed_sheets(run)[number]
-    read = _joined_sides(run, sheet, number)
-    measured = match_sides(sheet, read.both, read.known, settings=run.settings.throw)
     ratio, _ = final_noise(run)
-    crossing = end_along_layers(sheet, read, run.settings.choice)
-    ended = end_where_still(crossing, measured, run.settings.choice, noise=ratio)
-    run.write_part("throw", number, {**pack("sheet", [ended[0]]), **pack("throw", [ended[1]])})
+    moving, measured = measure_moving(sheet, _joined_sides(run, sheet, number), ratio, run.settings)
+    run.write_part("throw", number, {**pack("sheet", [moving]), **pack("throw", [measured])})
 
 
 def _joined_sides(run: BlockRun, sheet: Sheet, number: int) -> SheetSides:
