@@ -169,6 +169,32 @@ def read_runs(volume, valid, cuts, depth, half, clear, out, known):  # type: ign
 
 
 @njit(cache=True, nogil=True, parallel=True)
+def weigh_runs(cuts, depth, taper, clear, out):  # type: ignore[no-untyped-def]
+    """Write the share of a window about every depth that lies on its side of faults, `clear` samples off them."""
+    n0, n1, n2 = cuts.shape
+    half, whole = len(taper) // 2, taper.sum()
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1):
+            out[i, j] = 0.0
+            if not np.isfinite(depth[i, j]):
+                continue
+            middle = min(max(int(np.rint(depth[i, j])), 0), n2 - 1)
+            first, last = _find_run(cuts[i, j], middle, half + 1, n2)
+            low, high = np.float64(first - n2), np.float64(last + n2)
+            if first > 0 and cuts[i, j, first - 1] & np.uint8(4):
+                low = np.float64(first + clear)
+            if cuts[i, j, last] & np.uint8(4):
+                high = np.float64(last - clear)
+            total = 0.0
+            for t in range(2 * half + 1):
+                z = depth[i, j] + t - half
+                if low <= z <= high:
+                    total += taper[t]
+            out[i, j] = total / whole
+
+
+@njit(cache=True, nogil=True, parallel=True)
 def read_layers(volume, valid, times, cuts, depth, half, out, known):  # type: ignore[no-untyped-def]
     """Write amplitudes at every unit of layer time up to `half` before and after every depth's; 1 where there are any.
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import Float64Array, Progress
 from seismo3d._validate import as_whole_number
-from seismo3d.errors import ParameterError
+from seismo3d.errors import ParameterError, Seismo3dWarning
 from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
 from seismo3d.seismic.layer_pieces import layer_pieces
 from seismo3d.seismic.layer_time import LayerModel, model_layers
@@ -80,7 +81,10 @@ def find_horizons(
         on_event = np.isfinite(seed_events(thick, layers, seeds, event)[0][:, 2])
         seeds, strengths = seeds[on_event], strengths[on_event]
     more: dict[str, Any] = {"event": event, "layers": layers, "settings": settings, "progress": progress}
-    tracks = trace_tracks(thick, list(axis_points(axes_of(thick), seeds)), faults=surfaces, **more)
+    with warnings.catch_warnings():
+        # of seeds that nobody gave
+        warnings.simplefilter("ignore", Seismo3dWarning)
+        tracks = trace_tracks(thick, list(axis_points(axes_of(thick), seeds)), faults=surfaces, **more)
     axis = axes_of(thick)[2]
     best = _choose(tracks, strengths, wanted, spread=abs(axis.step) * axis.n / wanted)
     if not is_section:

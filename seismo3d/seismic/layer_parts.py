@@ -139,9 +139,7 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
             if not both.any():
                 continue
             rows, columns, ka, kb = (values[both] for values in (i[a], j[a], k[one][a], k[other][b]))
-            cut = np.zeros(ka.shape, bool)
-            for sample in (ka, (ka + kb) // 2, kb):
-                cut |= (cuts[rows, columns, sample] & (1 << axis)) > 0
+            cut = are_cut(cuts, rows, columns, ka, kb, axis)
             step = np.abs(crossings[one][a][both] - crossings[other][b][both])
             free = np.zeros(both.shape, bool)
             free[both] = (step < _STEP) & ~cut
@@ -160,6 +158,16 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
     # what is no crossing is labelled too, each by itself: far more labels than parts
     parts[known] = np.unique(labels[known], return_inverse=True)[1]
     return parts
+
+
+def are_cut(
+    cuts: AnyArray, rows: AnyArray, columns: AnyArray, here: AnyArray, there: AnyArray, axis: int
+) -> BoolArray:  # fmt: skip
+    """Tell where a fault passes between a layer's sample on a trace and that on the next along an axis."""
+    cut = np.zeros(np.shape(here), np.bool_)
+    for sample in (here, (here + there) // 2, there):
+        cut |= (cuts[rows, columns, sample] & (1 << axis)) > 0
+    return cut
 
 
 def graph_of(ends: IntArray, size: int) -> Any:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import AnyArray, Float32Array, Float64Array, IntArray
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic.inner_seeds import move_inwards
 from seismo3d.seismic.layer_parts import find_shapes, label_parts, place_once, read_parts
 from seismo3d.seismic.layer_pieces import find_levels
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.track_growing import grow_parts, keep_sides
 from seismo3d.seismic.track_pieces import keep_pieces
-from seismo3d.seismic.track_refining import TrackSettings, bend_to_seeds, refine_depth
+from seismo3d.seismic.track_refining import FARTHEST_BENT, TrackSettings, bend_to_seeds, refine_depth
 from seismo3d.seismic.track_seats import find_offset
 
 # traces of a part that is but a scrap, and how far from a seed on one a part is looked for
@@ -29,7 +29,9 @@ _AGREE = 3.0
 _ROUNDED = 1e-3
 
 
-def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) -> tuple[Float64Array, Float32Array]:
+def fit_track(
+    layers: LayerModel, index: Float64Array, settings: TrackSettings
+) -> tuple[Float64Array, Float32Array, IntArray]:
     """Find the horizon through seeds.
 
     Parameters
@@ -45,8 +47,12 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
     depth : ndarray of shape (inline, crossline), float64
         Fractional sample; NaN where the horizon was not traced.
     confidence : ndarray of the same shape, float32
+    alone : ndarray of int
+        Seeds that the horizon does not run through: it holds them on their own traces alone, at a confidence of 0.
     """
-    inner = leave_out_strays(layers, move_inwards(layers, index))
+    inner = move_inwards(layers, index)
+    counts = find_counting(layers, inner)
+    inner = inner[counts]
     horizon = _find_horizon(layers, inner, index, settings)
     refined = _refine(layers, horizon, inner, settings)
     stand_in = _find_stand_in(layers, horizon, *refined, settings)
@@ -57,22 +63,36 @@ def fit_track(layers: LayerModel, index: Float64Array, settings: TrackSettings) 
     depth = bend_to_seeds(depth, horizon.parts, np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth), index)
     depth = _within_cube(depth, layers.times.shape[2] - 1)
     kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
-    return np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
+    depth, confidence = np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
+    return depth, confidence, _hold_seeds(depth, confidence, index, counts)
 
 
-def leave_out_strays(layers: LayerModel, index: Float64Array) -> Float64Array:
-    """Return the seeds, fractional indices of shape (n, 3), without those that contradict most of them.
+def _hold_seeds(depth: Float64Array, confidence: Float32Array, index: Float64Array, counts: BoolArray) -> IntArray:
+    """Put the traces of the seeds that count on them, in place, where the horizon misses them; return which these are.
+
+    Off by less it was bent to them. Where noise, or a fault that was not found, parts a seed from all around it no more
+    than its own trace is known.
+    """
+    i, j = np.rint(index[:, :2]).astype(int).T
+    missed = counts & ~(np.abs(depth[i, j] - index[:, 2]) <= FARTHEST_BENT)
+    depth[i[missed], j[missed]] = index[missed, 2]
+    confidence[i[missed], j[missed]] = 0.0
+    return np.flatnonzero(missed)
+
+
+def find_counting(layers: LayerModel, index: Float64Array) -> BoolArray:
+    """Tell which seeds, fractional indices of shape (n, 3), count: all but those that contradict most of them.
 
     A stray lies on the part of the layer on which others lie, more than three samples off it, while most seeds agree.
     Across a fault seeds may well differ in layer time: there they tell how far it is off.
     """
     if len(index) < 3:
-        return index
+        return np.ones(len(index), np.bool_)
     times = np.array([_seed_time(layers, at) for at in index])
     agree = np.abs(times[:, None] - times[None]) <= _AGREE
     most = agree[agree.sum(axis=1).argmax()]
     if most.all() or 2 * most.sum() <= len(index):
-        return index
+        return np.ones(len(index), np.bool_)
     crossings = find_crossings(layers, index[most])
     parts = label_parts(crossings, layers.cuts, find_shapes(layers, crossings))
     theirs = {_nearest_part(crossings, parts, at) for at in index[most]} - {-1}
@@ -82,7 +102,7 @@ def leave_out_strays(layers: LayerModel, index: Float64Array) -> Float64Array:
         on_theirs = np.isin(parts[:, i, j], list(theirs))
         off = np.abs(crossings[:, i, j][on_theirs] - index[n, 2])
         kept[n] = not (off.size and off.min() > _AGREE)
-    return index[kept]
+    return np.asarray(kept, np.bool_)
 
 
 def _within_cube(depth: Float64Array, last: int) -> Float64Array:

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic.layer_graph import LayerTimeSettings
 from seismo3d.seismic.layer_parts import PartSettings, stretched
 from seismo3d.seismic.layer_pieces import read_around
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.term_fits import fit_terms
 from seismo3d.seismic.track_pieces import LARGEST_STEP
+from seismo3d.seismic.track_smoothing import find_rims, find_shares, fit_stiffly, link_traces, weigh_traces
 from seismo3d.seismic.track_waveforms import match_traces, mean_waveform
 
 # lags beyond the farthest move at which a waveform is compared
@@ -26,10 +27,16 @@ _WHOLE = 0.9
 _DOUBT = 0.1
 # samples from an end of the cube within which a layer may leave it
 _LEAVING = 4.0
-# farthest that a track is moved as a whole to pass through its seeds
-_ANCHOR = 3.0
+# weight of a trace that goes by layer time alone, of one that fits entirely
+_UNTOLD = 0.5
+# power of the share of its waveform that a fault leaves by which a seed's own match counts
+_OWN = 2.0
 # traces around a seed over which it is bent to it
 _BENT = 2.0
+
+
+FARTHEST_BENT = 3.0
+"""Samples by which a track is moved as a whole, or bent, at most to pass through its seeds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +58,9 @@ class TrackSettings:
         Width, in traces, of the window over which they are led on.
     spread : float
         Traces, root mean square, that those in it must spread over to tell a slope: it is halved where they do.
+    stiffness : float
+        How stiff a horizon is where waveforms place it, in traces to the fourth power: of details smaller than its
+        fourth root little is left, and beside faults, where waveforms are cut short, it is led on over more.
     even : float
         Width, in traces, over which it is found how much thicker or thinner layers are than at the seeds.
     stretch : float
@@ -77,6 +87,7 @@ class TrackSettings:
     rim: int = 3
     bend: float = 4.0
     spread: float = 0.7
+    stiffness: float = 25.0
     even: float = 4.0
     stretch: float = 0.3
     price: float = 0.02
@@ -130,19 +141,32 @@ def refine_depth(
     move, here = _best_moves(score, reach)
     own = depth + move
     compared = there & (score.min(axis=2) > -1.0)
-    weight = np.where(compared & (here > settings.least_trace), here, 0.0)[..., None].astype(np.float32)
-    both = _smooth_parts(np.concatenate([weight * move[..., None], weight], axis=2).astype(np.float32), parts, 2.0)
-    move = both[..., 0] / np.maximum(both[..., 1], 1e-3)
     sure = np.where(compared, here, scores[parts])
     trusted = there & (sure > settings.least_trace)
+    told = compared & trusted
+    common = np.median(move[of_seeds & told]) if (of_seeds & told).any() else 0.0
+    depth = depth + common + np.where(told, np.clip(move - common, -settings.most, settings.most), 0.0)
+    share = find_shares(layers, depth, near=settings.near, clear=settings.clear)
+    depth = _smooth_depth(layers, depth, parts, np.where(told, here, _UNTOLD), share, settings)
+    depth = np.where(trusted, depth, np.nan)
     confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
-    common = np.median(move[of_seeds & trusted]) if (of_seeds & trusted).any() else 0.0
-    depth = np.where(trusted, depth + common + np.clip(move - common, -settings.most, settings.most), np.nan)
-    depth = _straighten_rims(layers, depth, np.where(trusted, parts, -1), settings)
-    # a seed whose own waveform is unlike the others' cannot tell where it lies on them
-    miss = _miss(own, of_seeds & trusted & (here >= settings.parts.trusted), index)
+    # a seed whose own waveform is unlike the others' cannot tell where it lies on them; where a fault cuts it short the
+    # traces around tell better
+    sure_of_seeds = of_seeds & trusted & (here >= settings.parts.trusted)
+    miss = _miss(depth + share**_OWN * (own - depth), sure_of_seeds, index)
     depth = depth - (common if miss is None else miss)
     return depth, confidence
+
+
+def _smooth_depth(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, weight: AnyArray, share: Float64Array,
+    settings: TrackSettings,
+) -> Float64Array:  # fmt: skip
+    """Lay a stiff surface through depths, each as it is weighed and as a fault leaves of its waveform."""
+    linked = link_traces(layers, depth, parts, settings.step)
+    rims = find_rims(linked, parts, _without_faults(layers, depth, parts), settings.rim)
+    weight = weight * weigh_traces(share, rims)
+    return fit_stiffly(np.where(parts >= 0, depth, np.nan), weight, linked, settings.stiffness)
 
 
 def bend_to_seeds(depth: Float64Array, parts: IntArray, chosen: BoolArray, index: Float64Array) -> Float64Array:
@@ -153,7 +177,7 @@ def bend_to_seeds(depth: Float64Array, parts: IntArray, chosen: BoolArray, index
     rows, columns = np.indices(depth.shape)
     for i, j, z in zip(*np.rint(index[:, :2]).astype(int).T, index[:, 2], strict=True):
         left = z - depth[i, j]
-        if chosen[i, j] and abs(left) <= _ANCHOR:
+        if chosen[i, j] and abs(left) <= FARTHEST_BENT:
             share = np.exp(-0.5 * ((rows - i) ** 2 + (columns - j) ** 2) / _BENT**2)
             depth = np.where(parts == parts[i, j], depth + share * left, depth)
     return depth
@@ -163,7 +187,7 @@ def _miss(depth: Float64Array, chosen: BoolArray, index: Float64Array) -> float 
     """How far depths lie below the seeds, on the whole; None where they miss them all."""
     at = tuple(np.rint(index[:, :2]).astype(int).T)
     below = depth[at] - index[:, 2]
-    near = chosen[at] & (np.abs(below) <= _ANCHOR)
+    near = chosen[at] & (np.abs(below) <= FARTHEST_BENT)
     return float(below[near].mean()) if near.any() else None
 
 

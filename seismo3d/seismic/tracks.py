@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from seismo3d._stages import no_progress
 from seismo3d._typing import Float32Array, Float64Array, Progress
 from seismo3d._validate import freeze
-from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.seismic.cube_checks import check_order
 from seismo3d.seismic.layer_time import LayerModel, model_layers
@@ -70,9 +71,9 @@ def trace_tracks(
     at faults, and moved to where it fits, or left out where it fits nowhere; then each trace is aligned with that
     waveform at sub-sample precision. Where a reverse fault lays a horizon over itself the track is the upper one, or
     the lower one around a seed that lies on it. A track passes through its seeds, and between two that lie side by
-    side. Of three or more those do not count that lie more than three samples off a block on which others lie, while
-    most agree; a seed that is alone on its block tells where the horizon is there. A track ends where it leaves the
-    cube.
+    side; of one that noise or a missed fault parts from all around it, it holds the trace alone, and a warning says so.
+    Of three or more those do not count that lie more than three samples off a block on which others lie, while most
+    agree; a seed that is alone on its block tells where the horizon is there. A track ends where it leaves the cube.
 
     Parameters
     ----------
@@ -104,6 +105,11 @@ def trace_tracks(
     -------
     list of Track
         One for each seed, in their order; without seeds best first.
+
+    Warns
+    -----
+    Seismo3dWarning
+        If a track could not be followed from one of its seeds, which it holds on its own trace alone.
 
     Raises
     ------
@@ -169,7 +175,14 @@ def _follow(
         slope = 0.0
         if event is not None:
             index, slope = _on_events(cube, layers, index, group, event, number)
-        depth, confidence = fit_track(layers, index, settings)
+        depth, confidence, alone = fit_track(layers, index, settings)
+        for at in group[alone]:
+            warnings.warn(
+                f"seeds[{number}] {_named(at)} is parted by a fault or by noise from the traces around it. The track "
+                "holds it there alone, and may be another horizon elsewhere: look at it, or choose another seed.",
+                Seismo3dWarning,
+                stacklevel=3,
+            )
         if event is not None:
             depth = snap_to_events(cube, layers, depth, event, slope)
             confidence = np.where(np.isfinite(depth), confidence, np.float32(np.nan))

@@ -78,7 +78,7 @@ def test_a_fault_that_passes_below_a_seed_counts_as_well(rng: np.random.Generato
 @pytest.mark.parametrize("bend", [1.5, -1.5])
 def test_layer_time_bent_at_the_fault_does_not_lead_the_track_astray(rng: np.random.Generator, bend: float) -> None:
     seed = seed_at(WALL - 1)
-    depth, _ = fit_track(tilted(rng, bend=bend), seed, TrackSettings())
+    depth, *_ = fit_track(tilted(rng, bend=bend), seed, TrackSettings())
     away = np.abs(J - WALL + 0.5) > 4
     expected = LEVEL + 0.3 * J + np.where(J < WALL, 0.0, THROW)
     np.testing.assert_allclose(np.nanmedian(depth[:, away], axis=0), expected[away], atol=0.3)

@@ -7,7 +7,7 @@ import pytest
 from laid_out_layers import SHAPE, THROW, WALL, lay_out
 
 from seismo3d.seismic.layer_time import LayerModel
-from seismo3d.seismic.track_fitting import _choose_upper, fit_track, leave_out_strays
+from seismo3d.seismic.track_fitting import _choose_upper, find_counting, fit_track
 from seismo3d.seismic.track_refining import TrackSettings
 
 SEED = 60.0
@@ -15,7 +15,7 @@ SEED = 60.0
 
 def track(layers: LayerModel, j: int, z: float = SEED) -> np.ndarray:
     """Return the depth, in the mean over inlines, of the track through one seed; NaN where half of it is missing."""
-    depth, _ = fit_track(layers, np.array([[20.0, float(j), z]]), TrackSettings())
+    depth, *_ = fit_track(layers, np.array([[20.0, float(j), z]]), TrackSettings())
     found = np.isfinite(depth).mean(axis=0) > 0.5
     return np.where(found, np.nanmedian(np.where(np.isfinite(depth), depth, SEED), axis=0), np.nan)
 
@@ -57,7 +57,7 @@ def test_a_seed_beside_a_fault_holds_the_track_where_its_own_waveform_lies(
     found = track(layers, WALL - 2, SEED + drag[WALL - 2])
     away = np.abs(j - WALL + 0.5) > 6
     np.testing.assert_allclose(found[away], (SEED + shift)[away], atol=0.4)
-    depth, _ = fit_track(layers, np.array([[20.0, WALL - 2.0, SEED + drag[WALL - 2]]]), TrackSettings())
+    depth, *_ = fit_track(layers, np.array([[20.0, WALL - 2.0, SEED + drag[WALL - 2]]]), TrackSettings())
     assert depth[20, WALL - 2] == pytest.approx(SEED + drag[WALL - 2], abs=1e-9)
 
 
@@ -82,16 +82,31 @@ def test_a_stray_among_seeds_that_agree_does_not_count(
 ) -> None:
     layers = lay_out(rng, shift, np.arange(SHAPE[2]) - shift[:, None], cut=True)
     seeds = np.array([[20.0, float(j), SEED] for j in others] + [[10.0, 6.0, SEED + 20.0]])
-    depth, _ = fit_track(layers, seeds, TrackSettings())
+    depth, _, alone = fit_track(layers, seeds, TrackSettings())
     np.testing.assert_allclose(np.nanmedian(depth, axis=0), SEED + shift, atol=0.3)
     assert abs(depth[10, 6] - SEED) < 0.3
+    assert not len(alone)
+
+
+def test_a_seed_that_nothing_around_bears_out_is_held_alone_and_told(
+    rng: np.random.Generator, shift: np.ndarray
+) -> None:
+    """A box of seven traces where the layers are lost in noise: what lies at the seed there goes on nowhere."""
+    layers = lay_out(rng, shift, np.arange(SHAPE[2]) - shift[:, None], cut=True)
+    layers.volume[17:24, 3:10] = rng.normal(0.0, 1.0, (7, 7, SHAPE[2]))
+    layers.cuts[17:24, 3:10] = 7
+    seed = np.array([[20.0, 6.0, SEED + 9.5]])
+    depth, confidence, alone = fit_track(layers, seed, TrackSettings())
+    np.testing.assert_array_equal(alone, [0])
+    assert depth[20, 6] == seed[0, 2]
+    assert confidence[20, 6] == 0.0
 
 
 def test_a_seed_beyond_a_fault_is_no_stray(rng: np.random.Generator, shift: np.ndarray) -> None:
     """There it tells how far layer time is off."""
     times = np.broadcast_to(np.arange(SHAPE[2]), SHAPE[1:]).astype(np.float64)
     seeds = np.array([[20.0, 8.0, SEED], [10.0, 14.0, SEED], [20.0, WALL + 6.0, SEED + THROW]])
-    np.testing.assert_array_equal(leave_out_strays(lay_out(rng, shift, times, cut=True), seeds), seeds)
+    assert find_counting(lay_out(rng, shift, times, cut=True), seeds).all()
 
 
 def test_where_a_layer_lies_over_itself_the_upper_one_counts_but_around_a_seed_below() -> None:
