@@ -12,7 +12,6 @@ from seismo3d.seismic.layer_graph import LayerTimeSettings
 from seismo3d.seismic.layer_parts import PartSettings, stretched
 from seismo3d.seismic.layer_pieces import read_around
 from seismo3d.seismic.layer_time import LayerModel
-from seismo3d.seismic.term_fits import fit_terms
 from seismo3d.seismic.track_pieces import LARGEST_STEP
 from seismo3d.seismic.track_smoothing import find_rims, find_shares, fit_stiffly, link_traces, weigh_traces
 from seismo3d.seismic.track_waveforms import match_traces, mean_waveform
@@ -29,11 +28,10 @@ _DOUBT = 0.1
 _LEAVING = 4.0
 # weight of a trace that goes by layer time alone, of one that fits entirely
 _UNTOLD = 0.5
-# power of the share of its waveform that a fault leaves by which a seed's own match counts
-_OWN = 2.0
 # traces around a seed over which it is bent to it
 _BENT = 2.0
-
+# share of its waveform, and correlation, from which on a trace tells best itself where it lies
+_UNCUT, _UNDISTURBED = 0.99, 0.95
 
 FARTHEST_BENT = 3.0
 """Samples by which a track is moved as a whole, or bent, at most to pass through its seeds."""
@@ -52,12 +50,7 @@ class TrackSettings:
     clear : int
         Samples of it next to a fault that do not count: they hold some of what lies beyond.
     rim : int
-        Traces this close to a fault, whose waveforms hold some of what lies beyond it, go where the part's inner traces
-        lead to.
-    bend : float
-        Width, in traces, of the window over which they are led on.
-    spread : float
-        Traces, root mean square, that those in it must spread over to tell a slope: it is halved where they do.
+        Traces this close to a fault, whose waveforms hold some of what lies beyond it, count for little.
     stiffness : float
         How stiff a horizon is where waveforms place it, in traces to the fourth power: of details smaller than its
         fourth root little is left, and beside faults, where waveforms are cut short, it is led on over more.
@@ -85,8 +78,6 @@ class TrackSettings:
     most: float = 2.0
     clear: int = 2
     rim: int = 3
-    bend: float = 4.0
-    spread: float = 0.7
     stiffness: float = 25.0
     even: float = 4.0
     stretch: float = 0.3
@@ -105,9 +96,9 @@ def refine_depth(
 ) -> tuple[Float64Array, Float32Array]:  # fmt: skip
     """Align every trace with the waveform along the parts that the seeds lie on.
 
-    Next to a fault, where what lies beyond it is mixed into the waveforms and may bend the layer time, a trace goes
-    where its part's inner traces lead to. Where a fault leaves too little of the waveform, a trace goes with its
-    neighbours. As a whole the track lies as the waveforms of its seeds tell.
+    The track is a stiff surface through where the traces match. Next to a fault, where what lies beyond it is mixed
+    into the waveforms and may bend the layer time, and where a fault leaves little of the waveform, a trace goes where
+    those around it lead. As a whole the track is moved to pass through its seeds.
 
     Parameters
     ----------
@@ -135,36 +126,36 @@ def refine_depth(
     if not there.any():
         return depth, np.full(depth.shape, np.nan, np.float32)
     of_seeds = np.isin(parts, seeded) & there
-    depth = _straighten_rims(layers, depth, parts, settings)
+    depth = _smooth_depth(layers, depth, parts, np.full(depth.shape, _UNTOLD), settings)
     reach = int(np.ceil(settings.most)) + _SPARE
     score = _score_stretched(layers, depth, parts, of_seeds if of_seeds.any() else there, reach, settings)
     move, here = _best_moves(score, reach)
-    own = depth + move
     compared = there & (score.min(axis=2) > -1.0)
     sure = np.where(compared, here, scores[parts])
     trusted = there & (sure > settings.least_trace)
     told = compared & trusted
     common = np.median(move[of_seeds & told]) if (of_seeds & told).any() else 0.0
     depth = depth + common + np.where(told, np.clip(move - common, -settings.most, settings.most), 0.0)
-    share = find_shares(layers, depth, near=settings.near, clear=settings.clear)
-    depth = _smooth_depth(layers, depth, parts, np.where(told, here, _UNTOLD), share, settings)
+    own = depth
+    depth = _smooth_depth(layers, depth, parts, np.where(told, here, _UNTOLD), settings)
     depth = np.where(trusted, depth, np.nan)
     confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
-    # a seed whose own waveform is unlike the others' cannot tell where it lies on them; where a fault cuts it short the
-    # traces around tell better
-    sure_of_seeds = of_seeds & trusted & (here >= settings.parts.trusted)
-    miss = _miss(depth + share**_OWN * (own - depth), sure_of_seeds, index)
+    # where no fault cuts a seed's waveform short and it is hardly disturbed it tells best where the seed lies on the
+    # track, else the traces around do
+    share = find_shares(layers, own, near=settings.near, clear=settings.clear)
+    at_seeds = np.where((share > _UNCUT) & told & (here >= _UNDISTURBED), own, depth)
+    miss = _miss(at_seeds, of_seeds & trusted, index)
     depth = depth - (common if miss is None else miss)
     return depth, confidence
 
 
 def _smooth_depth(
-    layers: LayerModel, depth: Float64Array, parts: IntArray, weight: AnyArray, share: Float64Array,
-    settings: TrackSettings,
-) -> Float64Array:  # fmt: skip
+    layers: LayerModel, depth: Float64Array, parts: IntArray, weight: AnyArray, settings: TrackSettings
+) -> Float64Array:
     """Lay a stiff surface through depths, each as it is weighed and as a fault leaves of its waveform."""
     linked = link_traces(layers, depth, parts, settings.step)
     rims = find_rims(linked, parts, _without_faults(layers, depth, parts), settings.rim)
+    share = find_shares(layers, depth, near=settings.near, clear=settings.clear)
     weight = weight * weigh_traces(share, rims)
     return fit_stiffly(np.where(parts >= 0, depth, np.nan), weight, linked, settings.stiffness)
 
@@ -235,12 +226,6 @@ def _best_moves(score: Float32Array, reach: int) -> tuple[Float64Array, Float32A
     return best - reach + np.clip(part, -0.5, 0.5), here
 
 
-def _straighten_rims(layers: LayerModel, depth: Float64Array, parts: IntArray, settings: TrackSettings) -> Float64Array:
-    """Move traces next to a fault to where the inner traces of their part lead."""
-    led = _lead_on(depth, parts, _without_faults(layers, depth, parts), settings)
-    return np.where(np.isfinite(led), led, depth)
-
-
 def _without_faults(layers: LayerModel, depth: Float64Array, parts: IntArray) -> BoolArray:
     """Mark traces that lack a layer for they have no data, or because it leaves the cube near them."""
     there = parts >= 0
@@ -248,58 +233,6 @@ def _without_faults(layers: LayerModel, depth: Float64Array, parts: IntArray) ->
     beside = depth[tuple(nearest)] if there.any() else depth
     last = layers.times.shape[2] - 1
     return ~there & (~layers.live | ~((beside > _LEAVING) & (beside < last - _LEAVING)))
-
-
-def _lead_on(depth: Float64Array, parts: IntArray, free: BoolArray, settings: TrackSettings) -> Float64Array:
-    """Depth of traces near a part's edge, from planes through the inner traces around; NaN elsewhere.
-
-    What is free is none of the part, but makes no edge either.
-    """
-    rim = settings.rim
-    out = np.full(depth.shape, np.nan)
-    for label, box in enumerate(ndimage.find_objects(parts + 1)):
-        if box is None:
-            continue
-        # the edge of the cube is none of the part
-        near = tuple(slice(max(s.start - 1, 0), s.stop + 1) for s in box)
-        mask = parts[near] == label
-        inner = mask & (
-            ndimage.distance_transform_edt(np.pad(mask | free[near], rim + 1, mode="edge"))[
-                (slice(rim + 1, -rim - 1),) * 2
-            ]
-            > rim
-        )
-        if not inner.any():
-            continue
-        edge, led = _extend(depth[near], inner, mask & ~inner, settings)
-        out[near][edge] = led
-    return out
-
-
-def _extend(
-    depth: Float64Array, inner: BoolArray, wanted: BoolArray, settings: TrackSettings
-) -> tuple[BoolArray, Float64Array]:
-    """Return which wanted traces have inner ones near them, and where planes through these lead to.
-
-    The planes are through what the plane of all inner traces leaves, and lean off it only as far as the traces around
-    spread: those on one line, or a few, tell no slope across it.
-    """
-    places = np.indices(inner.shape, dtype=np.float64)
-    rows, columns = places[0] - places[0][inner].mean(), places[1] - places[1][inner].mean()
-    least = settings.spread**2
-    terms = np.ones(int(inner.sum())), rows[inner], columns[inner]
-    (level, down, along), left = fit_terms(terms, depth[inner], ridge=(0.0, least, least))
-    z = np.zeros(inner.shape)
-    z[inner] = left
-    products = (rows, columns, z, rows * rows, rows * columns, columns * columns, z * rows, z * columns)
-    weight = ndimage.gaussian_filter(inner.astype(np.float64), settings.bend)
-    sums = [ndimage.gaussian_filter(inner * product, settings.bend) for product in products]
-    edge = wanted & (weight > 1e-3)
-    r, c, mean, rr, rc, cc, rz, cz = (total[edge] / weight[edge] for total in sums)
-    rr, rc, cc, rz, cz = rr - r * r + least, rc - r * c, cc - c * c + least, rz - r * mean, cz - c * mean
-    lean = (rz * cc - cz * rc) * (rows[edge] - r) + (cz * rr - rz * rc) * (columns[edge] - c)
-    trend = level + down * rows[edge] + along * columns[edge]
-    return edge, trend + mean + lean / (rr * cc - rc * rc)
 
 
 def _smooth_parts(maps: Float32Array, parts: IntArray, sigma: float) -> Float32Array:

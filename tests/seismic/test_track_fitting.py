@@ -76,6 +76,16 @@ def test_all_parts_that_layer_time_has_farther_off_than_they_are_moved_are_put_r
     np.testing.assert_allclose(found, SEED + shift, atol=0.3)
 
 
+@pytest.mark.parametrize("j", [6, 10, 14])
+def test_noise_at_the_seed_does_not_move_the_track(rng: np.random.Generator, shift: np.ndarray, j: int) -> None:
+    """Noise as strong as the signal: one trace alone tells its place to a sample or two."""
+    layers = lay_out(rng, shift, np.arange(SHAPE[2]) - shift[:, None], cut=True)
+    layers.volume[:] += rng.normal(0.0, float(layers.volume.std()), layers.volume.shape)
+    found = track(layers, j)
+    away = np.abs(np.arange(SHAPE[1]) - WALL + 0.5) > 2
+    assert np.abs(found - SEED - shift)[away].mean() < 0.5
+
+
 @pytest.mark.parametrize("others", [[8, 14], [4, 8, 12, 14]])
 def test_a_stray_among_seeds_that_agree_does_not_count(
     rng: np.random.Generator, shift: np.ndarray, others: list[int]
