@@ -28,7 +28,7 @@ def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any
     -------
     matplotlib Axes
         Surfaces that agree with the picks in grey, new ones in blue; sticks of faults that were found in green, of
-        missed ones in red.
+        missed ones in red, and none of faults that lie outside the cube.
     """
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.lines import Line2D
@@ -44,7 +44,8 @@ def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any
         colour = "#56b4e9" if label in score.new else "0.55"
         ax.add_collection(PolyCollection(list(places[surface.cells]), facecolors=colour, edgecolors="none", alpha=0.5))
     for missed, colour in ((False, "#009e73"), (True, "#d62728")):
-        chosen = [stick for stick in sticks if (stick.fault in score.missed) == missed]
+        names = {row.name for row in score.faults if (row.name in score.missed) == missed}
+        chosen = [stick for stick in sticks if stick.fault in names]
         lines = [geometry.index_to_lines(place_stick(stick, faults.labels))[:, [1, 0]] for stick in chosen]
         ax.add_collection(LineCollection(lines, colors=colour, linewidths=1.4))
     inlines, crosslines = geometry.inline.coordinates(), geometry.crossline.coordinates()

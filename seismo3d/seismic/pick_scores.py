@@ -77,6 +77,8 @@ class StickScore:
         Share of the area of all surfaces that lies within the tolerance of a picked fault.
     outside : float
         Share of the sticks' nodes that lie outside the cube, and do not count.
+    elsewhere : tuple of str
+        Picked faults of which nothing lies in the cube: they are neither in `faults` nor missed.
     """
 
     tolerance: float
@@ -88,6 +90,7 @@ class StickScore:
     new: tuple[int, ...]
     confirmed: float
     outside: float
+    elsewhere: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,6 +192,7 @@ def score_sticks(
         tuple(row.name for row in rows if row.within < _HALF),
         tuple(label for label, share in enumerate(near, start=1) if share < _HALF),
         float(np.average(near, weights=area)) if len(near) else float("nan"), outside,
+        tuple(name for name in names if name not in lines),
     )  # fmt: skip
 
 

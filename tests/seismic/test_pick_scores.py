@@ -50,6 +50,18 @@ def test_far_sticks_are_missed_and_faults_without_sticks_are_new() -> None:
     assert score_sticks(faults, near, tolerance=1.0).missed == ("fault_001",)
 
 
+def test_picked_faults_outside_the_cube_are_named() -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    own = cut_sticks(faults, cube)
+    below = [replace(moved(stick, (0.0, 0.0, 1000.0)), fault="below") for stick in own if stick.fault == "fault_001"]
+    score = score_sticks(faults, own + below)
+    assert score.elsewhere == ("below",)
+    assert [row.name for row in score.faults] == ["fault_001", "fault_002"]
+    assert score.missed == ()
+    assert score_sticks(faults, own).elsewhere == ()
+
+
 def test_two_sticks_far_apart_still_confirm_the_surface_between() -> None:
     cube = make_cube()
     faults = make_faults(cube)
