@@ -161,9 +161,10 @@ def score_sticks(
     GeometryError
         If no stick lies in the cube, or the cube lies elsewhere than the faults.
     ParameterError
-        If `faults` is no FaultSet.
+        If `faults` is no FaultSet, or `sticks` no list of sticks.
     """
     home = placing_cube(cube, faults)
+    _check_list(sticks, "sticks", FaultStick)
     limit = as_number(tolerance, "tolerance", low=0.0)
     shape = np.array(np.shape(faults.labels))
     placed = {id(stick): place_stick(stick, home) for stick in sticks}
@@ -231,11 +232,12 @@ def score_horizon(
     Raises
     ------
     ParameterError
-        If there is no track.
+        If there is no track, or `tracks` is no list of them.
     GeometryError
         If no pick lies on a place of any track, or none that does lies in the cube's times or depths: they are then of
         another unit or sign.
     """
+    _check_list(tracks, "tracks", HorizonPoints)
     if not tracks:
         raise ParameterError("tracks is empty; expected at least one. Trace horizons first.")
     limit = as_number(tolerance, "tolerance", low=0.0)
@@ -317,6 +319,14 @@ def flat_places(
     if have_lines(picks, track):
         return picks.lines, track.lines, _ONE_TRACE
     return picks.points[:, :2], track.points[:, :2], apart
+
+
+def _check_list(values: Any, name: str, kind: type) -> None:
+    told = f"a {type(values).__name__}"
+    if isinstance(values, Sequence) and not isinstance(values, str):
+        told = next((f"a list with a {type(value).__name__}" for value in values if not isinstance(value, kind)), "")
+    if told:
+        raise ParameterError(f"{name} is {told}; expected a list of {kind.__name__}. Put one alone in a list.")
 
 
 def _inside(points: Float64Array, shape: Any) -> BoolArray:

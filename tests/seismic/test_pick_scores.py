@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -119,6 +120,18 @@ def test_sticks_elsewhere_are_refused() -> None:
         score_sticks(faults, far)
     with pytest.raises(ShapeError, match="section"):
         score_sticks(make_section()[1], far)
+
+
+def test_what_is_no_list_of_picks_is_refused() -> None:
+    faults = make_faults(make_cube())
+    own = cut_sticks(faults, make_cube())
+    loose: Any
+    for loose, told in (("x", "a str"), (own[0], "a FaultStick"), ([*own, None], "a list with a NoneType")):
+        with pytest.raises(ParameterError, match=f"sticks is {told}; expected a list of FaultStick"):
+            score_sticks(faults, loose)
+    loose = flat(800.0)
+    with pytest.raises(ParameterError, match="tracks is a HorizonPoints; expected a list of HorizonPoints"):
+        score_horizon(loose, loose, tolerance=1.0)
 
 
 def flat(z: float, *, name: str = "top", n: int = 10) -> HorizonPoints:
