@@ -100,6 +100,7 @@ def pick_distance_map(
     limit = float(np.percentile(np.abs(down), 95.0)) or 1.0 if len(down) else 1.0
     across = (1, 0) if by_lines else (0, 1)
     here = picks.lines if by_lines else picks.points[:, :2]
+    ax.set_facecolor("0.7")  # what agrees is white
     ax.plot(*here[~common][:, across].T, ",", color="black")
     drawn = ax.scatter(*here[common][:, across].T, c=down, s=4, cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
     ax.figure.colorbar(drawn, ax=ax, label=f"Track below picks ({unit})", pad=0.02, shrink=0.8)

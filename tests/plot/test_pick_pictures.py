@@ -7,11 +7,22 @@ import numpy as np
 from fake_faults import make_cube, make_faults
 from matplotlib.figure import Figure
 
-from seismo3d.plot.pick_pictures import picked_faults_map
+from seismo3d.io.horizons import HorizonPoints
+from seismo3d.plot.pick_pictures import pick_distance_map, picked_faults_map
 from seismo3d.seismic.pick_scores import score_sticks
 from seismo3d.seismic.sticks import cut_sticks
 
 mpl.use("Agg")
+
+
+def test_where_track_and_picks_agree_is_seen() -> None:
+    lines = np.argwhere(np.ones((6, 7))).astype(np.float64)
+    picks = HorizonPoints("top", np.column_stack([lines, np.full(42, 800.0)]), lines)
+    ax = pick_distance_map(picks, picks, unit="ms", ax=Figure().add_subplot())
+    (drawn,) = ax.collections
+    drawn.update_scalarmappable()
+    apart = np.abs(drawn.get_facecolors()[:, :3] - np.array(ax.get_facecolor()[:3]))
+    assert apart.min() > 0.2
 
 
 def test_sticks_of_faults_outside_the_cube_are_not_drawn() -> None:
