@@ -6,7 +6,7 @@
 - Petrel ("Charisma fault sticks (ASCII)"): ``INLINE- inline crossline x y z fault_name stick_number``, also read by
   many others.
 
-Both have no header line. z grows downwards, in ms or m; nodes run from the top of a stick to its foot.
+Both have no header line. z grows downwards, in ms, m or ft; nodes run from the top of a stick to its foot.
 """
 
 from __future__ import annotations
