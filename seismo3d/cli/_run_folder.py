@@ -110,6 +110,8 @@ def read_record(folder: Path) -> dict[str, Any] | None:
 @contextmanager
 def kept_aside(out: Path) -> Iterator[Path]:
     """Give a folder beside ``out`` that stays until all is done, unless nothing is in it, and then takes its place."""
+    import typer
+
     from seismo3d.io._files import refuse_os_errors, replace_path
     from seismo3d.seismic.blocks.tracing import forget_work
 
@@ -121,6 +123,10 @@ def kept_aside(out: Path) -> Iterator[Path]:
             forget_work(out)
     except FileAccessError as error:
         raise FileAccessError(f"{error} Finished blocks are kept: give the same command again to go on.") from error
+    except (KeyboardInterrupt, SystemExit):
+        if aside.is_dir() and any(aside.iterdir()):
+            typer.echo(f"seismo3d: what is done is kept in {aside}: give the same command again to go on", err=True)
+        raise
     finally:
         if aside.is_dir() and not any(aside.iterdir()):
             aside.rmdir()

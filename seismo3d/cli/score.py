@@ -184,4 +184,7 @@ def _say(out: Path, scores: list[dict[str, Any]], *, as_json: bool) -> None:
             )
         new = ", ".join(str(label) for label in score["new"]) or "none"
         typer.echo(f"  missed {len(score['missed'])} of {len(score['faults'])}; new: {new}")
+        if score["outside"]:
+            wholly = f", all of {', '.join(score['elsewhere'])}" if score["elsewhere"] else ""
+            typer.echo(f"  not counted: {100 * score['outside']:.1f} % of the nodes lie outside the cube{wholly}")
     typer.echo(str(out))

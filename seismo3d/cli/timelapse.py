@@ -22,8 +22,8 @@ def run(
 ) -> None:
     """Align a monitor cube with its base: local shifts with their uncertainty, and the aligned monitor.
 
-    The folder gets shift.sgy and shift_std.sgy (ms or m), inline_shift, crossline_shift, inline_std and crossline_std
-    (traces), aligned.sgy, two pictures and run.json. It appears when all is done, or not at all.
+    The folder gets shift.sgy and shift_std.sgy (ms, m or ft), inline_shift, crossline_shift, inline_std and
+    crossline_std (traces), aligned.sgy, two pictures and run.json. It appears when all is done, or not at all.
     """
     import numpy as np
 

@@ -24,7 +24,7 @@ class SectionGeometry:
     sample : Axis
         The sample coordinate in ``unit``.
     unit : str
-        "ms", "m", "ft" or "samples".
+        "ms", "m", "ft" or "samples"; any other word of the section as it is.
     length_unit : {"m", "ft"}
         Of map coordinates.
     numbers : ndarray of shape (n,), float64, or None

@@ -40,7 +40,7 @@ class SurveyGeometry:
     inline, crossline, sample : Axis
         Line numbers, and the sample coordinate in ``unit``.
     unit : str
-        "ms", "m", "ft" or "samples".
+        "ms", "m", "ft" or "samples"; any other word of the cube as it is.
     map_fit : MapFit or None
         None where the cube has no map coordinates.
     length_unit : {"m", "ft"}

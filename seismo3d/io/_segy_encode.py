@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Int64Array
 from seismo3d.errors import GeometryError
-from seismo3d.geometry.axis import METRES, Axis, length_unit_of, unit_of
+from seismo3d.geometry.axis import METRES, Axis, check_downwards, length_unit_of, unit_of
 from seismo3d.geometry.survey import usual_spacing
 from seismo3d.io._segy_layout import set_header_field
 
@@ -48,6 +48,7 @@ def ibm_words(values: AnyArray) -> AnyArray:
 
 def sample_fields(volume: Any) -> dict[int, int]:
     """Return a trace header's fields of a cube's sample axis, by their first byte; refuse what they cannot hold."""
+    check_downwards(volume)
     axis = Axis.from_coordinates(volume[volume.dims[-1]].values, str(volume.dims[-1]))
     if axis.n > 65535:
         raise GeometryError(

@@ -6,7 +6,7 @@
 - Petrel ("Charisma fault sticks (ASCII)"): ``INLINE- inline crossline x y z fault_name stick_number``, also read by
   many others.
 
-Both have no header line. z grows downwards, in ms or m; nodes run from the top of a stick to its foot.
+Both have no header line. z grows downwards, in ms, m or ft; nodes run from the top of a stick to its foot.
 """
 
 from __future__ import annotations
@@ -112,7 +112,8 @@ def read_sticks(path: str | Path) -> list[FaultStick]:
     Returns
     -------
     list of FaultStick
-        In the order of the file; nodes by their index where there is one, else as in the file.
+        In the order of the file; nodes by their index where there is one, else as in the file, and the other way round
+        where the last one lies above the first.
 
     Raises
     ------
@@ -167,6 +168,8 @@ _Node = tuple[str, int, float | None, tuple[float, ...]]
 def _as_stick(fault: str, number: int, rows: list[tuple[float, ...]]) -> FaultStick:
     table = np.array(sorted(rows, key=lambda row: row[0]), dtype=np.float64)
     table = table[has_value(table[:, 3])]
+    if len(table) and table[-1, 3] < table[0, 3]:
+        table = table[::-1]
     return FaultStick(fault, number, table[:, 1:4].copy(), table[:, 4:6].copy())
 
 

@@ -35,7 +35,7 @@ def write_gocad(
     horizontal_unit : str
         Unit of x and y, such as "m"; "none" for bin indices.
     z_unit : str
-        Unit of z: "ms", "m", or "none" for samples.
+        Unit of z: "ms", "m", "ft", or "none" for samples.
     units : mapping of str to str, optional
         Units of properties by name; "none" for those that are not in it.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from seismo3d.io._as_cube import as_cube
 
 _SAMPLED_ABOVE = 2 * 2**30
 _N_BLOCKS = 12
+# bytes read at once, and measured at once
+_SLAB, _PART = 64 * 2**20, 4 * 2**20
 
 
 def summarise(cube: Any) -> dict[str, Any]:
@@ -47,9 +50,10 @@ def summarise(cube: Any) -> dict[str, Any]:
         "unit": attrs.get("sample_unit"),
         "axes": {str(d): _axis(volume[d].values) for d in volume.dims},
     }
-    parts, is_sampled = _parts(volume)
-    out["amplitude"] = _amplitude(parts, is_sampled=is_sampled)
-    out["traces"] = _traces(parts, attrs, is_sampled=is_sampled)
+    is_sampled = volume.nbytes > _SAMPLED_ABOVE
+    counted = [(_amplitudes(part), _counts(part)) for part in _parts(volume, is_sampled=is_sampled)]
+    out["amplitude"] = _amplitude([entry for entry, _ in counted], is_sampled=is_sampled)
+    out["traces"] = _traces([entry for _, entry in counted], attrs, is_sampled=is_sampled)
     out["map"] = _map(volume)
     if "segy_path" in attrs:
         keys = (
@@ -79,37 +83,45 @@ def _plain(value: Any) -> Any:
     return int(number) if number.is_integer() else number
 
 
-def _parts(volume: Any) -> tuple[list[AnyArray], bool]:
-    """Blocks of the cube along its first axis: all of it, or a dozen lines where it is large."""
+def _parts(volume: Any, *, is_sampled: bool) -> Iterator[AnyArray]:
+    """Parts of the cube along its first axis: all of it, a few at a time in memory, or a dozen lines of a large one."""
     n = volume.shape[0]
-    if volume.nbytes > _SAMPLED_ABOVE:
-        lines = np.unique(np.linspace(0, n - 1, _N_BLOCKS).astype(int))
-        return [np.asarray(volume[int(k) : int(k) + 1].data) for k in lines], True
-    block = max(1, 64 * 2**20 // max(1, volume[:1].nbytes))
-    return [np.asarray(volume[k : k + block].data) for k in range(0, n, block)], False
+    if is_sampled:
+        for k in np.unique(np.linspace(0, n - 1, _N_BLOCKS).astype(int)):
+            yield np.asarray(volume[int(k) : int(k) + 1].data)
+        return
+    block = max(1, _SLAB // max(1, volume[:1].nbytes))
+    for k in range(0, n, block):
+        slab = np.asarray(volume[k : k + block].data)
+        yield from np.array_split(slab, min(len(slab), 1 + slab.nbytes // _PART))
 
 
-def _amplitude(parts: list[AnyArray], *, is_sampled: bool) -> dict[str, Any]:
-    n = n_bad = 0
-    low, high, total, squares = np.inf, -np.inf, 0.0, 0.0
-    for part in parts:
-        finite = np.isfinite(part)
-        values = part[finite].astype(np.float64)
-        # NaN throughout a trace is a missing trace, not a bad sample
-        n_bad += int((~finite).sum() - (~finite.any(axis=-1)).sum() * part.shape[-1])
-        if values.size:
-            n, low, high = n + values.size, min(low, float(values.min())), max(high, float(values.max()))
-            total, squares = total + float(values.sum()), squares + float((values**2).sum())
+def _amplitudes(part: AnyArray) -> tuple[int, int, float, float, float, float]:
+    """Count of samples and of bad ones, smallest, largest, sum, and sum of squares."""
+    finite = np.isfinite(part)
+    values = part[finite].astype(np.float64)
+    # NaN throughout a trace is a missing trace, not a bad sample
+    n_bad = int((~finite).sum() - (~finite.any(axis=-1)).sum() * part.shape[-1])
+    low, high = values.min(initial=np.inf), values.max(initial=-np.inf)
+    return values.size, n_bad, float(low), float(high), float(values.sum()), float((values**2).sum())
+
+
+def _amplitude(rows: list[tuple[int, int, float, float, float, float]], *, is_sampled: bool) -> dict[str, Any]:
+    sizes, bad, lows, highs, totals, squares = zip(*rows, strict=True)
+    n, n_bad = sum(sizes), sum(bad)
     if n == 0:
         return {"min": None, "max": None, "mean": None, "rms": None, "n_not_finite": n_bad, "sampled": is_sampled}
-    out = {"min": low, "max": high, "mean": total / n, "rms": float(np.sqrt(squares / n))}
+    out = {"min": min(lows), "max": max(highs), "mean": sum(totals) / n, "rms": float(np.sqrt(sum(squares) / n))}
     return out | {"n_not_finite": n_bad, "sampled": is_sampled}
 
 
-def _traces(parts: list[AnyArray], attrs: dict[str, Any], *, is_sampled: bool) -> dict[str, Any]:
-    missing = sum(int(np.isnan(part).all(axis=-1).sum()) for part in parts)
-    dead = sum(int((part == 0).all(axis=-1).sum()) for part in parts)
-    total = sum(part[..., 0].size for part in parts)
+def _counts(part: AnyArray) -> tuple[int, int, int]:
+    """Count of traces, of missing and of dead ones."""
+    return part[..., 0].size, int(np.isnan(part).all(axis=-1).sum()), int((part == 0).all(axis=-1).sum())
+
+
+def _traces(rows: list[tuple[int, int, int]], attrs: dict[str, Any], *, is_sampled: bool) -> dict[str, Any]:
+    total, missing, dead = (sum(column) for column in zip(*rows, strict=True))
     return {
         "bins_looked_at": total,
         "missing": int(attrs.get("n_missing", missing)) if is_sampled else missing,

@@ -65,8 +65,8 @@ def network_map(network: Any, faults: Any, cube: Any, *, ax: Any = None) -> Any:
     if handles:
         ax.legend(handles=handles, loc="lower right", fontsize="small", framealpha=0.9)
     n = len(network.zones)
-    title = "all faults connected" if n == 1 else f"{n} connected zones, one colour each"
-    ax.set_title(title, loc="left", fontsize="medium")
+    few = ("no faults", "all faults connected")
+    ax.set_title(few[n] if n < 2 else f"{n} connected zones, one colour each", loc="left", fontsize="medium")
     return ax
 
 
@@ -92,7 +92,7 @@ def density_map(network: Any, cube: Any, *, ax: Any = None) -> Any:
     thick = np.diff(np.minimum(np.arange(network.density.shape[2] + 1) * network.cell[2], n))
     mean = network.density @ (thick / thick.sum())
     edges = [_edges(axis_coordinates(cube, axis), network.cell[axis]) for axis in (0, 1)]
-    drawn = ax.pcolormesh(edges[1], edges[0], mean, cmap="magma_r", vmin=0.0)
+    drawn = ax.pcolormesh(edges[1], edges[0], mean, cmap="magma_r", vmin=0.0, vmax=float(mean.max()) or 1.0)
     _frame(ax, cube)
     ax.figure.colorbar(drawn, ax=ax, label=f"Fault area over volume (1/{network.unit})", pad=0.02, shrink=0.8)
     ax.set_title("Fault density (P32), mean over depth", loc="left", fontsize="medium")

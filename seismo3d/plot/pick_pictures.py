@@ -28,7 +28,7 @@ def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any
     -------
     matplotlib Axes
         Surfaces that agree with the picks in grey, new ones in blue; sticks of faults that were found in green, of
-        missed ones in red.
+        missed ones in red, and none of faults that lie outside the cube.
     """
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.lines import Line2D
@@ -44,7 +44,8 @@ def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any
         colour = "#56b4e9" if label in score.new else "0.55"
         ax.add_collection(PolyCollection(list(places[surface.cells]), facecolors=colour, edgecolors="none", alpha=0.5))
     for missed, colour in ((False, "#009e73"), (True, "#d62728")):
-        chosen = [stick for stick in sticks if (stick.fault in score.missed) == missed]
+        names = {row.name for row in score.faults if (row.name in score.missed) == missed}
+        chosen = [stick for stick in sticks if stick.fault in names]
         lines = [geometry.index_to_lines(place_stick(stick, faults.labels))[:, [1, 0]] for stick in chosen]
         ax.add_collection(LineCollection(lines, colors=colour, linewidths=1.4))
     inlines, crosslines = geometry.inline.coordinates(), geometry.crossline.coordinates()
@@ -99,6 +100,7 @@ def pick_distance_map(
     limit = float(np.percentile(np.abs(down), 95.0)) or 1.0 if len(down) else 1.0
     across = (1, 0) if by_lines else (0, 1)
     here = picks.lines if by_lines else picks.points[:, :2]
+    ax.set_facecolor("0.7")  # what agrees is white
     ax.plot(*here[~common][:, across].T, ",", color="black")
     drawn = ax.scatter(*here[common][:, across].T, c=down, s=4, cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
     ax.figure.colorbar(drawn, ax=ax, label=f"Track below picks ({unit})", pad=0.02, shrink=0.8)

@@ -53,7 +53,7 @@ def section(
     Returns
     -------
     matplotlib Axes
-        The axes, in line numbers and ms or m. Missing and dead traces are shown in a flat colour of their own.
+        The axes, in line numbers and ms, m or ft. Missing and dead traces are shown in a flat colour of their own.
 
     Raises
     ------

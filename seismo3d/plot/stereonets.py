@@ -29,12 +29,20 @@ def stereonet(network: Any, *, from_north: bool, sigma: float = 3.0, ax: Any = N
     -------
     matplotlib Axes
         A dot for the mean pole of each fault, in the colour of its set and the size of its area; the mean plane of each
-        set as a great circle; contours every two standard deviations above an even spread.
+        set as a great circle; contours every two standard deviations above an even spread. Without faults the bare net.
     """
     if ax is None:
         import matplotlib.pyplot as plt
 
         ax = plt.subplots(figsize=(5.0, 5.0), layout="constrained")[1]
+    if len(network.poles.directions):
+        _draw_density(ax, network, sigma)
+    _draw_net(ax, from_north)
+    _draw_sets(ax, network)
+    return ax
+
+
+def _draw_density(ax: Any, network: Any, sigma: float) -> None:
     poles = network.poles
     x, y = np.meshgrid(np.linspace(-1, 1, 121), np.linspace(-1, 1, 121))
     inside = np.hypot(x, y) <= 1.0
@@ -45,9 +53,6 @@ def stereonet(network: Any, *, from_north: bool, sigma: float = 3.0, ax: Any = N
     shown = np.ma.masked_array(density, ~inside)
     drawn = ax.contourf(x, y, shown, levels=np.append(0.0, levels), cmap="Greys", extend="max", alpha=0.8)
     ax.figure.colorbar(drawn, ax=ax, label="Standard deviations above an even spread", shrink=0.7, pad=0.02)
-    _draw_net(ax, from_north)
-    _draw_sets(ax, network)
-    return ax
 
 
 def _draw_sets(ax: Any, network: Any) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.geometry.axis import check_downwards
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry, usual_spacing
 
 _ORDER = ("inline", "crossline", "trace", "time", "depth")
@@ -19,13 +20,15 @@ _SAME_PLACE = 0.25
 
 
 def check_order(cube: Any, name: str = "cube") -> None:
-    """Refuse a DataArray whose axes, as far as they have the usual names, are in another order than the usual one."""
+    """Refuse a DataArray whose axes, as far as they have usual names, are in another order, or whose samples run up."""
     dims = [str(dim) for dim in getattr(cube, "dims", ())]
     known = [dim for dim in dims if dim in _ORDER]
     wanted = sorted(known, key=_ORDER.index)
     if known != wanted or (known and known[-1] in ("time", "depth") and dims[-1] != known[-1]):
         order = ", ".join(repr(dim) for dim in [*(d for d in dims if d not in _ORDER), *wanted])
         raise ShapeError(f"{name} has the axes {', '.join(dims)} in this order. Give {name}.transpose({order}).")
+    if dims and dims[-1] not in _ORDER[:3]:
+        check_downwards(cube, name)
 
 
 def check_cube(cube: Any, faults: Any) -> None:

@@ -121,7 +121,8 @@ def _describe(cube: Any) -> tuple[tuple[str, str], dict[str, str]]:
     unit = geometry.unit if geometry.unit != "samples" else "none"
     length = {"m": "metres", "ft": "feet"}[geometry.length_unit]
     place = f"{length} on the map" if geometry.has_map else "line numbers" if np.ndim(cube) == 3 else "trace number, 0"
-    z = {"ms": "two-way time in ms", "m": "depth in m", "ft": "depth in ft"}.get(unit, "sample number")
+    words = {"ms": "two-way time in ms", "m": "depth in m", "ft": "depth in ft", "none": "sample number"}
+    z = words[unit] if unit in words else f"{cube.dims[-1]} in {unit}"
     properties = (
         "throw: samples, positive where the hanging wall is down; throw_fit: 1 where the sides match, 0 where throw is "
         "carried on; heave and strike_slip: traces (_m, _ft: metres, feet), positive where the fault opens and where "

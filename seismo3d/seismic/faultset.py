@@ -63,7 +63,7 @@ class FaultSurface:
     sample_interval : float
         Size of a sample in ``sample_unit``, 1 where the input was a bare array.
     sample_unit : str
-        "ms", "m", "ft" or "samples".
+        "ms", "m", "ft" or "samples"; any other word of the cube as it is.
     confidence : float
         Mean likelihood over the surface, weighed down for small surfaces; 0 to 1.
     area : float

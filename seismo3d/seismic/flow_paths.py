@@ -7,13 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int64Array
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.seismic._kernels_flow import find_way
 from seismo3d.seismic.cube_checks import placing_cube
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.index_frame import IndexFrame
+
+_NEIGHBOURS = np.delete(np.indices((3, 3, 3)).reshape(3, -1).T - 1, 13, axis=0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,8 +40,8 @@ class FlowPath:
     surfaces : tuple of int
         Labels of the faults that it follows, in order.
     straight : float
-        Resistance of the same way through rock without faults, straight from start to end, over `resistance`: how much
-        easier the faults make it.
+        Resistance of the shortest such way between the same ends through rock without faults, over `resistance`: how
+        much easier the faults make it, 1 where they do not.
     """
 
     voxels: Int64Array
@@ -56,7 +59,8 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
 
     Resistance per length is :math:`1 / (1 + (c - 1) L)`, with L on a surface the larger of the fault likelihood and one
     half, off all surfaces 0, whatever the likelihood there, and c the contrast of a sure fault to unbroken rock. The
-    cheapest way over the 26 neighbours of each voxel is Dijkstra's, by scikit-image's ``MCP_Geometric``.
+    cheapest way over the 26 neighbours of each voxel is Dijkstra's; a step to one of them is as long as on the map,
+    also where the lines meet at no right angle, and lies half in either voxel.
 
     Parameters
     ----------
@@ -85,8 +89,6 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
     GeometryError
         If start and end share a voxel, or the cube lies elsewhere than the faults.
     """
-    from skimage.graph import MCP_Geometric
-
     home = placing_cube(cube, faults)
     factor = as_number(contrast, "contrast", low=1.0, high=1e9)
     frame, geometry = IndexFrame.of(home), SurveyGeometry.from_cube(home)
@@ -98,14 +100,11 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
         )
     labels = np.asarray(faults.labels)
     resistance = _resistance(np.asarray(faults.likelihood), labels, factor)
-    search = MCP_Geometric(resistance, sampling=frame.steps)
-    costs, _ = search.find_costs(starts.tolist(), ends.tolist(), find_all_ends=False)
-    best = ends[np.argmin(costs[tuple(ends.T)])]
-    voxels = np.array(search.traceback(best), dtype=np.int64)
+    lengths = np.linalg.norm(frame.carry(_NEIGHBOURS), axis=1)
+    voxels, cost = find_way(resistance, _NEIGHBOURS, lengths, starts, _marked(ends, shape))
+    _, unbroken = find_way(np.ones_like(resistance), _NEIGHBOURS, lengths, voxels[:1], _marked(voxels[-1:], shape))
     at = tuple(voxels.T)
     steps = frame.carry(np.diff(voxels, axis=0))
-    cost = float(costs[tuple(best)])
-    direct = float(np.linalg.norm(frame.carry((voxels[-1] - voxels[0])[None])))
     return FlowPath(
         voxels=freeze(voxels),
         points=freeze(geometry.index_to_map(voxels.astype(np.float64))),
@@ -114,8 +113,14 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
         unit=frame.unit,
         share_on_faults=float((labels[at] > 0).mean()),
         surfaces=_in_order(labels[at]),
-        straight=direct / cost,
+        straight=unbroken / cost,
     )
+
+
+def _marked(voxels: Int64Array, shape: tuple[int, ...]) -> BoolArray:
+    marked = np.zeros(shape, dtype=bool)
+    marked[tuple(voxels.T)] = True
+    return marked
 
 
 def _resistance(likelihood: AnyArray, labels: AnyArray, contrast: float) -> Float32Array:

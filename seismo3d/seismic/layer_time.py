@@ -38,7 +38,7 @@ class LayerModel:
     live : ndarray of shape (inline, crossline), bool
         Traces with data.
     sample_unit : str
-        "ms", "m", "ft" or "samples".
+        "ms", "m", "ft" or "samples"; any other word of the cube as it is.
     rejected : float
         Share of all measurements that the solution rejects.
     closure : LoopClosure

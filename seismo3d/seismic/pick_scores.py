@@ -77,6 +77,8 @@ class StickScore:
         Share of the area of all surfaces that lies within the tolerance of a picked fault.
     outside : float
         Share of the sticks' nodes that lie outside the cube, and do not count.
+    elsewhere : tuple of str
+        Picked faults of which nothing lies in the cube: they are neither in `faults` nor missed.
     """
 
     tolerance: float
@@ -88,6 +90,7 @@ class StickScore:
     new: tuple[int, ...]
     confirmed: float
     outside: float
+    elsewhere: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,9 +161,10 @@ def score_sticks(
     GeometryError
         If no stick lies in the cube, or the cube lies elsewhere than the faults.
     ParameterError
-        If `faults` is no FaultSet.
+        If `faults` is no FaultSet, or `sticks` no list of sticks.
     """
     home = placing_cube(cube, faults)
+    _check_list(sticks, "sticks", FaultStick)
     limit = as_number(tolerance, "tolerance", low=0.0)
     shape = np.array(np.shape(faults.labels))
     placed = {id(stick): place_stick(stick, home) for stick in sticks}
@@ -189,6 +193,7 @@ def score_sticks(
         tuple(row.name for row in rows if row.within < _HALF),
         tuple(label for label, share in enumerate(near, start=1) if share < _HALF),
         float(np.average(near, weights=area)) if len(near) else float("nan"), outside,
+        tuple(name for name in names if name not in lines),
     )  # fmt: skip
 
 
@@ -227,11 +232,12 @@ def score_horizon(
     Raises
     ------
     ParameterError
-        If there is no track.
+        If there is no track, or `tracks` is no list of them.
     GeometryError
         If no pick lies on a place of any track, or none that does lies in the cube's times or depths: they are then of
         another unit or sign.
     """
+    _check_list(tracks, "tracks", HorizonPoints)
     if not tracks:
         raise ParameterError("tracks is empty; expected at least one. Trace horizons first.")
     limit = as_number(tolerance, "tolerance", low=0.0)
@@ -313,6 +319,14 @@ def flat_places(
     if have_lines(picks, track):
         return picks.lines, track.lines, _ONE_TRACE
     return picks.points[:, :2], track.points[:, :2], apart
+
+
+def _check_list(values: Any, name: str, kind: type) -> None:
+    told = f"a {type(values).__name__}"
+    if isinstance(values, Sequence) and not isinstance(values, str):
+        told = next((f"a list with a {type(value).__name__}" for value in values if not isinstance(value, kind)), "")
+    if told:
+        raise ParameterError(f"{name} is {told}; expected a list of {kind.__name__}. Put one alone in a list.")
 
 
 def _inside(points: Float64Array, shape: Any) -> BoolArray:

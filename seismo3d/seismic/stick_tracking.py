@@ -122,10 +122,10 @@ def _walk(
     while 0 <= k + step < len(evidence) and abs(k + step - begin[0]) <= most and weak < _PATIENCE:
         k += step
         moved = _best_course(evidence[k], places + drift, samples)
-        weak = 0 if _mean_along(evidence[k], moved, samples) >= least else weak + 1
         inside = (moved >= 0).mean() > 0.5 and (moved <= evidence.shape[1] - 1).mean() > 0.5
         if not inside:
             break
+        weak = 0 if _mean_along(evidence[k], moved, samples) >= least else weak + 1
         if weak == 0:
             drift = 0.7 * drift + 0.3 * float(np.mean(moved - places))
         places = moved if weak == 0 else places + drift

@@ -61,8 +61,8 @@ class CubeAlignment:
     Attributes
     ----------
     shift : array of the base's shape, float32
-        How far what is at a place of the base lies deeper in the monitor, in ms or m (samples of bare arrays); NaN on
-        traces that both cubes lack. A DataArray where the base was one.
+        How far what is at a place of the base lies deeper in the monitor, in the base's ms, m or ft (samples of bare
+        arrays); NaN on traces that both cubes lack. A DataArray where the base was one.
     shift_std : array of the same shape, float32
         Its standard deviation: of the amplitudes' misfit, the prior, and the unevenness of the shifts in a window.
     inline_shift, crossline_shift : arrays of the same shape, float32

@@ -225,6 +225,8 @@ def index_seeds(cube: Any, seeds: Sequence[Any]) -> list[tuple[Float64Array, Flo
 
 def read_seeds(cube: Any, seeds: Sequence[Any]) -> list[tuple[Float64Array, Float64Array]]:
     """Return seeds as :func:`index_seeds` does, of a section without the inline; those of a track may contradict."""
+    if not np.iterable(seeds):
+        raise ShapeError(f"seeds is {seeds!r}; expected a list, one entry a track. Give count alone for that many.")
     axes = axes_of(cube)
     last = np.array(np.shape(cube)) - 1
     groups = []

@@ -56,6 +56,19 @@ def test_stopped_by_a_full_disk_it_goes_on_to_the_whole_result(
     np.testing.assert_array_equal(open_cube("out/likelihood.sgy").values, wanted.likelihood.values)
 
 
+def test_interrupted_it_says_where_what_is_done_is_kept(
+    store: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("seismo3d.io.segy.write_segy", interrupt)
+    assert run("cube.zarr", "-o", "out", "--memory", "1GB") == 130
+    said = capsys.readouterr().err
+    assert "seismo3d: what is done is kept in out.unfinished: give the same command again to go on\n" in said
+    assert {entry.name for entry in store.parent.iterdir()} == {"cube.zarr", "out.unfinished"}
+
+
 def test_what_takes_the_whole_cube_is_refused_before_any_work(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for option in ("--attributes", "--unfault"):
         assert run("cube.zarr", "-o", "out", "--memory", "1GB", option) == 2

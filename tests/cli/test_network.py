@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,10 @@ def test_sticks_are_scored(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert score["within"] == 1.0
     assert run("score", folder, picks, "--json", "--overwrite", "--tolerance", "2") == 0
     assert json.loads(capsys.readouterr().out.rsplit("}", 1)[0] + "}")["scores"][0]["tolerance"] == 2.0
+    picks.write_text(picks.read_text() + "far 1 2 3 1 1\nfar 1 2 9 1 2\n")
+    assert run("score", folder, picks, "--overwrite") == 0
+    assert re.search(r"not counted: \d+\.\d % of the nodes lie outside the cube, all of far\n", capsys.readouterr().out)
+    assert json.loads((folder / "score" / "score.json").read_text())["scores"][0]["elsewhere"] == ["far"]
     picks.write_text("F1 1 2 3 1 1\nF1 1 2 3 1 one\n")
     assert run("score", folder, picks, "--overwrite") == 2
     assert "line 2" in capsys.readouterr().err

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import re
 import resource
+import tracemalloc
 
 import dask.array as da
 import numpy as np
@@ -284,6 +285,19 @@ def test_summary_of_a_large_cube_is_sampled(monkeypatch, segy):
     got = summarise(s3.open_cube(segy, lazy=True))
     assert got["amplitude"]["sampled"]
     assert got["traces"]["missing"] == 1
+
+
+def test_summary_of_a_lazy_cube_holds_a_slab_of_it_at_a_time(monkeypatch):
+    monkeypatch.setattr("seismo3d.io.summary._SLAB", 2**20)
+    monkeypatch.setattr("seismo3d.io.summary._PART", 2**17)
+    cube = s3.as_cube(da.ones((64, 64, 2048), np.float32, chunks=(1, 64, 2048)))
+    tracemalloc.start()
+    got = summarise(cube)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert got["amplitude"] == {"min": 1.0, "max": 1.0, "mean": 1.0, "rms": 1.0, "n_not_finite": 0, "sampled": False}
+    assert got["traces"]["bins_looked_at"] == 64 * 64
+    assert peak < cube.nbytes / 4
 
 
 def test_summary_of_bad_samples():

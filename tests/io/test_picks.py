@@ -87,6 +87,22 @@ def test_opendtect_dialects(tmp_path: Path) -> None:
     assert [(s.fault, s.number, len(s.points)) for s in read_sticks(bare)] == [("fault_A", 1, 2), ("fault_A", 2, 1)]
 
 
+@pytest.mark.parametrize(
+    "form", ["INLINE- 100 200 {x} 20.0 {z} F1 1", "INLINE- {x} 20.0 {z} F1 1", "F1 {x} 20 {z} 1", "F1 {x} 20 {z} 1 {n}"]
+)
+def test_sticks_picked_from_the_foot_up_are_turned_over(tmp_path: Path, form: str) -> None:
+    def read(*depths: int) -> list[list[float]]:
+        lines = [form.format(x=10 + n, z=z, n=n) for n, z in enumerate(depths, start=1)]
+        (stick,) = read_sticks(text(tmp_path, "\n".join(lines) + "\n"))
+        assert stick.lines.shape == (len(depths), 2)
+        return stick.points[:, [0, 2]].tolist()
+
+    assert read(1000, 950, 900) == [[13, 900], [12, 950], [11, 1000]]
+    assert read(900, 1000) == [[11, 900], [12, 1000]]
+    # a bend upwards on the way is part of the pick
+    assert read(1000, 1010, 900) == [[13, 900], [12, 1010], [11, 1000]]
+
+
 def test_charisma_dialects(tmp_path: Path) -> None:
     path = text(
         tmp_path,

@@ -306,6 +306,8 @@ def test_refusals(awkward, tmp_path):
         s3.write_segy(tmp_path / "no" / "a.sgy", cube)
     with pytest.raises(FileAccessError, match="is a directory"):
         s3.write_segy(tmp_path, cube)
+    with pytest.raises(GeometryError, match="expected numbers that grow downwards"):
+        s3.write_segy(tmp_path / "a.sgy", cube.assign_coords(time=-cube.time))
     with pytest.raises(GeometryError, match="sample interval of 50"):
         s3.write_segy(tmp_path / "a.sgy", s3.as_cube(np.ones((2, 2, 2)), interval=50.0))
     with pytest.raises(GeometryError, match="There is nothing to write"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,21 @@ def test_stereonet_has_a_dot_a_fault_and_a_circle_a_set(ax: Any) -> None:
     np.testing.assert_allclose(west, [-np.sqrt(2) * np.sin(np.radians(63.43 / 2)), 0.0], atol=1e-3)
     np.testing.assert_allclose(south, [0.0, -np.sqrt(2) * np.sin(np.radians(37.5))], atol=1e-3)
     assert len(ax.get_legend().get_texts()) == 2
+
+
+def test_without_faults_pictures_say_so_and_their_scales_begin_at_0() -> None:
+    cube = make_cube()
+    known = make_faults(cube)
+    none = replace(known, surfaces=(), labels=known.labels.copy(data=np.zeros(cube.shape, np.int32)))
+    network = fracture_network(none)
+    above, density, net = Figure().subplots(1, 3)
+    assert plot.network_map(network, none, cube, ax=above).get_title(loc="left") == "no faults"
+    plot.density_map(network, cube, ax=density)
+    assert [mesh.get_clim() for mesh in density.collections] == [(0.0, 1.0)]
+    plot.stereonet(network, from_north=True, ax=net)
+    # no density, and no scale of it
+    assert not net.collections
+    assert len(net.figure.axes) == 4
 
 
 def test_path_is_drawn_in_three_views() -> None:

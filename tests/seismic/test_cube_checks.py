@@ -29,6 +29,28 @@ def test_axes_in_another_order_are_refused_with_what_to_do(dims: tuple[str, ...]
             run(cube(dims=dims))
 
 
+def test_samples_that_run_upwards_are_refused_before_work_starts() -> None:
+    down = cube().rename(time="depth")
+    up = down.assign_coords(depth=-1000.0 - 10.0 * np.arange(16))
+    seeds = [(101, 1, -1050.0)]
+    for run in (
+        s3.trace_faults,
+        s3.layer_time,
+        lambda c: s3.trace_tracks(c, seeds),
+        lambda c: s3.trace_tracks(c[2], [(1, -1050.0)]),
+        lambda c: s3.trace_faults(c[2]),
+        lambda c: s3.follow_stick(c, [(101, 3, -1010.0), (101, 4, -1100.0)]),
+    ):
+        with pytest.raises(GeometryError, match=r"from -1000 to -1150; expected numbers that grow downwards\. Negate"):
+            run(up)
+    with pytest.raises(GeometryError, match=r"base has depth .* base\.assign_coords\(depth=-base\.depth\)"):
+        s3.align_cubes(up, up)
+    check_order(up.assign_coords(depth=-up.depth))
+    check_order(up.isel(depth=slice(None, None, -1)))
+    check_order(up[:, :, 0])
+    check_order(down[:, :, :1])
+
+
 def test_other_names_and_bare_arrays_are_taken_as_they_are() -> None:
     check_order(np.zeros((3, 4, 5)))
     check_order(xr.DataArray(np.zeros((3, 4, 5)), dims=("x", "y", "z")))

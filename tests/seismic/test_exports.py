@@ -89,6 +89,19 @@ def test_vtk_surfaces_are_read_by_vtk(tmp_path: Path) -> None:
     assert mesh.field_data["xy"][0] == "x, y: metres on the map"
 
 
+@pytest.mark.parametrize(
+    ("name", "unit", "words"),
+    [("time", "s", "time in s"), ("depth", "km", "depth in km"), ("time", "samples", "sample number")],
+)
+def test_vtk_surfaces_name_the_unit_of_z_as_the_cube_does(tmp_path: Path, name: str, unit: str, words: str) -> None:
+    import pyvista as pv
+
+    cube = make_cube().assign_attrs(sample_unit=unit)
+    cube = cube if name == "time" else cube.rename(time=name)
+    write_faults(make_faults(cube), cube, directory=tmp_path)
+    assert pv.read(tmp_path / "surfaces.vtp").field_data["z"][0] == f"z: {words}, positive down"
+
+
 def test_stick_files_have_the_columns_of_their_formats(tmp_path: Path) -> None:
     cube = make_cube()
     faults = make_faults(cube)

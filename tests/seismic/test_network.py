@@ -2,11 +2,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import networkx as nx
 import numpy as np
 import pytest
 from fake_faults import BINS, DT, make_cube, make_faults, make_section, plane_surface
+from scipy import sparse
+from scipy.sparse import csgraph
 
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
@@ -221,6 +224,49 @@ def test_path_in_plain_rock_is_straight() -> None:
         flow_path(faults, (3, 4, 5), (3, 4, 25), contrast=0.5)
 
 
+def bare_rock(cube: Any) -> FaultSet:
+    nothing = (cube.copy(data=np.zeros(cube.shape, dtype)) for dtype in (np.float32, np.int32, np.float32))
+    return FaultSet((), *nothing, settings={})
+
+
+def skewed_cube() -> Any:
+    """A cube in depth whose lines meet at 79 degrees."""
+    cube = depth_cube()
+    i, j = np.meshgrid(np.arange(30), np.arange(40), indexing="ij")
+    places = {"cdp_x": 5e5 + 20.0 * i + 12.5 * j, "cdp_y": 6e6 + 30.0 * i - 5.0 * j}
+    return cube.assign_coords({name: (("inline", "crossline"), xy) for name, xy in places.items()})
+
+
+@pytest.mark.parametrize("end", [(130, 515, 1120), (104, 539, 1196), (158, 501, 1004)])
+def test_no_way_through_unbroken_rock_is_easier_than_straight_through_it(end: tuple[float, ...]) -> None:
+    for cube in (make_cube(), depth_cube(), skewed_cube()):
+        path = flow_path(bare_rock(cube), (102, 520, 1040), end)
+        assert path.straight == pytest.approx(1.0, abs=1e-12)
+        assert path.resistance == pytest.approx(path.length, rel=1e-12)
+
+
+def test_path_is_the_cheapest_by_true_lengths_where_lines_meet_at_no_right_angle() -> None:
+    cube = skewed_cube()[:6, :7, :8]
+    labels = np.random.default_rng(3).uniform(size=cube.shape) < 0.3
+    faults = replace(bare_rock(cube), labels=cube.copy(data=labels.astype(np.int32)))
+    path = flow_path(faults, (100, 506, 1000), (110, 500, 1028))
+    step = np.array([[20.0, 30.0, 0.0], [12.5, -5.0, 0.0], [0.0, 0.0, 4.0]])
+    voxels = np.argwhere(np.ones(cube.shape, dtype=bool))
+    first, second = np.nonzero(steps_apart(voxels) == 1)
+    cost = np.linalg.norm((voxels[second] - voxels[first]) @ step, axis=1)
+    resistance = np.where(labels, 1.0 / (1.0 + 49.0 * 0.5), 1.0).ravel()
+    ways = sparse.csr_array((cost * 0.5 * (resistance[first] + resistance[second]), (first, second)))
+    wanted = csgraph.dijkstra(ways, indices=np.ravel_multi_index((0, 6, 0), cube.shape))
+    assert path.resistance == pytest.approx(wanted[np.ravel_multi_index((5, 0, 7), cube.shape)], rel=1e-6)
+    along = path.voxels[1:] - path.voxels[:-1]
+    assert path.length == pytest.approx(np.linalg.norm(along @ step, axis=1).sum(), rel=1e-9)
+
+
+def steps_apart(voxels: np.ndarray) -> np.ndarray:
+    """How many voxels apart two are, in the direction in which they are farthest apart."""
+    return np.abs(voxels[:, None] - voxels[None]).max(axis=2)
+
+
 def test_path_between_horizons_takes_the_fault_wherever_it_meets_them() -> None:
     faults = sheet_faults()
     top, foot = np.full((20, 24), 3.2), np.full((20, 24), 26.8)
@@ -235,10 +281,7 @@ def test_path_between_horizons_takes_the_fault_wherever_it_meets_them() -> None:
 
 def test_metres_count_in_a_depth_cube() -> None:
     cube = depth_cube()
-    faults = make_faults(cube)
-    bare = replace(faults, labels=cube.copy(data=np.zeros(cube.shape, np.int32)),
-                   likelihood=cube.copy(data=np.zeros(cube.shape, np.float32)))  # fmt: skip
-    path = flow_path(bare, (110, 510, 1040), (110, 510, 1140))
+    path = flow_path(bare_rock(cube), (110, 510, 1040), (110, 510, 1140))
     assert (path.length, path.unit) == (pytest.approx(100.0), "m")
     assert IndexFrame.of(cube).steps == pytest.approx((25.0, 12.5, 4.0))
     # a map in feet: bins are as many feet, and so many feet are four metres

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,6 +49,18 @@ def test_far_sticks_are_missed_and_faults_without_sticks_are_new() -> None:
     shifted = score_sticks(faults, near)
     assert shifted.median == pytest.approx(2.0 * np.sin(np.radians(63.43)), abs=0.15)
     assert score_sticks(faults, near, tolerance=1.0).missed == ("fault_001",)
+
+
+def test_picked_faults_outside_the_cube_are_named() -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    own = cut_sticks(faults, cube)
+    below = [replace(moved(stick, (0.0, 0.0, 1000.0)), fault="below") for stick in own if stick.fault == "fault_001"]
+    score = score_sticks(faults, own + below)
+    assert score.elsewhere == ("below",)
+    assert [row.name for row in score.faults] == ["fault_001", "fault_002"]
+    assert score.missed == ()
+    assert score_sticks(faults, own).elsewhere == ()
 
 
 def test_two_sticks_far_apart_still_confirm_the_surface_between() -> None:
@@ -107,6 +120,18 @@ def test_sticks_elsewhere_are_refused() -> None:
         score_sticks(faults, far)
     with pytest.raises(ShapeError, match="section"):
         score_sticks(make_section()[1], far)
+
+
+def test_what_is_no_list_of_picks_is_refused() -> None:
+    faults = make_faults(make_cube())
+    own = cut_sticks(faults, make_cube())
+    loose: Any
+    for loose, told in (("x", "a str"), (own[0], "a FaultStick"), ([*own, None], "a list with a NoneType")):
+        with pytest.raises(ParameterError, match=f"sticks is {told}; expected a list of FaultStick"):
+            score_sticks(faults, loose)
+    loose = flat(800.0)
+    with pytest.raises(ParameterError, match="tracks is a HorizonPoints; expected a list of HorizonPoints"):
+        score_horizon(loose, loose, tolerance=1.0)
 
 
 def flat(z: float, *, name: str = "top", n: int = 10) -> HorizonPoints:

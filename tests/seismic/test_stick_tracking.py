@@ -85,6 +85,16 @@ def test_stick_ends_where_the_fault_does() -> None:
     assert own.points[-1, 2] == 1160.0
 
 
+def test_stick_that_leaves_through_the_side_is_kept_to_the_last_slice_that_it_crosses() -> None:
+    cube = make_plain_cube()
+    likelihood = np.zeros(cube.shape, np.float32)
+    for i in range(16):
+        likelihood[i, int(np.rint(20 + 1.8 * (i - 5)))] = 1.0
+    known = replace(make_faults(cube), likelihood=cube.copy(data=likelihood))
+    found = follow_stick(cube, [[110.0, 520.0, 1040.0], [110.0, 520.0, 1160.0]], faults=known, least=0.7)
+    assert found[-1].lines[0, 0] == 130.0
+
+
 def test_refusals(faulted: SyntheticCube) -> None:
     cube: Any = faulted.seismic
     nodes = picked(faulted, 20)

@@ -154,6 +154,8 @@ def test_bad_seeds_are_refused_before_any_work() -> None:
     cube = np.zeros((8, 8, 16), np.float32)  # layer time would refuse it
     with pytest.raises(ParameterError, match="lies outside the cube"):
         s3.trace_tracks(cube, [(1, 2, 3), (1, 2, 300)])
+    with pytest.raises(ShapeError, match="seeds is 5; expected a list, one entry a track"):
+        s3.trace_tracks(cube, 5)
     with pytest.raises(ShapeError, match=r"seeds\[0\] is 'a'"):
         s3.trace_tracks(cube, ["a"])
     with pytest.raises(ParameterError, match="event is 'max'"):
