@@ -36,7 +36,7 @@ class Track:
     seeds : ndarray of shape (n, 3), or (n, 2) of a section, float64
         The points that it was traced from, in the cube's coordinates.
     sample_unit : str
-        "ms", "m", "ft" or "samples".
+        "ms", "m", "ft" or "samples"; any other word of the cube as it is.
     """
 
     depth: Float32Array
