@@ -10,7 +10,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 import seismo3d as s3
-from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.seismic._kernels_layers import make_increasing, make_runs_increasing
 from seismo3d.seismic._kernels_tracks import cross_levels, match_waveforms, read_layers, read_runs
 from seismo3d.seismic.fault_links import LinkSettings, doubt_matches
@@ -123,6 +123,15 @@ def test_a_track_near_the_foot_of_the_cube_passes_through_its_seed(
     assert track.depth[i, j] == pytest.approx(truth[i, j], abs=1e-3)
     known = np.isfinite(truth)
     assert (np.abs(track.depth - truth)[known] <= 1.0).mean() > 0.95
+
+
+def test_a_seed_parted_from_all_around_is_held_and_told(folded: SyntheticCube, folded_layers: LayerModel) -> None:
+    """The seeds of one track that contradict each other across a trace: the track cannot run through both."""
+    first, second = (20, 20, float(folded.horizons[1, 20, 20])), (21, 20, float(folded.horizons[1, 21, 20]) + 9.0)
+    with pytest.warns(Seismo3dWarning, match=r"seeds\[0\] \(2\d, 20, [\d.]+\) is parted"):
+        track = s3.trace_tracks(folded.seismic, [[first, second]], layers=folded_layers)[0]
+    assert track.depth[20, 20] == pytest.approx(first[2], abs=1e-4)
+    assert track.depth[21, 20] == pytest.approx(second[2], abs=1e-4)
 
 
 def test_a_thicker_waveform() -> None:
