@@ -8,6 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d.registration.robust import robust_scale
 from seismo3d.seismic.layer_graph import LayerTimeSettings
 from seismo3d.seismic.layer_parts import PartSettings, stretched
 from seismo3d.seismic.layer_pieces import read_around
@@ -54,6 +55,9 @@ class TrackSettings:
     stiffness : float
         How stiff a horizon is where waveforms place it, in traces to the fourth power: of details smaller than its
         fourth root little is left, and beside faults, where waveforms are cut short, it is led on over more.
+    bent : float
+        Samples by which it may well bend from trace to trace: where matches scatter by s, its stiffness is at least
+        :math:`(s / bent)^2`.
     even : float
         Width, in traces, over which it is found how much thicker or thinner layers are than at the seeds.
     stretch : float
@@ -79,6 +83,7 @@ class TrackSettings:
     clear: int = 2
     rim: int = 3
     stiffness: float = 25.0
+    bent: float = 0.016
     even: float = 4.0
     stretch: float = 0.3
     price: float = 0.02
@@ -137,7 +142,7 @@ def refine_depth(
     common = np.median(move[of_seeds & told]) if (of_seeds & told).any() else 0.0
     depth = depth + common + np.where(told, np.clip(move - common, -settings.most, settings.most), 0.0)
     own = depth
-    depth = _smooth_depth(layers, depth, parts, np.where(told, here, _UNTOLD), settings)
+    depth = _smooth_depth(layers, depth, parts, np.where(told, here, _UNTOLD), settings, matched=told)
     depth = np.where(trusted, depth, np.nan)
     confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
     # where no fault cuts a seed's waveform short and it is hardly disturbed it tells best where the seed lies on the
@@ -150,14 +155,23 @@ def refine_depth(
 
 
 def _smooth_depth(
-    layers: LayerModel, depth: Float64Array, parts: IntArray, weight: AnyArray, settings: TrackSettings
-) -> Float64Array:
-    """Lay a stiff surface through depths, each as it is weighed and as a fault leaves of its waveform."""
+    layers: LayerModel, depth: Float64Array, parts: IntArray, weight: AnyArray, settings: TrackSettings,
+    *, matched: BoolArray | None = None,
+) -> Float64Array:  # fmt: skip
+    """Lay a stiff surface through depths, each as it is weighed and as a fault leaves of its waveform.
+
+    It is the stiffer, the more what was matched scatters about it, in noise.
+    """
     linked = link_traces(layers, depth, parts, settings.step)
     rims = find_rims(linked, parts, _without_faults(layers, depth, parts), settings.rim)
     share = find_shares(layers, depth, near=settings.near, clear=settings.clear)
-    weight = weight * weigh_traces(share, rims)
-    return fit_stiffly(np.where(parts >= 0, depth, np.nan), weight, linked, settings.stiffness)
+    weight, known = weight * weigh_traces(share, rims), np.where(parts >= 0, depth, np.nan)
+    smooth = fit_stiffly(known, weight, linked, settings.stiffness)
+    if matched is None:
+        return smooth
+    sure = matched & (share > _WHOLE)
+    stiffness = (robust_scale(depth[sure] - smooth[sure]) / settings.bent) ** 2
+    return fit_stiffly(known, weight, linked, stiffness) if stiffness > settings.stiffness else smooth
 
 
 def bend_to_seeds(depth: Float64Array, parts: IntArray, chosen: BoolArray, index: Float64Array) -> Float64Array:
