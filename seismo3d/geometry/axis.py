@@ -95,8 +95,8 @@ class Axis:
 def check_downwards(cube: Any, name: str = "cube") -> None:
     """Refuse a DataArray whose last axis falls, as elevations do: throws and depths would have the wrong sign."""
     last = str(cube.dims[-1])
-    values = np.asarray(cube[last].values) if last in cube.coords else np.arange(2)
-    if len(values) > 1 and values[-1] < values[0]:
+    values = np.asarray(cube[last].values) if last in cube.coords else np.empty(0)
+    if len(values) and values[-1] < values[0]:
         raise GeometryError(
             f"{name} has {last} from {values[0]:g} to {values[-1]:g}; expected numbers that grow downwards. Negate "
             f"elevations, {name}.assign_coords({last}=-{name}.{last}), or turn over a cube that is upside down, "

@@ -68,10 +68,10 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def stiffen(values, weights, linked, stiffness, tolerance, most, out):  # type: ignore[no-untyped-def]
-    """Write the surface that least misses the values, as weighed, and bends least; return how many steps it took.
+    """Write the surface that least misses the values, as weighed, and bends least.
 
     Values without weight must be finite, and are the start there. Conjugate gradients, the diagonal as preconditioner;
-    they end where the misfit left is below the tolerance, in the unit of the values.
+    they end after so many steps at most, or where the misfit left is below the tolerance, in the unit of the values.
     """
     diagonal = weights.copy()
     _count_bends(linked, stiffness, diagonal)
@@ -86,9 +86,9 @@ def stiffen(values, weights, linked, stiffness, tolerance, most, out):  # type: 
             step[i, j] = inverse[i, j] * left[i, j]
     energy = _dot(left, step)
     enough = tolerance * tolerance * weights.sum()
-    for count in range(most):
+    for _ in range(most):
         if energy <= enough:
-            return count
+            return
         towards[:] = 0.0
         add_bending(step, linked, stiffness, towards)
         for i in range(values.shape[0]):
@@ -106,4 +106,3 @@ def stiffen(values, weights, linked, stiffness, tolerance, most, out):  # type: 
         for i in range(values.shape[0]):
             for j in range(values.shape[1]):
                 step[i, j] = inverse[i, j] * left[i, j] + energy / before * step[i, j]
-    return most

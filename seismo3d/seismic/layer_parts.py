@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_tracks import match_waveforms, sum_parts
-from seismo3d.seismic.layer_pieces import LayerVolumes, Waves, read_along, read_around
+from seismo3d.seismic.layer_pieces import LayerVolumes, Waves, neighbours, read_along, read_around
 
 # thicknesses that are tried to either side of the usual one
 _STRETCHES = 10
@@ -131,9 +131,7 @@ def label_parts(crossings: Float64Array, cuts: AnyArray, shapes: Float32Array | 
     i, j = np.meshgrid(*(np.arange(n) for n in crossings.shape[1:]), indexing="ij")
     first, second, wide = [], [], []
     for axis in range(2):
-        a, b = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
-        if axis == 1:
-            a, b = a[::-1], b[::-1]
+        a, b = neighbours(axis)
         for one, other in np.ndindex(len(crossings), len(crossings)):
             both = known[one][a] & known[other][b]
             if not both.any():

@@ -62,6 +62,12 @@ def places(layers: LayerVolumes) -> list[Place]:
     return getattr(layers.times, "places", [(slice(None), slice(None))])
 
 
+def neighbours(axis: int) -> tuple[Place, Place]:
+    """Return where a map has the traces that have a next one along an axis, and where it has these next ones."""
+    first, second = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
+    return (first, second) if axis == 0 else (first[::-1], second[::-1])
+
+
 def find_levels(layers: LayerVolumes, target: Float64Array, beyond: float) -> Float64Array:
     """Return the fractional samples, from above, at which every live trace reaches its target; NaN for those it lacks.
 

@@ -102,7 +102,7 @@ def find_counting(layers: LayerModel, index: Float64Array) -> BoolArray:
         on_theirs = np.isin(parts[:, i, j], list(theirs))
         off = np.abs(crossings[:, i, j][on_theirs] - index[n, 2])
         kept[n] = not (off.size and off.min() > _AGREE)
-    return np.asarray(kept, np.bool_)
+    return kept
 
 
 def _within_cube(depth: Float64Array, last: int) -> Float64Array:

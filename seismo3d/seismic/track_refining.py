@@ -131,7 +131,8 @@ def refine_depth(
     if not there.any():
         return depth, np.full(depth.shape, np.nan, np.float32)
     of_seeds = np.isin(parts, seeded) & there
-    depth = _smooth_depth(layers, depth, parts, np.full(depth.shape, _UNTOLD), settings)
+    share = find_shares(layers, depth, near=settings.near, clear=settings.clear)
+    depth = _smooth_depth(layers, depth, parts, np.full(depth.shape, _UNTOLD), share, settings)
     reach = int(np.ceil(settings.most)) + _SPARE
     score = _score_stretched(layers, depth, parts, of_seeds if of_seeds.any() else there, reach, settings)
     move, here = _best_moves(score, reach)
@@ -141,13 +142,12 @@ def refine_depth(
     told = compared & trusted
     common = np.median(move[of_seeds & told]) if (of_seeds & told).any() else 0.0
     depth = depth + common + np.where(told, np.clip(move - common, -settings.most, settings.most), 0.0)
-    own = depth
-    depth = _smooth_depth(layers, depth, parts, np.where(told, here, _UNTOLD), settings, matched=told)
+    own, share = depth, find_shares(layers, depth, near=settings.near, clear=settings.clear)
+    depth = _smooth_depth(layers, own, parts, np.where(told, here, _UNTOLD), share, settings, matched=told)
     depth = np.where(trusted, depth, np.nan)
     confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
     # where no fault cuts a seed's waveform short and it is hardly disturbed it tells best where the seed lies on the
     # track, else the traces around do
-    share = find_shares(layers, own, near=settings.near, clear=settings.clear)
     at_seeds = np.where((share > _UNCUT) & told & (here >= _UNDISTURBED), own, depth)
     miss = _miss(at_seeds, of_seeds & trusted, index)
     depth = depth - (common if miss is None else miss)
@@ -155,16 +155,15 @@ def refine_depth(
 
 
 def _smooth_depth(
-    layers: LayerModel, depth: Float64Array, parts: IntArray, weight: AnyArray, settings: TrackSettings,
-    *, matched: BoolArray | None = None,
+    layers: LayerModel, depth: Float64Array, parts: IntArray, weight: AnyArray, share: Float64Array,
+    settings: TrackSettings, *, matched: BoolArray | None = None,
 ) -> Float64Array:  # fmt: skip
-    """Lay a stiff surface through depths, each as it is weighed and as a fault leaves of its waveform.
+    """Lay a stiff surface through depths, each as it is weighed and by the share of its waveform that faults leave.
 
     It is the stiffer, the more what was matched scatters about it, in noise.
     """
     linked = link_traces(layers, depth, parts, settings.step)
     rims = find_rims(linked, parts, _without_faults(layers, depth, parts), settings.rim)
-    share = find_shares(layers, depth, near=settings.near, clear=settings.clear)
     weight, known = weight * weigh_traces(share, rims), np.where(parts >= 0, depth, np.nan)
     smooth = fit_stiffly(known, weight, linked, settings.stiffness)
     if matched is None:

@@ -9,7 +9,7 @@ from seismo3d._typing import AnyArray, BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_track_smoothing import stiffen
 from seismo3d.seismic._kernels_tracks import weigh_runs
 from seismo3d.seismic.layer_parts import are_cut
-from seismo3d.seismic.layer_pieces import LayerVolumes, layer_pieces
+from seismo3d.seismic.layer_pieces import LayerVolumes, layer_pieces, neighbours
 from seismo3d.seismic.track_pieces import are_joined
 
 # power of the share of its window on its side of faults by which a trace counts: about what its matches scatter by
@@ -30,9 +30,7 @@ def link_traces(layers: LayerVolumes, depth: Float64Array, parts: IntArray, step
     last = layers.times.shape[2] - 1
     k: IntArray = np.clip(np.rint(np.nan_to_num(depth)).astype(np.int64), 0, last)
     for axis in range(2):
-        a, b = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
-        if axis == 1:
-            a, b = a[::-1], b[::-1]
+        a, b = neighbours(axis)
         joined = (parts[a] >= 0) & (parts[a] == parts[b]) & are_joined(depth, step, axis)
         rows, columns = np.nonzero(joined)
         cut = are_cut(layers.cuts, rows, columns, k[a][joined], k[b][joined], axis)
@@ -49,9 +47,7 @@ def find_rims(linked: AnyArray, parts: IntArray, free: BoolArray, rim: int) -> B
     there = parts >= 0
     ends = np.zeros(parts.shape, np.bool_)
     for axis in range(2):
-        a, b = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
-        if axis == 1:
-            a, b = a[::-1], b[::-1]
+        a, b = neighbours(axis)
         broken = (linked[a] & (1 << axis)) == 0
         ends[a] |= broken & there[a] & ~free[b]
         ends[b] |= broken & there[b] & ~free[a]

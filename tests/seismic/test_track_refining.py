@@ -23,7 +23,8 @@ def smoothed(depth: np.ndarray, **settings: float) -> np.ndarray:
         cuts=np.zeros((*SHAPE, 80), np.uint8), times=np.zeros((*SHAPE, 80), np.float32), live=np.ones(SHAPE, bool)
     )
     parts, weight = np.zeros(SHAPE, np.int64), np.ones(SHAPE)
-    return _smooth_depth(layers, depth, parts, weight, TrackSettings(**settings), matched=parts == 0)
+    share = np.ones(SHAPE)
+    return _smooth_depth(layers, depth, parts, weight, share, TrackSettings(**settings), matched=parts == 0)
 
 
 def test_noise_is_smoothed_out(rng: np.random.Generator) -> None:
