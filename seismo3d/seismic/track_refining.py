@@ -33,6 +33,8 @@ _UNTOLD = 0.5
 _BENT = 2.0
 # share of its waveform, and correlation, from which on a trace tells best itself where it lies
 _UNCUT, _UNDISTURBED = 0.99, 0.95
+# traces over which they are averaged to be matched first, and again in noise
+_SINGLY, _TOGETHER = 1.0, 3.0
 
 FARTHEST_BENT = 3.0
 """Samples by which a track is moved as a whole, or bent, at most to pass through its seeds."""
@@ -103,7 +105,8 @@ def refine_depth(
 
     The track is a stiff surface through where the traces match. Next to a fault, where what lies beyond it is mixed
     into the waveforms and may bend the layer time, and where a fault leaves little of the waveform, a trace goes where
-    those around it lead. As a whole the track is moved to pass through its seeds.
+    those around it lead. In noise the traces are matched a second time, from that surface. As a whole the track is moved
+    to pass through its seeds.
 
     Parameters
     ----------
@@ -132,45 +135,95 @@ def refine_depth(
         return depth, np.full(depth.shape, np.nan, np.float32)
     of_seeds = np.isin(parts, seeded) & there
     share = find_shares(layers, depth, near=settings.near, clear=settings.clear)
-    depth = _smooth_depth(layers, depth, parts, np.full(depth.shape, _UNTOLD), share, settings)
+    depth = _lay(layers, depth, parts, np.full(depth.shape, _UNTOLD), share, settings.stiffness, settings)
+    found = _match(layers, depth, parts, of_seeds, scores, _SINGLY, settings)
+    depth, stiffness = _lay_matched(layers, found, parts, settings)
+    trusted, confidence = found.trusted, np.where(found.trusted, np.clip(found.sure, 0.0, 1.0), np.nan)
+    if stiffness > settings.stiffness:
+        found = _match(layers, depth, parts, of_seeds, scores, _TOGETHER, settings)
+        depth = _lay(layers, found.depth, parts, found.weight, found.share, stiffness, settings)
+    depth = np.where(trusted, depth, np.nan)
+    # where no fault cuts a seed's waveform short and it is hardly disturbed it tells best where the seed lies on the
+    # track, else the traces around do
+    own = (found.share > _UNCUT) & found.told & (found.sure >= _UNDISTURBED)
+    miss = _miss(np.where(own, found.depth, depth), of_seeds & trusted, index)
+    depth = depth - (found.common if miss is None else miss)
+    return depth, confidence.astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """Where traces match the waveform along a horizon; maps of shape (inline, crossline).
+
+    Attributes
+    ----------
+    depth : ndarray, float64
+        Fractional sample.
+    sure : ndarray, float32
+        Correlation; of traces that were not compared, that of their part.
+    told : ndarray of bool
+        Compared, and alike.
+    share : ndarray, float64
+        Share of the window that faults leave.
+    common : float
+        How far those of the seeds' parts were moved down.
+    trusted : ndarray of bool
+        Sure enough not to be left out.
+    """
+
+    depth: Float64Array
+    sure: Float32Array
+    told: BoolArray
+    share: Float64Array
+    common: float
+    trusted: BoolArray
+
+    @property
+    def weight(self) -> AnyArray:
+        """By which a trace counts, before what faults take from it."""
+        return np.where(self.told, self.sure, _UNTOLD)
+
+
+def _match(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, of_seeds: BoolArray, scores: Float32Array, width: float,
+    settings: TrackSettings,
+) -> _Found:  # fmt: skip
+    """Match every trace, averaged over `width` traces around it, with the mean waveform of the seeds' parts."""
+    there = parts >= 0
     reach = int(np.ceil(settings.most)) + _SPARE
-    score = _score_stretched(layers, depth, parts, of_seeds if of_seeds.any() else there, reach, settings)
+    chosen = of_seeds if of_seeds.any() else there
+    score = _score_stretched(layers, depth, parts, chosen, reach, width, settings)
     move, here = _best_moves(score, reach)
     compared = there & (score.min(axis=2) > -1.0)
     sure = np.where(compared, here, scores[parts])
     trusted = there & (sure > settings.least_trace)
     told = compared & trusted
-    common = np.median(move[of_seeds & told]) if (of_seeds & told).any() else 0.0
+    common = float(np.median(move[of_seeds & told])) if (of_seeds & told).any() else 0.0
     depth = depth + common + np.where(told, np.clip(move - common, -settings.most, settings.most), 0.0)
-    own, share = depth, find_shares(layers, depth, near=settings.near, clear=settings.clear)
-    depth = _smooth_depth(layers, own, parts, np.where(told, here, _UNTOLD), share, settings, matched=told)
-    depth = np.where(trusted, depth, np.nan)
-    confidence = np.where(trusted, np.clip(sure, 0.0, 1.0), np.nan).astype(np.float32)
-    # where no fault cuts a seed's waveform short and it is hardly disturbed it tells best where the seed lies on the
-    # track, else the traces around do
-    at_seeds = np.where((share > _UNCUT) & told & (here >= _UNDISTURBED), own, depth)
-    miss = _miss(at_seeds, of_seeds & trusted, index)
-    depth = depth - (common if miss is None else miss)
-    return depth, confidence
+    share = find_shares(layers, depth, near=settings.near, clear=settings.clear)
+    return _Found(depth, sure, told, share, common, trusted)
 
 
-def _smooth_depth(
-    layers: LayerModel, depth: Float64Array, parts: IntArray, weight: AnyArray, share: Float64Array,
-    settings: TrackSettings, *, matched: BoolArray | None = None,
+def _lay(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, weight: AnyArray, share: Float64Array, stiffness: float,
+    settings: TrackSettings,
 ) -> Float64Array:  # fmt: skip
-    """Lay a stiff surface through depths, each as it is weighed and by the share of its waveform that faults leave.
-
-    It is the stiffer, the more what was matched scatters about it, in noise.
-    """
+    """Lay a stiff surface through depths, each as it is weighed and by the share of its waveform that faults leave."""
     linked = link_traces(layers, depth, parts, settings.step)
     rims = find_rims(linked, parts, _without_faults(layers, depth, parts), settings.rim)
-    weight, known = weight * weigh_traces(share, rims), np.where(parts >= 0, depth, np.nan)
-    smooth = fit_stiffly(known, weight, linked, settings.stiffness)
-    if matched is None:
-        return smooth
-    sure = matched & (share > _WHOLE)
-    stiffness = (robust_scale(depth[sure] - smooth[sure]) / settings.bent) ** 2
-    return fit_stiffly(known, weight, linked, stiffness) if stiffness > settings.stiffness else smooth
+    return fit_stiffly(np.where(parts >= 0, depth, np.nan), weight * weigh_traces(share, rims), linked, stiffness)
+
+
+def _lay_matched(
+    layers: LayerModel, found: _Found, parts: IntArray, settings: TrackSettings
+) -> tuple[Float64Array, float]:
+    """Lay a surface through what was matched, the stiffer the more it scatters about it, in noise; and how stiff."""
+    smooth = _lay(layers, found.depth, parts, found.weight, found.share, settings.stiffness, settings)
+    sure = found.told & (found.share > _WHOLE)
+    stiffness = float((robust_scale(found.depth[sure] - smooth[sure]) / settings.bent) ** 2)
+    if stiffness <= settings.stiffness:
+        return smooth, settings.stiffness
+    return _lay(layers, found.depth, parts, found.weight, found.share, stiffness, settings), stiffness
 
 
 def bend_to_seeds(depth: Float64Array, parts: IntArray, chosen: BoolArray, index: Float64Array) -> Float64Array:
@@ -196,22 +249,23 @@ def _miss(depth: Float64Array, chosen: BoolArray, index: Float64Array) -> float 
 
 
 def _read_smoothly(
-    layers: LayerModel, depth: Float64Array, parts: IntArray, half: int, clear: int
+    layers: LayerModel, depth: Float64Array, parts: IntArray, half: int, clear: int, width: float
 ) -> tuple[Float32Array, Float32Array]:
-    """Amplitudes of every trace averaged with its neighbours of the same part, and the share of them that is known."""
+    """Amplitudes of every trace averaged over those around of the same part, and the share of them that is known."""
     waves, known = read_around(layers, depth, half, clear=clear)
-    smooth = _smooth_parts(np.concatenate([waves * known, known], axis=2), parts, 1.0)
+    smooth = _smooth_parts(np.concatenate([waves * known, known], axis=2), parts, width)
     waves, known = (np.ascontiguousarray(a).reshape(depth.size, -1) for a in np.split(smooth, 2, axis=2))
     waves /= np.maximum(known, 1e-6)
     return waves, known
 
 
 def _score_stretched(
-    layers: LayerModel, depth: Float64Array, parts: IntArray, chosen: BoolArray, reach: int, settings: TrackSettings
-) -> Float32Array:
+    layers: LayerModel, depth: Float64Array, parts: IntArray, chosen: BoolArray, reach: int, width: float,
+    settings: TrackSettings,
+) -> Float32Array:  # fmt: skip
     """Correlation of every trace, averaged with its neighbours of the same part, with a waveform at every lag.
 
-    The waveform is the chosen traces' mean, as thick as fits best around each trace: without that a trace with thicker
+    The waveform is the chosen traces' mean, as thick as fits best around each trace. Without that a trace with thicker
     layers goes where those above or below fit, whichever side is seen farther.
     """
     stretch = settings.stretch
@@ -219,7 +273,7 @@ def _score_stretched(
     half = int(np.ceil(settings.near * (1.0 + 2.0 * stretch))) + 1
     long, _ = mean_waveform(layers, depth, chosen, half, settings.clear)
     references = stretched(long, settings.near, shares, layers.spectrum)
-    waves, known = _read_smoothly(layers, depth, parts, settings.near + reach, settings.clear)
+    waves, known = _read_smoothly(layers, depth, parts, settings.near + reach, settings.clear, width)
     scores = match_traces(waves, known, references, reach, 0.5).reshape(len(shares), *depth.shape, -1)
     # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
     whole = read_around(layers, depth, settings.near, clear=settings.clear)[1].mean(axis=2)[..., None] > _WHOLE

@@ -6,9 +6,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
+from laid_out_layers import SHAPE as LAID_OUT
+from laid_out_layers import lay_out
 from scipy.ndimage import gaussian_filter
 
-from seismo3d.seismic.track_refining import TrackSettings, _smooth_depth
+from seismo3d.seismic import track_refining
+from seismo3d.seismic.track_fitting import fit_track
+from seismo3d.seismic.track_refining import TrackSettings, _Found, _lay_matched
 
 SHAPE = (50, 60)
 
@@ -22,9 +27,9 @@ def smoothed(depth: np.ndarray, **settings: float) -> np.ndarray:
     layers: Any = SimpleNamespace(
         cuts=np.zeros((*SHAPE, 80), np.uint8), times=np.zeros((*SHAPE, 80), np.float32), live=np.ones(SHAPE, bool)
     )
-    parts, weight = np.zeros(SHAPE, np.int64), np.ones(SHAPE)
-    share = np.ones(SHAPE)
-    return _smooth_depth(layers, depth, parts, weight, share, TrackSettings(**settings), matched=parts == 0)
+    every = np.ones(SHAPE, bool)
+    found = _Found(depth, np.ones(SHAPE, np.float32), every, np.ones(SHAPE), 0.0, every)
+    return _lay_matched(layers, found, np.zeros(SHAPE, np.int64), TrackSettings(**settings))[0]
 
 
 def test_noise_is_smoothed_out(rng: np.random.Generator) -> None:
@@ -37,3 +42,23 @@ def test_noise_is_smoothed_out(rng: np.random.Generator) -> None:
 
 def test_what_noise_leaves_alone_keeps_its_shape() -> None:
     np.testing.assert_allclose(smoothed(bent_layer())[2:-2, 2:-2], bent_layer()[2:-2, 2:-2], atol=0.02)
+
+
+def test_in_noise_traces_are_matched_again_from_the_surface_through_the_first_matches(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first matches reach no farther than two samples; layer time is off by more."""
+    every = np.arange(LAID_OUT[1])
+    shift, off = 3.0 * np.sin(every / 8.0), 2.5 * np.sin(every / 5.0)
+    times = np.arange(LAID_OUT[2]) - (shift + off)[:, None]
+    layers = lay_out(rng, shift, times, cut=False, noise=1.0)
+    seed = np.array([[20.0, 24.0, 60.0 + shift[24]]])
+
+    def scatter() -> float:
+        miss = fit_track(layers, seed, TrackSettings())[0] - 60.0 - shift
+        return float(np.nanstd(miss - np.nanmedian(miss)))
+
+    twice = scatter()
+    lay = track_refining._lay_matched
+    monkeypatch.setattr(track_refining, "_lay_matched", lambda *a: (lay(*a)[0], TrackSettings().stiffness))
+    assert twice < 0.25 < scatter()
