@@ -165,8 +165,43 @@ def match_about_field(
         Samples; weight 0 where nothing matches.
     """
     known = inside & sides.in_view(slip.throw, thin, slip.share)
-    cost = _costs_about(sides, slip.throw, slip.share, thin, settings)
+    cost = costs_about(sides, slip.throw, slip.share, thin, settings)
     return _pull(cost, known, np.zeros_like(slip.throw), leeway, 0.0)
+
+
+def costs_about(
+    sides: Sides, field: Float32Array, share: float, thin: int, settings: SlipSettings, *, reach: int = _REACH
+) -> Float32Array:
+    """Return the misfit ratios of throws up to `reach` samples about a field, in windows that follow it.
+
+    Parameters
+    ----------
+    sides : Sides
+        Both sides, at every sample.
+    field : ndarray of shape (row, sample), float32
+        Throw at every `thin`-th place.
+    share : float
+        Slip along the rows over throw.
+    thin : int
+        Places of the sides for one of the field.
+    settings : SlipSettings
+        Windows.
+    reach : int
+        Samples to either side.
+
+    Returns
+    -------
+    ndarray of shape (row, sample, throw), float32
+        That of the field in the middle; infinite without a counterpart.
+    """
+    n_shifts, mean = 2 * reach + 1, sides.mean_energy()
+    ratio, out = np.empty((n_shifts, *field.shape), np.float32), np.empty((*field.shape, n_shifts), np.float32)
+    compare_about(
+        sides.hanging, sides.foot, sides.in_hanging, sides.in_foot, field, np.float32(share), thin,
+        np.float32(4.0 * mean), gaussian_taps(settings.along_strike / thin), gaussian_taps(settings.down / thin),
+        np.float32(0.6 * mean), np.float32(np.inf), ratio, out,
+    )  # fmt: skip
+    return out
 
 
 def smooth_field(values: Float32Array, weights: Float32Array, *, stiffness: float) -> Float32Array:
@@ -214,25 +249,13 @@ def _refine(
     cost = np.empty((*field.shape, 1), np.float32)
     change = np.zeros_like(field)
     for steps in rounds:
-        cost = _costs_about(sides, field, share, thin, settings)
+        cost = costs_about(sides, field, share, thin, settings)
         change = _fit_change(cost, inside & sides.in_view(field, thin, share), steps)
         field = np.clip(field + change, -longest, longest).astype(np.float32)
     at = np.rint(change).astype(np.int64) + _REACH
     misfit = np.take_along_axis(cost, at[..., None], axis=2)[..., 0]
     misfit[~sides.in_view(field, thin, share)] = np.inf
     return SlipField(field, misfit, share)
-
-
-def _costs_about(sides: Sides, field: Float32Array, share: float, thin: int, settings: SlipSettings) -> Float32Array:
-    """Return the misfit ratios of throws about a field: (row, sample, throw); infinite without a counterpart."""
-    n_shifts, mean = 2 * _REACH + 1, sides.mean_energy()
-    ratio, out = np.empty((n_shifts, *field.shape), np.float32), np.empty((*field.shape, n_shifts), np.float32)
-    compare_about(
-        sides.hanging, sides.foot, sides.in_hanging, sides.in_foot, field, np.float32(share), thin,
-        np.float32(4.0 * mean), gaussian_taps(settings.along_strike / thin), gaussian_taps(settings.down / thin),
-        np.float32(0.6 * mean), np.float32(np.inf), ratio, out,
-    )  # fmt: skip
-    return out
 
 
 def _fit_change(cost: Float32Array, known: BoolArray, steps: tuple[tuple[float, float], ...]) -> Float32Array:

@@ -3,33 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array
-from seismo3d.seismic._kernels_costs import compare_throws
-from seismo3d.seismic._kernels_filters import gaussian_taps
-from seismo3d.seismic._kernels_throw import (
-    bar_far_shifts,
-    mark_beside,
-    pick_shifts,
-    read_sides,
-    sum_paths,
-)
+from seismo3d.seismic._kernels_throw import mark_beside, read_sides
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.fault_motion import enlarge
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
 from seismo3d.seismic.slip_fields import Sides, SlipField, SlipSettings
-from seismo3d.seismic.throw_bells import carry_on, smooth_about_bell
-from seismo3d.seismic.throw_trends import fit_trend, local_trend
-
-# how far a throw may lie from those around it, before and after these are known well
-_BAND, _OUTLIER = 8.0, 6.0
-# misfit ratio beyond which the sides do not match
-_MISMATCH = 0.6
+from seismo3d.seismic.throw_bells import carry_on
+from seismo3d.seismic.throw_matching import MISMATCH, match_throws
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +226,7 @@ def find_slip(
 
     `about` is the throw that is expected, if any is; `share` the strike slip over throw, if that is known.
     """
-    rough, thin = _match(sides, inside, settings, about), settings.thin
+    rough, thin = match_throws(sides, inside, about=about, settings=settings), settings.thin
     inside = inside[::thin, ::thin]
     slip = refine_free_slip(sides, *rough, inside, thin=thin, settings=settings.slip, share=share)
     found = np.clip(slip.throw, -settings.longest, settings.longest)
@@ -254,7 +240,7 @@ def carry_on_slip(slip: SlipField, inside: BoolArray) -> SlipField:
 
 def fit_of(slip: SlipField) -> Float32Array:
     """Return 1 where the sides are equal, 0 where they do not match and throw is carried on."""
-    return np.where(slip.misfit < _MISMATCH, 1.0 - slip.misfit, 0.0).astype(np.float32)
+    return np.where(slip.misfit < MISMATCH, 1.0 - slip.misfit, 0.0).astype(np.float32)
 
 
 def every_sample(sheet: Sheet) -> Float32Array:
@@ -267,56 +253,3 @@ def every_sample(sheet: Sheet) -> Float32Array:
     share = (at - low).astype(np.float32)
     between = sheet.w[:, low] * (1 - share) + sheet.w[:, low + 1] * share
     return np.where(np.isfinite(between), between, sheet.w[:, np.rint(at).astype(np.int64)]).astype(np.float32)
-
-
-def _match(
-    sides: Sides, inside: BoolArray, settings: ThrowSettings, about: float | None
-) -> tuple[Float32Array, Float32Array]:
-    """Return throw and fit at every `thin`-th place."""
-    thin = settings.thin
-    cost = _costs(sides, settings)
-    inside = inside[::thin, ::thin]
-    trend = fit_trend(cost, inside, unmatched=settings.unmatched, about=about)
-    for _ in range(2):
-        throw, fit = _cheapest(cost, trend, settings)
-        # what matches where the trend has the counterpart out of view does so by chance
-        in_view = sides.in_view(throw, thin) & sides.in_view(trend, thin)
-        matched = inside & in_view & (fit > 1.0 - _MISMATCH)
-        trend = _trend_about_bell(throw, matched, thin)
-        near = matched & (np.abs(throw - trend) < _OUTLIER)
-        if near.any():
-            trend = _trend_about_bell(throw, near, thin)
-        kept = matched & (np.abs(throw - trend) < _OUTLIER)
-    return np.where(kept, throw, trend).astype(np.float32), np.where(kept, fit, 0.0).astype(np.float32)
-
-
-def _trend_about_bell(throw: Float32Array, known: BoolArray, thin: int) -> Float32Array:
-    """Return the trend around every place of the throws known, the bell through all of them taken off first."""
-    around = partial(local_trend, known=known, width=24.0 / thin)
-    return smooth_about_bell(throw, known.astype(np.float32), around)
-
-
-def _costs(sides: Sides, settings: ThrowSettings) -> Float32Array:
-    """Return the misfit ratio of every throw at every `thin`-th place: (row, sample, throw)."""
-    n_rows, n_samples = sides.hanging.shape
-    thin = settings.thin
-    n_shifts = 2 * min(settings.longest, max(1, n_samples - 1)) + 1
-    shape = ((n_rows - 1) // thin + 1, (n_samples - 1) // thin + 1)
-    mean = sides.mean_energy()
-    ratio, out = np.empty((n_shifts, *shape), np.float32), np.empty((*shape, n_shifts), np.float32)
-    compare_throws(
-        sides.hanging, sides.foot, sides.in_hanging, sides.in_foot, thin, np.float32(4.0 * mean),
-        gaussian_taps(settings.along_strike / thin), gaussian_taps(settings.down / thin),
-        np.float32(0.6 * mean), np.float32(settings.unmatched), ratio, out,
-    )  # fmt: skip
-    return out
-
-
-def _cheapest(cost: Float32Array, trend: Float32Array, settings: ThrowSettings) -> tuple[Float32Array, Float32Array]:
-    """Return the throw of the cheapest paths near the trend at every place, and its fit."""
-    barred, total = np.empty_like(cost), np.zeros_like(cost)
-    bar_far_shifts(cost, trend, np.float32(_BAND), barred)
-    sum_paths(barred, np.float32(settings.step), np.float32(settings.jump), total)
-    throw, fit = np.empty(cost.shape[:2], np.float32), np.empty(cost.shape[:2], np.float32)
-    pick_shifts(total, cost, throw, fit)
-    return throw, fit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,10 @@ _LEAST_BELL, _CLEARLY = 8.0, 0.005
 _COMPANY, _AWAY = 0.06, 8.0
 
 
-def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about: float | None = None) -> Float32Array:
-    """Return the throws of the trend over a surface that costs least: a quadratic, or a bell.
+def rank_trends(
+    cost: Float32Array, inside: BoolArray, *, unmatched: float, about: float | None = None
+) -> list[Float32Array]:
+    """Return the throws of trends over a surface, quadratics and bells, the one that costs least first.
 
     Most throws change little over a surface, and a quadratic follows them. Where one dies away from the middle towards
     the tips no quadratic does, and in noise, where no place tells its throw by itself, a bell finds what it would miss.
@@ -56,8 +59,8 @@ def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about:
 
     Returns
     -------
-    ndarray of shape (row, sample), float32
-        Throws in steps of the last axis of ``cost``.
+    list of ndarray of shape (row, sample), float32
+        Throws in steps of the last axis of ``cost``; one for each starting throw, and several may be the same.
     """
     rows, columns = np.nonzero(inside[::2, ::2])
     if len(rows) < 2:
@@ -76,18 +79,49 @@ def fit_trend(cost: Float32Array, inside: BoolArray, *, unmatched: float, about:
     terms, _ = _search(costs, u, v, starts, bell=False, level=unmatched)
     trends = np.array([_throws_of(term, u, v) for term in terms])
     costs[blind] = level = _level_of_chance(costs, blind, trends, unmatched)
-    best, least, is_bell = terms[0], np.inf, False
+    grid = np.indices(inside.shape).astype(np.float64)
+    a, b = (((at - m) / h).ravel() for at, m, h in zip(grid, middle, half, strict=True))
+    found, scored = [], []
     for bell in (False, True):
         terms, scores = _search(costs, u, v, starts, bell=bell, level=level)
-        if about is not None:
-            away = np.abs(np.array([_throws_of(term, u, v, bell).mean() for term in terms]) - about)
-            scores += _COMPANY * np.minimum(away / _AWAY, 1.0)
-        if len(scores) and scores.min() < least:
-            best, least, is_bell = terms[scores.argmin()], scores.min() - _CLEARLY, bell
-    grid = np.indices(inside.shape).astype(np.float64)
-    a, b = (grid[0] - middle[0]) / half[0], (grid[1] - middle[1]) / half[1]
-    throws = _throws_of(best, a.ravel(), b.ravel(), is_bell).reshape(inside.shape)
-    return np.asarray(np.clip(throws, -longest, longest), np.float32)
+        for term, score in zip(terms, scores, strict=True):
+            far = _price_of(_throws_of(term, u, v, bell).mean(), about)
+            scored.append(score + far + (_CLEARLY if bell else 0.0))
+            throws = np.clip(_throws_of(term, a, b, bell), -longest, longest)
+            found.append(throws.reshape(inside.shape).astype(np.float32))
+    return [found[n] for n in np.argsort(scored, kind="stable")]
+
+
+class TrendScores:
+    """What trends cost by the misfit ratios of their throws, as :func:`rank_trends` scores them; less is better.
+
+    Parameters
+    ----------
+    costs : sequence of ndarray of shape (place,), float32
+        Misfit ratios of some trends, of which most match by chance; infinite without a counterpart.
+    unmatched : float
+        The most that a throw without a counterpart is taken for.
+    about : float, optional
+        The mean throw that is expected.
+    """
+
+    def __init__(self, costs: Sequence[Float32Array], *, unmatched: float, about: float | None) -> None:
+        seen = [cost[np.isfinite(cost)] for cost in costs]
+        told = [s for s, cost in zip(seen, costs, strict=True) if len(s) > _LEAST_SEEN * len(cost)]
+        level = float(_surprise(np.float32(unmatched)))
+        self._level = min(float(np.median([_surprise(s).mean() for s in told])), level) if told else level
+        self._about = about
+
+    def of(self, cost: Float32Array, throws: Float32Array) -> float:
+        """Return the score of a trend from its misfit ratios and its throws at the same places."""
+        seen = np.isfinite(cost)
+        told = np.where(seen, _surprise(np.where(seen, cost, 1.0)), np.float32(self._level))
+        return float(told.mean(dtype=np.float64)) + _price_of(float(throws.mean(dtype=np.float64)), self._about)
+
+
+def _price_of(mean: float, about: float | None) -> float:
+    """Return what a mean throw costs for lying away from the one expected."""
+    return 0.0 if about is None else _COMPANY * min(abs(mean - about) / _AWAY, 1.0)
 
 
 def _search(

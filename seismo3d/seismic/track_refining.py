@@ -105,8 +105,8 @@ def refine_depth(
 
     The track is a stiff surface through where the traces match. Next to a fault, where what lies beyond it is mixed
     into the waveforms and may bend the layer time, and where a fault leaves little of the waveform, a trace goes where
-    those around it lead. In noise the traces are matched a second time, from that surface. As a whole the track is moved
-    to pass through its seeds.
+    those around it lead. In noise the traces are matched a second time, from that surface. As a whole the track is
+    moved to pass through its seeds.
 
     Parameters
     ----------
