@@ -91,10 +91,15 @@ def run_local(task: Task, start: Prior) -> LoopResult:
         if len(agree.target) < LEAST_AGREEING:
             continue
         with_these = replace(task, features=agree, settings=replace(task.settings, wide_search=False))
-        led.append(run(with_these, Prior(A * scale_of(task.prior.A), t)))
+        led.append(run(with_these, _start_at(task, A, t)))
         if len(agree.target) >= MANY_AGREEING and share >= MOST_AGREE:
             return led[-1]
     return min([*led, run(task, start)], key=lambda found: _joint_cost(task, found))
+
+
+def _start_at(task: Task, A: Float64Array, t: Float64Array) -> Prior:
+    """Return the start that a rigid pose leads to: of the task's own size, and turned only if the model may turn."""
+    return Prior(task.prior.A if task.model == "translation" else A * scale_of(task.prior.A), t)
 
 
 def _feature_reach(pair: DensePair) -> float:
@@ -145,7 +150,7 @@ def search(task: Task, found: LoopResult, stage: str) -> tuple[LoopResult, str]:
             pair.target[rough : rough + 1],
             pair.source[rough : rough + 1],
             task.features,
-            start=Prior(A * scale_of(task.prior.A), t),
+            start=_start_at(task, A, t),
             prior=task.prior,
             limits=task.limits,
             model=task.model,

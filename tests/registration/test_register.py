@@ -149,6 +149,18 @@ def test_constraints_hold(rng):
     assert found.certificate is None
 
 
+@pytest.mark.parametrize("given", [False, True])
+def test_a_translation_never_turns_whatever_a_search_finds(rng, given):
+    # scans that a rotation alone would bring together: poses of features and of shape all turn
+    T = make_transform(exp_rotation([0.1, 0.2, 1.0]), [0.3, 0.1, 0.1])
+    f = hill(rng, 300)
+    matches = (transform_points(T, f), f) if given else None
+    found = register(*pair(rng, T=T), model="translation", matches=matches)
+    np.testing.assert_array_equal(found.T_target_source[:3, :3], np.eye(3))
+    moved = register(f + 0.4, f, model="translation", stages=("global", "polish"))
+    np.testing.assert_allclose(moved.T_target_source, make_transform(np.eye(3), [0.4, 0.4, 0.4]), atol=1e-6)
+
+
 def test_symmetric_option_agrees(rng):
     target, source = pair(rng)
     both = register(target, source, settings=LoopSettings(symmetric=True))
