@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -119,10 +120,12 @@ def as_stamp(path: Path) -> float | None:
 
 
 def _as_number(text: str) -> float | None:
+    """Return the finite number that a text is; None where it is none, as no time is infinite or NaN."""
     try:
-        return float(text)
+        value = float(text)
     except ValueError:
         return None
+    return value if math.isfinite(value) else None
 
 
 def natural(path: Path) -> list[Any]:

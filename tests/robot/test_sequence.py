@@ -107,6 +107,8 @@ def test_associate_is_greedy_by_distance_and_uses_each_once() -> None:
         ("image", FormatError, "is no image"),
         ("listed", FileAccessError, "not there"),
         ("row", FormatError, "row 1"),
+        ("nan", FormatError, "row 1: 'nan rgb/1.0.png'"),
+        ("infinite", FormatError, "row 1: 'inf rgb/1.0.png'"),
         ("fields", FormatError, "has no fx"),
         ("empty", FormatError, "holds no sequence"),
     ],
@@ -124,6 +126,8 @@ def test_refusals_name_the_file_and_the_remedy(tmp_path: Path, spoil: str, error
         (tmp_path / "rgb/1.0.png").unlink()
     elif spoil == "row":
         (tmp_path / "rgb.txt").write_text("soon rgb/1.0.png\n")
+    elif spoil in ("nan", "infinite"):
+        (tmp_path / "rgb.txt").write_text(f"{spoil[:3]} rgb/1.0.png\n")
     elif spoil == "fields":
         (tmp_path / "camera.json").write_text('{"fy": 1, "cx": 1, "cy": 1}')
     folder = tmp_path / "none" if spoil == "empty" else tmp_path
