@@ -12,6 +12,7 @@ from seismo3d.cli._options import Json, Overwrite
 if TYPE_CHECKING:
     from seismo3d._typing import Progress
     from seismo3d.robot.mapper import Mapper
+    from seismo3d.robot.mesh import Mesh
     from seismo3d.robot.results import Closed, Tracked
     from seismo3d.robot.sequence import RgbdSequence
 
@@ -47,6 +48,7 @@ def run(
     run.json.
     """
     from seismo3d._stages import StageClock, say_timings
+    from seismo3d._validate import as_number
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import GeometryError
@@ -57,6 +59,7 @@ def run(
     from seismo3d.robot.sequence import read_sequence
 
     check_run_folder(out, command="map", inputs=[sequence], overwrite=overwrite)
+    as_number(cell, "cell", low=0.0, strict=True)
     opened = read_sequence(sequence, max_difference=max_difference)
     settings = MapperSettings(
         voxel_size=voxel_size, measure=MeasureSettings(far=far, total_variation=total_variation), n_threads=threads
@@ -77,7 +80,14 @@ def run(
             closed = mapper.close_loops()
         clock("export", 0.0)
         facts = _facts(mapper, opened, found, closed)
-        _write(mapper, opened, found, aside, cell)
+        mesh = mapper.mesh()
+        if len(mesh.triangles) == 0:
+            raise GeometryError(
+                f"{sequence} has {facts['frames']} frames, {facts['located']} of them located, which is too little to "
+                "show a surface; expected frames that overlap. Check the intrinsics and depth_scale in camera.json, or "
+                "give the frames between these."
+            )
+        _write(mapper, mesh, opened, found, aside, cell)
         timings = clock.stop()
         asked = {
             "voxel_size": voxel_size, "far": far, "total_variation": total_variation, "cell": cell,
@@ -129,7 +139,7 @@ def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], closed: C
     }
 
 
-def _write(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], folder: Path, cell: float) -> None:
+def _write(mapper: Mapper, mesh: Mesh, opened: RgbdSequence, found: list[Tracked], folder: Path, cell: float) -> None:
     from importlib.util import find_spec
 
     from seismo3d.graph.poses import write_g2o
@@ -148,7 +158,6 @@ def _write(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], folder: P
             row = f"{time:.6f},{tracked.state},{located.n_planes},{located.n_landmarks},{spreads}"
         lines.append(row)
     (folder / "states.csv").write_text("\n".join(lines) + "\n", encoding="ascii")
-    mesh = mapper.mesh()
     mesh.save(folder / "mesh.ply")
     occupancy = make_occupancy(mesh, cell=cell)
     occupancy.save(folder / "occupancy.npz")

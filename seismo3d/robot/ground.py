@@ -9,7 +9,7 @@ import numpy as np
 
 from seismo3d._typing import Float64Array, Int64Array
 from seismo3d._validate import as_number
-from seismo3d.errors import GeometryError
+from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.robot.mesh import Mesh
 from seismo3d.robot.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
 
@@ -17,6 +17,8 @@ _FACING_UP = 0.64
 """Cosine of the steepest surface that counts as ground: 50 degrees."""
 _UPRIGHT = 0.34
 """Cosine of the largest angle between the first camera's upward axis and up: 70 degrees."""
+MOST_CELLS = 100_000_000
+"""Cells of the largest map from above."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,6 +159,12 @@ def _cells_of(points: Float64Array, cell: float) -> tuple[Int64Array, tuple[floa
     index = np.floor(points[:, :2] / cell + 0.5).astype(np.int64)
     low, high = index.min(axis=0), index.max(axis=0)
     columns, rows = (int(v) for v in high - low + 1)
+    if columns * rows > MOST_CELLS:
+        across, along = columns * cell, rows * cell
+        raise ParameterError(
+            f"cell is {cell:g} m and the map {across:.3g} by {along:.3g} m, {columns * rows:.2g} cells; expected at "
+            f"most {MOST_CELLS:.0e}. Choose a larger cell."
+        )
     place = (index[:, 1] - low[1]) * columns + index[:, 0] - low[0]
     return place, (float(low[0] * cell), float(low[1] * cell)), (rows, columns)
 

@@ -52,7 +52,12 @@ def test_run_writes_all_that_it_says(sequence: Path, tmp_path: Path, capsys: pyt
 
 @pytest.mark.parametrize(
     ("spoil", "words"),
-    [("camera", "has no camera.json"), ("list", "none within"), ("depth", "no frame of")],
+    [
+        ("camera", "has no camera.json"),
+        ("list", "none within"),
+        ("depth", "no frame of"),
+        ("far", "2 frames, 1 of them located"),
+    ],
 )
 def test_bad_sequences_end_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], spoil: str, words: str
@@ -68,6 +73,10 @@ def test_bad_sequences_end_in_one_line(
         (folder / "associations.txt").unlink()
         lines = (folder / "depth.txt").read_text().splitlines()
         (folder / "depth.txt").write_text("\n".join(f"{float(r.split()[0]) + 9} {r.split()[1]}" for r in lines[1:]))
+    elif spoil == "far":  # seen once, from afar: too little to be sure of
+        first, second = sorted((folder / "depth").iterdir())
+        cv2.imwrite(str(first), np.full((48, 64), 3.5 * 5000, np.uint16))
+        cv2.imwrite(str(second), np.zeros((48, 64), np.uint16))
     else:
         for path in (folder / "depth").iterdir():
             cv2.imwrite(str(path), np.zeros((48, 64), np.uint16))
@@ -76,3 +85,19 @@ def test_bad_sequences_end_in_one_line(
     assert words in error
     assert len(error.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_cell_without_a_side_is_refused_before_any_frame_is_read(
+    sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Mapper, "add", None)
+    assert _run(["map", str(sequence), "-o", str(tmp_path / "out"), "--cell", "0"], debug=False) == 2
+    assert "cell is 0" in capsys.readouterr().err
+
+
+def test_cells_too_many_to_hold_are_refused_by_their_side(
+    sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["map", str(sequence), "-o", str(tmp_path / "out"), "--cell", "1e-6", "--voxel-size", "0.05"]
+    assert _run(words, debug=False) == 2
+    assert "Choose a larger cell" in capsys.readouterr().err
