@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from seismo3d._typing import ArrayLike, Float64Array
+from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d._validate import as_number, freeze
-from seismo3d.errors import ParameterError
+from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.camera import PinholeCamera, as_camera
 
 
@@ -81,11 +81,33 @@ class RgbdFrame:
     depth: np.ndarray
     camera: int = 0
 
+    def __post_init__(self) -> None:
+        as_number(self.time, "time")
+        as_number(self.depth_time, "depth_time")
+        if self.rgb is not None and self.rgb.dtype != np.uint8:
+            raise ShapeError(
+                f"rgb has elements of type {self.rgb.dtype}; expected uint8, 0 to 255. Scale and convert it."
+            )
+
     @classmethod
     def of(cls, rgb: ArrayLike | None, depth: ArrayLike, time: float, *, camera: int = 0) -> RgbdFrame:
-        """Return a frame of arrays, colour and depth taken at one time."""
-        colour = None if rgb is None else np.ascontiguousarray(rgb, dtype=np.uint8)
-        return cls(float(time), float(time), colour, np.asarray(depth), camera)
+        """Return a frame of arrays, colour (0 to 255) and depth taken at one time."""
+        stamp = as_number(time, "time")
+        return cls(stamp, stamp, None if rgb is None else _as_colour(rgb), np.asarray(depth), camera)
+
+
+def _as_colour(rgb: ArrayLike) -> AnyArray:
+    """Return whole numbers from 0 to 255 as bytes; refuse shares of one and 16 bits, which would come out black."""
+    values = np.asarray(rgb)
+    if values.dtype == np.uint8:
+        return np.ascontiguousarray(values)
+    if values.dtype.kind not in "iu" or (values.size and (values.min() < 0 or values.max() > 255)):
+        span = f" from {values.min():g} to {values.max():g}" if values.dtype.kind in "iuf" and values.size else ""
+        raise ShapeError(
+            f"rgb has elements of type {values.dtype}{span}; expected whole numbers from 0 to 255. Scale and convert "
+            "it."
+        )
+    return np.ascontiguousarray(values, dtype=np.uint8)
 
 
 def lens_numbers(camera: PinholeCamera) -> Float64Array:

@@ -267,6 +267,17 @@ def test_refusals(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
         mapper.add(RgbdFrame.of(frames[0].rgb[:50], frames[0].depth, 0.0))
     with pytest.raises(ShapeError, match="the camera says"):
         mapper.add(RgbdFrame.of(None, frames[0].depth[:50], 0.0))
+    with pytest.raises(ParameterError, match="time is nan"):
+        RgbdFrame.of(frames[0].rgb, frames[0].depth, float("nan"))
+    with pytest.raises(ParameterError, match="depth_time is inf"):
+        RgbdFrame(0.0, float("inf"), frames[0].rgb, frames[0].depth)
+    for colour in (frames[0].rgb / 255.0, frames[0].rgb.astype(np.uint16) * 257):
+        with pytest.raises(ShapeError, match="Scale and convert it"):
+            RgbdFrame.of(colour, frames[0].depth, 0.0)
+        with pytest.raises(ShapeError, match="expected uint8"):
+            RgbdFrame(0.0, 0.0, colour, frames[0].depth)
+    wide = RgbdFrame.of(frames[0].rgb.astype(np.int64), frames[0].depth, 0.0)
+    np.testing.assert_array_equal(wide.rgb, frames[0].rgb)
     with pytest.raises(ParameterError, match="terms is 'magic'"):
         MapperSettings(terms="magic")
     with pytest.raises(ParameterError, match="empty sequence"):
