@@ -36,9 +36,10 @@ def read_elevation(path: str | Path, *, band: int = 1) -> Any:
     Returns
     -------
     DataArray
-        Elevation (row, column) as float32, dims ("y", "x"), NaN where the file has nodata. ``attrs``: ``transform`` and
-        ``crs`` (a string, empty where the file names none) and ``crs_unit`` where the file says where it lies,
-        ``nodata`` (the file's own value, or None). Coordinates ``x`` and ``y`` of the cells' centres, except on grids
+        Elevation (row, column) as float32, dims ("y", "x"), NaN where the file has nodata or masks its cells; where a
+        band states a scale and an offset, they are applied. ``attrs``: ``transform`` and ``crs`` (a string, empty where
+        the file names none) and ``crs_unit`` where the file says where it lies, ``nodata`` (the file's own value, or
+        None; None too where it was scaled). Coordinates ``x`` and ``y`` of the cells' centres, except on grids
         that are turned against them.
 
     Raises
@@ -174,14 +175,24 @@ def _read_raster(path: Path, band: int) -> Any:
                     raise FormatError(f"{path.name} holds values of type {file.dtypes[band - 1]}; expected elevations.")
                 declared = file.width * file.height * np.dtype(file.dtypes[band - 1]).itemsize
                 check_declared(declared, path.stat().st_size, f"{path.name}, of {file.height} x {file.width} cells,")
-                values = file.read(band)
+                values, nodata = _scaled(file, band)
                 crs = _name_of(file.crs)
                 placed = file.crs is not None or not file.transform.is_identity
                 transform = tuple(file.transform)[:6] if placed else None
-                made = make_elevation(values, transform, crs=crs, nodata=file.nodatavals[band - 1])
+                made = make_elevation(values, transform, crs=crs, nodata=nodata)
     except rasterio.errors.RasterioError as error:
         raise FormatError(f"{path.name} cannot be read as a raster: {error}. It may be cut short.") from error
     return _with_data(made, path)
+
+
+def _scaled(file: Any, band: int) -> tuple[AnyArray, float | None]:
+    """Return a band's elevations, NaN where they are masked or nodata, and the value that still stands for nothing."""
+    values, nodata = file.read(band), file.nodatavals[band - 1]
+    is_masked = file.read_masks(band) == 0
+    scale, offset = file.scales[band - 1], file.offsets[band - 1]
+    if (scale, offset) != (1.0, 0.0):
+        values, nodata = values * scale + offset, None
+    return np.where(is_masked, np.float32(np.nan), values.astype(np.float32)) if is_masked.any() else values, nodata
 
 
 def _name_of(crs: Any) -> str:

@@ -47,6 +47,32 @@ def test_integers_with_nodata_become_nan(tmp_path):
         read_elevation(tmp_path / "a.tif", band=2)
 
 
+def test_scale_offset_and_mask_of_a_band_count(tmp_path):
+    import rasterio
+
+    stored = np.arange(30, dtype=np.int16).reshape(5, 6)
+    stored[1, 1] = -1
+    kept = np.ones((5, 6), bool)
+    kept[4, 0] = False
+    for name, nodata in (("scaled", -1), ("masked", None)):
+        with (
+            rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True),
+            rasterio.open(
+                tmp_path / f"{name}.tif", "w", driver="GTiff", height=5, width=6, count=1, dtype="int16", nodata=nodata,
+                transform=rasterio.Affine(*PLACE), crs="EPSG:32611",
+            ) as file,
+        ):  # fmt: skip
+            file.write(stored, 1)
+            file.scales, file.offsets = (0.1,), (1000.0,)
+            if nodata is None:
+                file.write_mask(kept)
+        read = read_elevation(tmp_path / f"{name}.tif")
+        assert read.values[0, 5] == np.float32(1000.5)
+        empty = np.argwhere(np.isnan(read.values)).tolist()
+        assert empty == ([[1, 1]] if name == "scaled" else [[4, 0]])
+        assert read.attrs["nodata"] is None
+
+
 def test_a_map_by_its_edges_in_degrees(tmp_path):
     np.savez(tmp_path / "a.npz", elevation=np.ones((10, 20)), xmin=-84.0, xmax=-83.8, ymin=36.5, ymax=36.4)
     read = read_elevation(tmp_path / "a.npz")
