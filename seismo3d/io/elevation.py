@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray
-from seismo3d.errors import FileAccessError, FormatError, GeometryError, MissingDependencyError
+from seismo3d.errors import FileAccessError, FormatError, GeometryError, MissingDependencyError, Seismo3dWarning
 from seismo3d.geometry.map_grid import MapGrid, as_six, elevation_values, is_geographic
 from seismo3d.io._files import as_readable_file, check_output, refuse_os_errors, written_aside
 from seismo3d.io.numpy_files import check_declared, list_npz, read_npy, read_npz
@@ -17,6 +17,12 @@ RASTERS = (".tif", ".tiff", ".asc", ".agr", ".img", ".vrt", ".bil", ".hgt")
 """Endings that rasterio reads."""
 WRITTEN_SUFFIXES = (".tif", ".tiff", ".asc", ".npz")
 _NAMES = ("elevation", "z", "dem", "height")
+VOIDS = (-9999.0, -32768.0, -32767.0, -99999.0)
+"""Values that usually stand for nothing."""
+BOTTOMLESS = -1e30
+"""All that lies below stands for nothing, such as the least number of 32 bits."""
+FAR_BELOW = 1000.0
+"""Metres that undeclared voids lie below all other elevations, at least."""
 _BOUNDS = ("xmin", "xmax", "ymin", "ymax")
 
 
@@ -39,8 +45,9 @@ def read_elevation(path: str | Path, *, band: int = 1) -> Any:
         Elevation (row, column) as float32, dims ("y", "x"), NaN where the file has nodata or masks its cells; where a
         band states a scale and an offset, they are applied. ``attrs``: ``transform`` and ``crs`` (a string, empty where
         the file names none) and ``crs_unit`` where the file says where it lies, ``nodata`` (the file's own value, or
-        None; None too where it was scaled). Coordinates ``x`` and ``y`` of the cells' centres, except on grids
-        that are turned against them.
+        None; None too where it was scaled). A usual value for nothing that no nodata value declares is taken for one
+        where it lies far below all other elevations, and a warning says so. Coordinates ``x`` and ``y`` of the cells'
+        centres, except on grids that are turned against them.
 
     Raises
     ------
@@ -52,6 +59,11 @@ def read_elevation(path: str | Path, *, band: int = 1) -> Any:
         If rasterio is needed and not installed.
     GeometryError
         If every cell is nodata.
+
+    Warns
+    -----
+    Seismo3dWarning
+        If cells hold a usual value for nothing that is not declared as such.
     """
     path = as_readable_file(path)
     suffix = path.suffix.lower()
@@ -236,11 +248,32 @@ def _looks_like_degrees(transform: Any, shape: tuple[int, ...]) -> bool:
 
 
 def _with_data(made: Any, path: Path) -> Any:
+    _empty_voids(made, path)
     try:
         elevation_values(made, path.name, least=1)
     except GeometryError as error:
         raise GeometryError(f"{path.name} holds no elevation: every cell is nodata. Give a map with data.") from error
     return made
+
+
+def _empty_voids(made: Any, path: Path) -> None:
+    """Put NaN where a map holds a usual value for nothing that is not declared as such, and warn."""
+    import warnings
+
+    z = made.values
+    lowest = np.float32(np.nanmin(z, initial=np.inf))
+    if lowest not in VOIDS and lowest > BOTTOMLESS:
+        return
+    void = z == lowest
+    if np.nanmin(z, where=~void, initial=np.inf) < float(lowest) + FAR_BELOW:
+        return
+    made.values = np.where(void, np.float32(np.nan), z)
+    warnings.warn(
+        f"{path.name} holds {lowest:g} in {np.count_nonzero(void)} cells, far below all others, and does not declare "
+        f"it as nodata; they are taken as empty. Declare it, as with gdal_edit.py -a_nodata {float(lowest):.9g} {path.name}.",
+        Seismo3dWarning,
+        stacklevel=4,
+    )
 
 
 def _write_numpy(path: Path, values: AnyArray, grid: MapGrid) -> None:

@@ -5,7 +5,14 @@ import sys
 import numpy as np
 import pytest
 
-from seismo3d.errors import FileAccessError, FormatError, GeometryError, MissingDependencyError, ParameterError
+from seismo3d.errors import (
+    FileAccessError,
+    FormatError,
+    GeometryError,
+    MissingDependencyError,
+    ParameterError,
+    Seismo3dWarning,
+)
 from seismo3d.io.elevation import holds_elevation, make_elevation, read_elevation, write_elevation
 
 PLACE = (30.0, 0.0, 376_313.5, 0.0, -30.0, 3_807_917.75)
@@ -71,6 +78,29 @@ def test_scale_offset_and_mask_of_a_band_count(tmp_path):
         empty = np.argwhere(np.isnan(read.values)).tolist()
         assert empty == ([[1, 1]] if name == "scaled" else [[4, 0]])
         assert read.attrs["nodata"] is None
+
+
+@pytest.mark.parametrize("value", [-9999.0, -32768.0, np.finfo(np.float32).min])
+@pytest.mark.parametrize("ending", ["tif", "npy"])
+def test_undeclared_voids_far_below_are_empty_with_a_warning(tmp_path, map_with_holes, value, ending):
+    z = map_with_holes.copy()
+    z.values[1:3, 2] = value
+    if ending == "tif":
+        path = write_elevation(tmp_path / "a.tif", z)
+    else:
+        path = tmp_path / "a.npy"
+        np.save(path, z.values)
+    with pytest.warns(Seismo3dWarning, match=r"in 2 cells.*does not declare it"):
+        read = read_elevation(path)
+    expected = map_with_holes.values.copy()
+    expected[1:3, 2] = np.nan
+    np.testing.assert_array_equal(read.values, expected)
+
+
+def test_a_trench_as_deep_as_a_usual_void_is_no_void(tmp_path):
+    z = np.linspace(-9999.0, -9000.0, 100).reshape(10, 10)
+    np.save(tmp_path / "trench.npy", z)
+    np.testing.assert_array_equal(read_elevation(tmp_path / "trench.npy").values, z.astype(np.float32))
 
 
 def test_a_map_by_its_edges_in_degrees(tmp_path):
