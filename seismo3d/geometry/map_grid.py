@@ -169,8 +169,8 @@ def refuse_other_systems(first: MapGrid, second: MapGrid, names: tuple[str, str]
         )
     if first.crs and second.crs and not same_system(first.crs, second.crs):
         raise GeometryError(
-            f"{names[0]} is in {_short(first.crs)} and {names[1]} in {_short(second.crs)}; expected one reference "
-            "system. Reproject one of them first."
+            f"{names[0]} is in {short_name(first.crs)} and {names[1]} in {short_name(second.crs)}; expected one "
+            "reference system. Reproject one of them first."
         )
 
 
@@ -213,7 +213,8 @@ def same_system(first: str, second: str) -> bool:
         return False
 
 
-def _short(crs: str) -> str:
+def short_name(crs: str) -> str:
+    """Return the name of a reference system for a message."""
     if len(crs) <= 40:
         return crs
     return crs.split('"')[1] if crs.count('"') >= 2 else f"{crs[:37]}..."

@@ -9,7 +9,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray
 from seismo3d.errors import FileAccessError, FormatError, GeometryError, MissingDependencyError, Seismo3dWarning
-from seismo3d.geometry.map_grid import MapGrid, as_six, elevation_values, is_geographic
+from seismo3d.geometry.map_grid import MapGrid, as_six, elevation_values, is_geographic, short_name
 from seismo3d.io._files import as_readable_file, check_output, refuse_os_errors, written_aside
 from seismo3d.io.numpy_files import check_declared, list_npz, read_npy, read_npz
 
@@ -54,7 +54,7 @@ def read_elevation(path: str | Path, *, band: int = 1) -> Any:
     FileAccessError
         If the file cannot be read.
     FormatError
-        If it is not what its ending says, or has no such band.
+        If it is not what its ending says, has no such band, or is in feet.
     MissingDependencyError
         If rasterio is needed and not installed.
     GeometryError
@@ -187,14 +187,30 @@ def _read_raster(path: Path, band: int) -> Any:
                     raise FormatError(f"{path.name} holds values of type {file.dtypes[band - 1]}; expected elevations.")
                 declared = file.width * file.height * np.dtype(file.dtypes[band - 1]).itemsize
                 check_declared(declared, path.stat().st_size, f"{path.name}, of {file.height} x {file.width} cells,")
+                _refuse_feet(file, band, path.name)
                 values, nodata = _scaled(file, band)
                 crs = _name_of(file.crs)
                 placed = file.crs is not None or not file.transform.is_identity
                 transform = tuple(file.transform)[:6] if placed else None
                 made = make_elevation(values, transform, crs=crs, nodata=nodata)
     except rasterio.errors.RasterioError as error:
-        raise FormatError(f"{path.name} cannot be read as a raster: {error}. It may be cut short.") from error
+        said = str(error.__cause__ or error).rstrip(".")
+        raise FormatError(f"{path.name} cannot be read as a raster: {said}. It may be cut short.") from error
     return _with_data(made, path)
+
+
+def _refuse_feet(file: Any, band: int, name: str) -> None:
+    """Refuse places or elevations that are told in another unit of length: all that is measured here is in metres."""
+    if file.crs is not None and file.crs.is_projected:
+        unit, metres = file.crs.linear_units_factor
+        if abs(metres - 1.0) > 1e-9:
+            raise FormatError(
+                f"{name} is in {short_name(_name_of(file.crs))}, whose unit is the {unit}; expected metres or degrees. "
+                "Reproject it, as with gdalwarp -t_srs, and give elevations in metres too."
+            )
+    unit = (file.units[band - 1] or "").strip()
+    if any(word in unit.lower() for word in ("ft", "foot", "feet")):
+        raise FormatError(f"{name} has elevations in {unit!r}; expected metres. Convert them first.")
 
 
 def _scaled(file: Any, band: int) -> tuple[AnyArray, float | None]:
@@ -270,7 +286,8 @@ def _empty_voids(made: Any, path: Path) -> None:
     made.values = np.where(void, np.float32(np.nan), z)
     warnings.warn(
         f"{path.name} holds {lowest:g} in {np.count_nonzero(void)} cells, far below all others, and does not declare "
-        f"it as nodata; they are taken as empty. Declare it, as with gdal_edit.py -a_nodata {float(lowest):.9g} {path.name}.",
+        "it as nodata; they are taken as empty. Declare it, as with "
+        f"gdal_edit.py -a_nodata {float(lowest):.9g} {path.name}.",
         Seismo3dWarning,
         stacklevel=4,
     )

@@ -103,6 +103,27 @@ def test_a_trench_as_deep_as_a_usual_void_is_no_void(tmp_path):
     np.testing.assert_array_equal(read_elevation(tmp_path / "trench.npy").values, z.astype(np.float32))
 
 
+@pytest.mark.parametrize(
+    ("crs", "unit", "words"),
+    [("EPSG:2225", "", "whose unit is the US survey foot"), ("EPSG:32611", "us-ft", "elevations in 'us-ft'")],
+)
+def test_feet_are_not_taken_for_metres(tmp_path, map_with_holes, crs, unit, words):
+    import rasterio
+
+    path = write_elevation(tmp_path / "a.tif", map_with_holes.assign_attrs(crs=crs))
+    with rasterio.open(path, "r+") as file:
+        file.units = (unit,)
+    with pytest.raises(FormatError, match=words):
+        read_elevation(path)
+
+
+def test_a_map_cut_short_says_what_failed(tmp_path, map_with_holes):
+    path = write_elevation(tmp_path / "a.tif", map_with_holes)
+    path.write_bytes(path.read_bytes()[:-200])
+    with pytest.raises(FormatError, match=r"raster: (?!.*previous exception).*[^.]\. It may be cut short"):
+        read_elevation(path)
+
+
 def test_a_map_by_its_edges_in_degrees(tmp_path):
     np.savez(tmp_path / "a.npz", elevation=np.ones((10, 20)), xmin=-84.0, xmax=-83.8, ymin=36.5, ymax=36.4)
     read = read_elevation(tmp_path / "a.npz")
