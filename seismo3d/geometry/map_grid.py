@@ -24,6 +24,10 @@ from seismo3d.errors import GeometryError, ParameterError, ShapeError
 
 METRES_PER_DEGREE = 111_195.0
 """Length of a degree on the sphere of the Earth's mean radius."""
+WEB_MERCATOR = "EPSG:3857"
+"""The system of web maps, whose metres are true at the equator alone: at 60 degrees two are one on the ground."""
+MERCATOR_RADIUS = 6_378_137.0
+"""Of the sphere that web maps are drawn from, metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +84,13 @@ class MapGrid:
 
     @property
     def metres_per_unit(self) -> tuple[float, float]:
-        """Metres in a unit of x and of y at the map's middle; 1 where the unit is a cell."""
-        if self.unit != "degree":
+        """Metres on the ground in a unit of x and of y at the map's middle; 1 where the unit is a cell."""
+        if self.unit != "degree" and self.crs.upper() != WEB_MERCATOR:
             return 1.0, 1.0
         middle = self.to_map([[0.5 * (self.shape[1] - 1), 0.5 * (self.shape[0] - 1)]])[0]
+        if self.unit != "degree":
+            shrunk = 1.0 / float(np.cosh(middle[1] / MERCATOR_RADIUS))
+            return shrunk, shrunk
         return METRES_PER_DEGREE * float(np.cos(np.radians(middle[1]))), METRES_PER_DEGREE
 
     @property

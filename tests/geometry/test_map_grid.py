@@ -33,6 +33,13 @@ def test_degrees_have_metres():
     assert not is_geographic("EPSG:32611")
 
 
+def test_metres_of_web_maps_are_those_on_the_ground():
+    north = 6_378_137.0 * np.arcsinh(np.tan(np.radians(60.0)))  # y of 60 degrees north
+    grid = MapGrid((100, 100), (30.0, 0.0, 1e6, 0.0, -30.0, north + 1500.0), "EPSG:3857", "metre")
+    np.testing.assert_allclose(grid.metres_per_unit, 0.5, rtol=1e-4)
+    np.testing.assert_allclose(grid.cell_m, 15.0, rtol=1e-4)
+
+
 def test_refusals():
     with pytest.raises(ParameterError, match="cells have an area"):
         as_six((0.0, 0.0, 0.0, 0.0, 1.0, 0.0))
