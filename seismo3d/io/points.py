@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ _PCD_TYPES = {
 }
 WRITTEN_SUFFIXES = (".ply", ".xyz", ".npy")
 _LAS_BYTES = 64 * 2**20
+_WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 _NORMAL_NAMES = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 
 
@@ -56,8 +58,9 @@ def read_points(path: str | Path) -> PointFile:
     Parameters
     ----------
     path : str or Path
-        ``.ply`` (ASCII or binary), ``.pcd`` (ASCII, binary, binary compressed), ``.xyz``, ``.txt``, ``.csv``, ``.pts``,
-        ``.las`` or ``.laz`` (with the extra ``las``), ``.npy``, ``.npz`` (entry ``points``, perhaps ``normals``).
+        ``.ply`` (ASCII or binary), ``.pcd`` (ASCII, binary, binary compressed), ``.xyz``, ``.txt``, ``.csv``, ``.pts``
+        (numbers with decimal points, or commas where semicolons or blanks part them), ``.las`` or ``.laz`` (with the
+        extra ``las``), ``.npy``, ``.npz`` (entry ``points``, perhaps ``normals``).
 
     Returns
     -------
@@ -297,7 +300,7 @@ def _read_text(path: Path) -> tuple[AnyArray, AnyArray | None]:
         if _is_number(words[0]) and len(words) > 1:
             break
         names = [word.strip('"') for word in words]
-    table = _parse_numbers(lines[skip:], path)
+    table = _parse_numbers(_with_points(lines[skip:]), path)
     if table.shape[1] < 2 or table.shape[0] == 0:
         raise FormatError(f"{path.name} has rows of {table.shape[1]} numbers; expected at least two coordinates a row.")
     if {"x", "y"} <= set(names) and len(names) <= table.shape[1]:
@@ -305,6 +308,15 @@ def _read_text(path: Path) -> tuple[AnyArray, AnyArray | None]:
     return table[:, : min(3, table.shape[1])], (
         table[:, 3:6] if table.shape[1] == 6 and _are_unit(table[:, 3:6]) else None
     )
+
+
+def _with_points(rows: list[str]) -> list[str]:
+    """Return rows with decimal points: a comma is one where semicolons or blanks, without commas, part the numbers."""
+    first = next((row for row in rows if "," in row and not row.lstrip().startswith(("#", "//"))), "")
+    numbers = re.split(r"[;\s]+", first.strip().strip(";"))
+    if len(numbers) < 2 or not all(_WITH_COMMA.fullmatch(number) for number in numbers):
+        return rows
+    return [row.replace(",", ".") for row in rows]
 
 
 def _are_unit(vectors: Float64Array) -> bool:

@@ -150,3 +150,20 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path, name, monkeypatch):
         write_points(tmp_path / name, 2.0 * POINTS)
     assert (tmp_path / name).read_bytes() == held
     assert [file.name for file in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "x;y;z\n0,25;-0,5;3\n1;2e1;-3,125\n",
+        "0,25 -0,5 3\n1 2e1 -3,125\n",
+        "1;2e1;-3,125\n0,25;-0,5;3;\n",
+        "0.25, -0.5, 3\n1,2e1,-3.125\n",
+        "0.25,-0.5,3\n1,2e1,-3.125\n",
+        "0.25;-0.5;3\n1;2e1;-3.125\n",
+    ],
+)
+def test_commas_are_decimal_only_where_others_part_the_numbers(tmp_path, rows):
+    (tmp_path / "a.csv").write_text(rows)
+    points = read_points(tmp_path / "a.csv").points
+    np.testing.assert_array_equal(points[np.argsort(points[:, 0])], [[0.25, -0.5, 3.0], [1.0, 20.0, -3.125]])
