@@ -381,6 +381,11 @@ def _read_numpy(path: Path) -> tuple[AnyArray, AnyArray | None]:
         raise FormatError(
             f"{path.name} holds an array of shape {points.shape}; expected points of shape (n, 2) or (n, 3)."
         )
+    if len(points) in (2, 3) and points.shape[1] > 6:
+        raise FormatError(
+            f"{path.name} holds an array of shape {points.shape}; expected points of shape (n, 2) or (n, 3). Give one "
+            f"point a row: transpose a ({len(points)}, n) array."
+        )
     points = points[:, :3]
     if normals is not None and (normals.shape != points.shape or normals.dtype.kind not in "fiu"):
         raise FormatError(

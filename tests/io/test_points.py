@@ -167,3 +167,9 @@ def test_commas_are_decimal_only_where_others_part_the_numbers(tmp_path, rows):
     (tmp_path / "a.csv").write_text(rows)
     points = read_points(tmp_path / "a.csv").points
     np.testing.assert_array_equal(points[np.argsort(points[:, 0])], [[0.25, -0.5, 3.0], [1.0, 20.0, -3.125]])
+
+
+def test_points_in_columns_are_refused_with_the_remedy(tmp_path):
+    np.save(tmp_path / "a.npy", np.zeros((3, 50)))
+    with pytest.raises(FormatError, match=r"shape \(3, 50\).*transpose"):
+        read_points(tmp_path / "a.npy")

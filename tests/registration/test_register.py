@@ -210,6 +210,8 @@ def test_refusals(rng):
         register(points, np.ones((20, 3)))
     with pytest.raises(ShapeError, match="3 dimensions and source 2"):
         register(points, points[:, :2])
+    with pytest.raises(ShapeError, match=r"source has shape \(3, 100\); expected \(n, 3\)"):
+        register(points, points.T)
     with pytest.raises(ParameterError, match="stages"):
         register(points, points, stages=("best",))
     with pytest.raises(ParameterError, match="Drop alpha"):
