@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,10 @@ from seismo3d.scan import Scan
 N_PROBES = 400
 LEAST_QUALITY = 0.5
 """Median quality of the normals that the finest level must have."""
+FAR = 100.0
+"""Distance from the median point, over the median one, of points that are left out."""
+MOST_FAR = 0.01
+"""Share of the points that may be left out."""
 COARSEST = 0.08
 """Least size of the coarsest voxels, in shares of the source's root mean square radius."""
 
@@ -66,6 +70,7 @@ def prepare_pair(
         Size of the target's voxels over the source's: the scale between both, where it is known.
     """
     d = source.dim
+    target, source = _without_far(target), _without_far(source)
     tables = _both(survey, (target.points, "target"), (source.points, "source"), n_threads)
     size = math.sqrt(tables[1][3].sum() / len(source))
     if not size > 0.0:
@@ -101,6 +106,25 @@ def prepare_pair(
         maps = (maps[0][skip:], maps[1][skip:])
         edge *= 2**skip
     return DensePair(frame, maps[0], maps[1], edge)
+
+
+def _without_far(scan: Scan) -> Scan:
+    """Leave out the few points that lie far off all others, such as stray returns: they would set the voxels' size.
+
+    Far is a hundred times the median distance from the median point. What is not finite stays, to be refused.
+    """
+    some = scan.points[:: max(1, len(scan) // N_PROBES)]
+    middle = np.median(some, axis=0)
+    reach = FAR * float(np.median(np.linalg.norm(some - middle, axis=1)))
+    low, high = scan.points.min(axis=0), scan.points.max(axis=0)
+    if not reach > 0.0 or ((low >= middle - reach) & (high <= middle + reach)).all():
+        return scan
+    distances = np.linalg.norm(scan.points - middle, axis=1)
+    near = ~(np.isfinite(distances) & (distances > reach))
+    if np.count_nonzero(~near) > MOST_FAR * len(scan):
+        return scan
+    normals, weights = (None if part is None else part[near] for part in (scan.normals, scan.weights))
+    return replace(scan, points=scan.points[near], normals=normals, weights=weights)
 
 
 def _too_noisy(levels: list[VoxelMap]) -> int:

@@ -178,6 +178,18 @@ def test_normals_and_weights_of_a_scan_are_used(rng):
     assert len(register(slopes, slopes, stages=("local",)).unobservable) == 3  # normals say: a plane
 
 
+@pytest.mark.parametrize("far", [1e3, 1e6])
+def test_stray_points_far_off_change_nothing(rng, far):
+    target, source = pair(rng)
+    plain = register(target, source)
+    stray = np.array([[far, 0.0, 0.0], [0.0, -far, far]])
+    found = register(np.vstack([stray, target]), np.vstack([source, stray]))
+    assert found.state == "converged"
+    np.testing.assert_allclose(found.T_target_source, plain.T_target_source, atol=1e-3)
+    assert len(found.inliers) == len(source) + 2
+    assert not found.inliers[-2:].any()
+
+
 def test_disjoint_scans_are_a_named_state(rng):
     source = hill(rng)
     settings = LoopSettings(wide_search=False)
@@ -200,6 +212,9 @@ def test_refusals(rng):
     bad[3, 1] = np.nan
     with pytest.raises(ShapeError, match="source has 1 rows with NaN"):
         register(points, bad)
+    crowd = np.vstack([hill(rng, 2000), [[0.0, np.inf, 0.0]], hill(rng, 2000)])
+    with pytest.raises(ShapeError, match="source has 1 rows with NaN"):
+        register(points, crowd)
     with pytest.raises(ShapeError, match="empty"):
         register(points, np.zeros((0, 3)))
     with pytest.raises(GeometryError, match="at least 10"):
