@@ -48,13 +48,21 @@ def run(
     json: bool = typer.Option(False, "--json", help="Print JSON."),
 ) -> None:
     """Align two scans; print the transform that carries SOURCE onto TARGET, how sure it is, and what cannot be seen."""
+    from seismo3d.errors import ParameterError
     from seismo3d.io._files import check_output
     from seismo3d.io.elevation import holds_elevation
     from seismo3d.io.points import WRITTEN_SUFFIXES, write_points
     from seismo3d.registration.register import STAGES, register
     from seismo3d.scan import Scan
 
-    if holds_elevation(target) and holds_elevation(source):
+    are_maps = holds_elevation(target), holds_elevation(source)
+    if any(are_maps) and not all(are_maps):
+        map_, other = (target, source) if are_maps[0] else (source, target)
+        raise ParameterError(
+            f"{map_.name} is an elevation map and {other.name} is none; expected two maps, or two point files. Make a "
+            "map of the points, or points of the map."
+        )
+    if all(are_maps):
         _refuse_unused("two maps", {"--start": start, "--stages": stages, "--voxel-size": voxel_size})
         _register_maps(target, source, out, model or "translation", vertical or "offset", json)
         return

@@ -90,6 +90,12 @@ def test_outputs_are_refused_before_there_is_work(files, maps, tmp_path, capsys,
     assert "is an input too" in refused(capsys, *maps, "-o", maps[1])
 
 
+def test_a_map_and_points_are_no_pair(files, maps, capsys):
+    said = "a.npz is an elevation map and source.xyz is none; expected two maps, or two point files"
+    assert said in refused(capsys, maps[0], files[1])
+    assert said in refused(capsys, files[1], maps[0])
+
+
 def test_options_that_do_not_serve_the_input_are_refused(files, maps, capsys):
     for words in (("--start", "m.txt"), ("--stages", "local"), ("--voxel-size", "1.0")):
         said = refused(capsys, *maps, *words)
