@@ -18,7 +18,7 @@ import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int64Array
 from seismo3d._validate import as_number, freeze
-from seismo3d.errors import ShapeError
+from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.features.describing import Features
 from seismo3d.features.planar import ImageFeatures
 
@@ -79,6 +79,8 @@ class PlaceIndex:
 
         Raises
         ------
+        ParameterError
+            If an image is given that was not described.
         ShapeError
             If a volume is given.
         """
@@ -105,6 +107,8 @@ class PlaceIndex:
 
         Raises
         ------
+        ParameterError
+            If an image is given that was not described.
         ShapeError
             If a volume is given.
         """
@@ -125,6 +129,11 @@ class PlaceIndex:
 
 
 def _of_image(features: Features) -> ImageFeatures:
+    if not isinstance(features, Features):
+        raise ParameterError(
+            f"features is a {type(features).__name__}; expected what describe gives. Describe the image first: "
+            "describe(image)."
+        )
     if not isinstance(features.described, ImageFeatures):
         raise ShapeError(f"features are of {features.ndim} axes; expected an image's. Places are images.")
     return features.described

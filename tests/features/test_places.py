@@ -71,6 +71,9 @@ def test_refuses_volumes_and_no_points(photos):
     index = PlaceIndex()
     with pytest.raises(ShapeError, match="expected an image"):
         index.add(describe(np.zeros((20, 20, 20))))
+    for ask in (index.add, index.query):
+        with pytest.raises(ParameterError, match=r"features is a ndarray.*Describe the image first"):
+            ask(photos["coins"])
     with pytest.raises(ParameterError, match="n_points"):
         PlaceIndex(n_points=0)
     with pytest.raises(ParameterError, match="n_best"):
