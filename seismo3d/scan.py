@@ -233,9 +233,7 @@ class Scan:
         Scan
         """
         z = np.asarray(as_real_array(elevation, "elevation", ndim=2), dtype=np.float64)
-        dx, dy = (spacing, spacing) if isinstance(spacing, int | float) else spacing
-        as_number(dx, "spacing", low=0.0, strict=True)
-        as_number(dy, "spacing", low=0.0, strict=True)
+        dx, dy = _two_spacings(spacing)
         x, y = np.meshgrid(np.arange(z.shape[1]) * dx, np.arange(z.shape[0]) * dy)
         grid = np.stack([x, y, np.where(np.isfinite(z), z, np.nan)], axis=-1)
         normals = grid_normals(grid)
@@ -315,6 +313,15 @@ def as_grey(image: ArrayLike) -> AnyArray:
             raise ShapeError(f"image has shape {values.shape}; expected (rows, columns) or (rows, columns, 3).")
         values = values[:, :, :3].mean(axis=2)
     return values
+
+
+def _two_spacings(spacing: object) -> tuple[float, float]:
+    """Return the distances of neighbouring columns and rows from one number for both, or from two."""
+    both = np.atleast_1d(np.asarray(spacing))
+    if both.shape not in ((1,), (2,)):
+        raise ParameterError(f"spacing is {spacing!r}; expected a number, or two: of columns and of rows.")
+    dx, dy = (as_number(one, "spacing", low=0.0, strict=True) for one in (both[0], both[-1]))
+    return dx, dy
 
 
 def grid_normals(grid: Float64Array) -> Float64Array:

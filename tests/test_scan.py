@@ -52,6 +52,15 @@ def test_elevation_map_of_a_slope():
     np.testing.assert_allclose(np.abs(scan.normals @ normal), 1.0, atol=1e-6)
 
 
+def test_spacing_of_an_elevation_map_is_a_number_or_two(rng):
+    z = rng.normal(size=(10, 12))
+    for spacing in (2, np.int64(2), np.float32(2), [2.0, 2.0], np.array([2, 2])):
+        np.testing.assert_array_equal(Scan.from_elevation(z, spacing).points, Scan.from_elevation(z, 2.0).points)
+    for wrong in ((1.0, 2.0, 3.0), "wide", np.ones((2, 2)), (1.0, -2.0), ()):
+        with pytest.raises(ParameterError, match="spacing is"):
+            Scan.from_elevation(z, wrong)
+
+
 def test_downsampling_keeps_normals_of_both_signs(rng):
     points = rng.uniform(size=(500, 3))
     normals = np.tile([0.0, 0.0, 1.0], (500, 1)) * rng.choice([-1.0, 1.0], size=(500, 1))
