@@ -299,9 +299,7 @@ def as_scan(data: Scan | ArrayLike | str | Path, name: str) -> Scan:
     if array.ndim == 2:
         return Scan.from_image(array)
     if array.ndim == 3:
-        return (
-            Scan.from_image(array) if array.shape[2] in (3, 4) and array.dtype == np.uint8 else Scan.from_volume(array)
-        )
+        return Scan.from_image(array) if array.shape[2] in (3, 4) else Scan.from_volume(array)
     raise ShapeError(f"{name} has shape {array.shape}; expected points (n, 2) or (n, 3), an image or a volume.")
 
 

@@ -74,7 +74,9 @@ def test_arrays_become_what_they_are(rng):
     assert as_scan(rng.normal(size=(9, 2)), "a").dim == 2
     assert as_scan(rng.normal(size=(30, 40)), "a").raster.kind == "image"
     assert as_scan(rng.normal(size=(12, 12, 12)), "a").raster.kind == "volume"
-    assert as_scan(rng.integers(0, 255, size=(30, 40, 3)).astype(np.uint8), "a").raster.kind == "image"
+    colours = rng.integers(0, 255, size=(30, 40, 3)).astype(np.uint8)
+    assert as_scan(colours, "a").raster.kind == "image"
+    assert as_scan(colours / 255.0, "a").raster.kind == "image"
 
 
 def test_refusals(rng):
