@@ -9,7 +9,7 @@ import numpy as np
 
 from seismo3d._typing import ArrayLike, Float64Array
 from seismo3d._validate import as_number, as_points, as_real_array
-from seismo3d.errors import ParameterError
+from seismo3d.errors import ParameterError, ShapeError
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +76,11 @@ class PinholeCamera:
         """
         image = np.asarray(as_real_array(depth, "depth", ndim=2), dtype=np.float64) / self.depth_scale
         rows, columns = image.shape
+        if self.width and self.height and (self.height, self.width) != image.shape:
+            raise ShapeError(
+                f"depth has shape {image.shape}; the camera says ({self.height}, {self.width}). Give the intrinsics of "
+                "these images."
+            )
         grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
         xy = self.rays(grid.astype(np.float64)).reshape(rows, columns, 2)
         z = np.where(np.isfinite(image) & (image > 0.0), image, np.nan)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seismo3d.errors import ParameterError
+from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry._kernels_camera import straighten_rows
 from seismo3d.geometry.camera import PinholeCamera, as_camera
 
@@ -26,6 +26,13 @@ def test_depth_comes_back_as_z():
     assert points[0, 0, 2] == 1.0
     assert np.isnan(points[0, 1]).all()
     np.testing.assert_allclose(points[0, 2], [0.0, -0.02, 2.0])
+
+
+def test_depth_of_another_size_than_the_cameras_is_refused():
+    camera = PinholeCamera(100.0, 100.0, 2.0, 1.0, width=5, height=3)
+    assert camera.back_project(np.ones((3, 5))).shape == (3, 5, 3)
+    with pytest.raises(ShapeError, match=r"shape \(2, 5\); the camera says \(3, 5\). Give the intrinsics"):
+        camera.back_project(np.ones((2, 5)))
 
 
 def test_behind_the_camera_is_nowhere():
