@@ -155,9 +155,15 @@ def _map_axes(grid: MapGrid) -> Any:
 
 def _draw_grid(ax: Any, grid: MapGrid, values: Any, **colours: Any) -> Any:
     rows, columns = grid.shape
-    corners = grid.to_map([[-0.5, -0.5], [columns - 0.5, rows - 0.5]])
-    (left, top), (right, bottom) = corners
-    drawn = ax.imshow(values, extent=(left, right, bottom, top), interpolation="antialiased", **colours)
+    corners = grid.to_map([[-0.5, -0.5], [columns - 0.5, rows - 0.5], [columns - 0.5, -0.5], [-0.5, rows - 0.5]])
+    (left, top), (right, bottom) = corners[:2]
+    is_turned = bool(grid.matrix[0, 1] or grid.matrix[1, 0])
+    extent = (0, columns, rows, 0) if is_turned else (left, right, bottom, top)
+    drawn = ax.imshow(values, extent=extent, interpolation="antialiased", **colours)
+    if is_turned:
+        _turn(drawn, ax, grid)
+        (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+        ax.set(xlim=(left, right), ylim=(bottom, top))
     x, y = grid.metres_per_unit
     ax.set_aspect(y / x)
     if grid.has_place:
@@ -168,3 +174,11 @@ def _draw_grid(ax: Any, grid: MapGrid, values: Any, **colours: Any) -> Any:
     else:
         ax.set(xlabel="Column", ylabel="Row")
     return drawn
+
+
+def _turn(drawn: Any, ax: Any, grid: MapGrid) -> None:
+    """Lay an image, drawn by columns and rows from its first corner, where a grid that is turned has them."""
+    from matplotlib.transforms import Affine2D
+
+    a, b, c, d, e, f = grid.transform
+    drawn.set_transform(Affine2D.from_values(a, d, b, e, c, f) + ax.transData)

@@ -8,6 +8,8 @@ from fake_terrain import make_scarp, place
 
 from seismo3d import plot
 from seismo3d.errors import ParameterError
+from seismo3d.geometry.map_grid import MapGrid
+from seismo3d.io.elevation import make_elevation
 from seismo3d.terrain import compare, lineaments, scarps
 
 mpl.use("Agg")
@@ -30,6 +32,19 @@ def test_lines_lie_on_the_map(drawn):
     assert left <= x.min() <= x.max() <= right
     assert bottom <= y.min() <= y.max() <= top
     assert ax.images[0].get_array().std() > 0.01
+
+
+def test_a_turned_map_is_drawn_where_it_lies(rng):
+    dem = make_elevation(rng.normal(size=(20, 30)), (7.0, -7.0, 400_000.0, -7.0, -7.0, 3_800_000.0))
+    grid = MapGrid.from_elevation(dem)
+    ax = plot.terrain(dem)
+    drawn = ax.images[0]
+    assert drawn.get_extent() == [0, 30, 20, 0]  # columns and rows
+    places = np.array([[0.0, 0.0], [29.0, 19.0], [3.0, 17.0]])
+    laid = (drawn.get_transform() - ax.transData).transform(places + 0.5)
+    np.testing.assert_allclose(laid, grid.to_map(places), rtol=1e-12)
+    corners = grid.to_map([[-0.5, -0.5], [29.5, -0.5], [-0.5, 19.5], [29.5, 19.5]])
+    np.testing.assert_allclose([ax.get_xlim(), ax.get_ylim()], np.array([corners.min(0), corners.max(0)]).T)
 
 
 def test_the_rose_points_along_the_longest_strike(drawn):
