@@ -33,6 +33,7 @@ from seismo3d.robot.sequence_files import (
     as_rgb,
     as_stamp,
     find_camera,
+    is_cut_short,
     is_there,
     natural,
     read_image,
@@ -225,6 +226,9 @@ def _sorted(entries: list[_Entry], folder: Path) -> list[_Entry]:
     missing = next((p for e in entries for p in (e.rgb, e.depth) if not is_there(p)), None)
     if missing is not None:
         raise FileAccessError(f"{missing} is listed but not there; expected an image. Check the sequence's lists.")
+    cut = next((p for e in entries for p in (e.rgb, e.depth) if is_cut_short(p)), None)
+    if cut is not None:
+        raise FormatError(f"{cut} is cut short. Get it again, or take it out of the sequence.")
     return sorted(entries, key=lambda e: e.time)
 
 

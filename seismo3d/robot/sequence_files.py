@@ -81,6 +81,16 @@ def is_there(path: Path) -> bool:
         return False
 
 
+def is_cut_short(path: Path) -> bool:
+    """Return whether a file is empty, or a PNG without its end: what a recording leaves that was interrupted."""
+    with refuse_os_errors(path, "read"), path.open("rb") as file:
+        head = file.read(8)
+        if head != b"\x89PNG\r\n\x1a\n":
+            return not head
+        file.seek(max(0, file.seek(0, 2) - 64))
+        return b"IEND" not in file.read()
+
+
 def read_json(path: Path) -> Any:
     """Return what a JSON file holds."""
     try:
@@ -101,7 +111,9 @@ def read_image(path: Path) -> AnyArray:
         raise FileAccessError(f"{path} cannot be read: {error}.") from error
     image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     if image is None:
-        raise FormatError(f"{path} is no image that can be read; it may be cut short.")
+        raise FormatError(
+            f"{path} is no image that can be read; it may be cut short. Get it again, or take it out of the sequence."
+        )
     return np.asarray(image)
 
 

@@ -104,7 +104,7 @@ def test_associate_is_greedy_by_distance_and_uses_each_once() -> None:
     [
         ("camera", FormatError, "has no camera.json"),
         ("stamps", FormatError, "none within"),
-        ("image", FormatError, "is no image"),
+        ("image", FormatError, "is no image.*take it out"),
         ("listed", FileAccessError, "not there"),
         ("row", FormatError, "row 1"),
         ("nan", FormatError, "row 1: 'nan rgb/1.0.png'"),
@@ -134,6 +134,21 @@ def test_refusals_name_the_file_and_the_remedy(tmp_path: Path, spoil: str, error
     folder.mkdir(exist_ok=True)
     with pytest.raises(error, match=words):
         read_sequence(folder)[0]
+
+
+@pytest.mark.parametrize("left", [0, 100, -12])
+def test_what_an_interrupted_recording_leaves_is_told_before_any_frame_is_read(tmp_path: Path, left: int) -> None:
+    write_camera(tmp_path)
+    lines = ""
+    for time in ("1.0", "2.0"):
+        write_pair(tmp_path / f"rgb/{time}.png", tmp_path / f"depth/{time}.png", 1)
+        lines += f"{time} rgb/{time}.png {time} depth/{time}.png\n"
+    (tmp_path / "associations.txt").write_text(lines)
+    assert len(read_sequence(tmp_path)) == 2
+    last = tmp_path / "depth/2.0.png"
+    last.write_bytes(last.read_bytes()[:left])
+    with pytest.raises(FormatError, match=r"depth.2\.0\.png is cut short\. Get it again, or take it out"):
+        read_sequence(tmp_path)
 
 
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
