@@ -17,6 +17,9 @@ MOST_STEPS = 30
 CLOSE = 0.25
 """Samples count as the same where they lie closer than this share of the samples' own spacing."""
 
+IDENTICAL = 1e-3
+"""The same, for samples that are looked for around where the loop ended, and where it began."""
+
 
 def polish(
     target: Float64Array,
@@ -44,20 +47,32 @@ def polish(
     q, p = frame.target(target), frame.source(source)
     tree: Any = cKDTree(q)
     probes = p[:: max(1, len(p) // N_PROBES)]
-    near, rows = tree.query(probes @ found.A.T + found.t)
-    spacing = tree.query(q[rows], k=2)[0][:, 1]
-    if not np.median(near) < CLOSE * np.median(spacing[near <= np.quantile(near, 0.75)]):
-        return None
+
+    def settled(samples: Float64Array, A: Float64Array, t: Float64Array) -> tuple[Float64Array, Float64Array]:
+        last = np.inf
+        for _ in range(MOST_STEPS):
+            near, rows = tree.query(samples @ A.T + t)
+            close = near <= max(4.0 * float(np.median(near)), 1e-12)
+            Q = quadratic.point_form(q[rows[close]], samples[close], np.full(int(close.sum()), 1.0 / close.sum()))
+            step = walk(Q, A, t, model=model, prior=prior, limits=limits, ratio=1e-9)
+            A, t = step.A, step.t
+            middle = float(np.median(near))
+            if middle >= 0.999 * last or middle < 1e-13:
+                break
+            last = middle
+        return A, t
+
+    def are_same(A: Float64Array, t: Float64Array, share: float) -> bool:
+        near, rows = tree.query(probes @ A.T + t)
+        spacing = tree.query(q[rows], k=2)[0][:, 1]
+        return bool(np.median(near) < share * np.median(spacing[near <= np.quantile(near, 0.75)]))
+
     A, t = found.A, found.t
-    last = np.inf
-    for _ in range(MOST_STEPS):
-        near, rows = tree.query(p @ A.T + t)
-        close = near <= max(4.0 * float(np.median(near)), 1e-12)
-        Q = quadratic.point_form(q[rows[close]], p[close], np.full(int(close.sum()), 1.0 / close.sum()))
-        step = walk(Q, A, t, model=model, prior=prior, limits=limits, ratio=1e-9)
-        A, t = step.A, step.t
-        middle = float(np.median(near))
-        if middle >= 0.999 * last or middle < 1e-13:
-            break
-        last = middle
-    return A, t
+    if are_same(A, t, CLOSE):
+        return settled(p, A, t)
+    # a thinned or filtered copy has surfaces of its own: the loop may end next to where all its samples are the same
+    for start in (Prior(A, t), prior):
+        A, t = settled(probes, start.A, start.t)
+        if are_same(A, t, IDENTICAL):
+            return settled(p, A, t)
+    return None

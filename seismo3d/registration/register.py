@@ -54,8 +54,8 @@ def register(
     features, those of :func:`seismo3d.match` on the scans' images or volumes where none are given, and from local
     shape, run through the same loop; the best of all answers wins. Where the size is free and no matches tell it, a
     start at the scale of both scans' extents, settled rigidly first, competes with the local answer. ``polish``, only
-    where both scans hold the same samples: exact pairs of points. A few points a hundred times as far out as the others
-    are left out, as stray returns are.
+    where both scans hold the same samples, or one is a part of the other: exact pairs of points. A few points a hundred
+    times as far out as the others are left out, as stray returns are.
 
     Parameters
     ----------

@@ -178,6 +178,18 @@ def test_normals_and_weights_of_a_scan_are_used(rng):
     assert len(register(slopes, slopes, stages=("local",)).unobservable) == 3  # normals say: a plane
 
 
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_thinned_and_a_filtered_copy_lie_where_their_samples_are_the_same(rng, moved):
+    # trees above a hill: the ground alone has other surfaces, and coarse samples others than fine ones
+    ground = hill(rng, 4000) * [3.0, 3.0, 1.0]
+    trees = hill(rng, 4000) * [3.0, 3.0, 1.0] + np.column_stack([np.zeros((4000, 2)), rng.uniform(0.0, 0.8, 4000)])
+    whole = np.vstack([ground, trees])
+    T = make_transform(exp_rotation([0.0, 0.01, 0.02]), [0.01, -0.01, 0.005]) if moved else np.eye(4)
+    for part in (ground, whole[::4]):
+        found = register(transform_points(T, whole), part)
+        np.testing.assert_allclose(found.T_target_source, T, atol=1e-9)
+
+
 @pytest.mark.parametrize("far", [1e3, 1e6])
 def test_stray_points_far_off_change_nothing(rng, far):
     target, source = pair(rng)
