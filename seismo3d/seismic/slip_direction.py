@@ -63,7 +63,10 @@ def refine_free_slip(
     if share is not None:
         return turn(share)
     found, gain, certainty = _find_share(sides, straight, slopes, inside, thin, settings)
-    if abs(found) < settings.least_share or gain < settings.least_gain:
+    seen = straight.misfit[inside & np.isfinite(straight.misfit)]
+    is_clear = seen.size > 0 and float(np.median(seen)) <= settings.most_misfit
+    told = gain >= settings.least_gain and certainty >= settings.least_certainty and is_clear
+    if abs(found) < settings.least_share or not told:
         return SlipField(straight.throw, straight.misfit, 0.0, certainty)
     for _ in range(2):
         oblique = turn(found)

@@ -64,8 +64,11 @@ class SlipSettings:
         field for half a misfit ratio, and the stiffness of the field.
     along_strike, down : float
         Widths of the Gaussian window over which the sides are compared.
-    least_share, least_gain : float
-        Strike slip over throw, and share of what throws leave over that it explains, from which on slip is oblique.
+    least_share, least_gain, least_certainty : float
+        Strike slip over throw, share of what throws leave over that it explains, and how sharply it is told, from which
+        on slip is oblique.
+    most_misfit : float
+        Misfit ratio of the sides, in the median, up to which that is told.
     """
 
     start: float = 1000.0
@@ -73,7 +76,9 @@ class SlipSettings:
     along_strike: float = 3.0
     down: float = 4.0
     least_share: float = 0.15
-    least_gain: float = 0.5
+    least_gain: float = 0.2
+    least_certainty: float = 0.2
+    most_misfit: float = 0.07
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -68,6 +68,11 @@ def test_oblique_slip_left_out_spoils_the_throw():
     assert np.abs(free.throw[inner] - 14.0).mean() < 0.6 * np.abs(straight.throw[inner] - 14.0).mean()
 
 
+@pytest.mark.parametrize("limit", [{"least_gain": 2.0}, {"least_certainty": 1.0}, {"most_misfit": 0.0}])
+def test_slip_is_oblique_only_where_it_is_told_well(limit):
+    assert measured(cut_cube(14.0, 55.0), ThrowSettings(slip=SlipSettings(**limit))).strike_share == 0.0
+
+
 @pytest.mark.parametrize("throw", [12.0, -12.0, 5.0])
 def test_slip_down_the_dip_is_not_called_oblique(throw):
     found = measured(cut_cube(throw, 90.0))
