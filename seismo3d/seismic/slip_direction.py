@@ -63,10 +63,11 @@ def refine_free_slip(
     if share is not None:
         return turn(share)
     found, gain, certainty = _find_share(sides, straight, slopes, inside, thin, settings)
-    seen = straight.misfit[inside & np.isfinite(straight.misfit)]
-    is_clear = seen.size > 0 and float(np.median(seen)) <= settings.most_misfit
-    told = gain >= settings.least_gain and certainty >= settings.least_certainty and is_clear
-    if abs(found) < settings.least_share or not told:
+    if abs(found) < settings.least_share or gain < settings.least_gain or certainty < settings.least_certainty:
+        return SlipField(straight.throw, straight.misfit, 0.0, certainty)
+    seen = inside & np.isfinite(straight.misfit)
+    wavering = abs(found) * float(np.std((straight.throw * _at_counterparts(slopes, straight, thin))[seen]))
+    if wavering < settings.least_wavering or float(np.median(straight.misfit[seen])) > settings.most_misfit:
         return SlipField(straight.throw, straight.misfit, 0.0, certainty)
     for _ in range(2):
         oblique = turn(found)

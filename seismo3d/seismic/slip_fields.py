@@ -64,9 +64,9 @@ class SlipSettings:
         field for half a misfit ratio, and the stiffness of the field.
     along_strike, down : float
         Widths of the Gaussian window over which the sides are compared.
-    least_share, least_gain, least_certainty : float
-        Strike slip over throw, share of what throws leave over that it explains, and how sharply it is told, from which
-        on slip is oblique.
+    least_share, least_gain, least_certainty, least_wavering : float
+        Strike slip over throw, share of what throws leave over that it explains, how sharply it is told, and samples by
+        which it makes the sides waver, from which on slip is oblique.
     most_misfit : float
         Misfit ratio of the sides, in the median, up to which that is told.
     """
@@ -78,7 +78,8 @@ class SlipSettings:
     least_share: float = 0.15
     least_gain: float = 0.2
     least_certainty: float = 0.2
-    most_misfit: float = 0.07
+    least_wavering: float = 0.3
+    most_misfit: float = 0.08
 
 
 @dataclass(frozen=True, slots=True, eq=False)
