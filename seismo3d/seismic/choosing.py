@@ -44,6 +44,9 @@ class ChoiceSettings:
     low_fit, steep_height : float
         What is less tall and weaker than a host stands by itself only where its moved sides match by so much in the
         median, and, if it is steep, from this height on: edges of channels are steep and low.
+    unlike_fit, unlike_score : float
+        What fits by less than the first, on the mean over the whole of it, stands by itself only with a mean support of
+        the second: nothing tells that its sides, which are unlike wherever they are taken back to, were ever one.
     host_strength : float
         Strength of a fault beside which weaker ones are looked for: faults come in families, and cut each other up.
     company_area, company_strength, company_length : float
@@ -81,6 +84,8 @@ class ChoiceSettings:
     tall_strength: float = 17.0
     low_fit: float = 0.6
     steep_height: float = 40.0
+    unlike_fit: float = 0.25
+    unlike_score: float = 0.65
     host_strength: float = 33.0
     company_area: float = 200.0
     company_strength: float = 11.0
@@ -108,6 +113,7 @@ class ChoiceSettings:
             still_score=0.0,
             tall_strength=2.8,
             low_fit=0.0,
+            unlike_fit=0.0,
             steep_height=0.0,
             host_strength=np.inf,
             company_strength=2.8,
@@ -284,6 +290,19 @@ def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
         and strength(sheet) >= enough
         and median_throw(throw) >= settings.least_throw
         and (is_tall or strength(sheet) >= settings.host_strength or _is_clear(sheet, throw, settings))
+        and not _is_unlike(sheet, throw, settings)
+    )
+
+
+def _is_unlike(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+    """Tell whether a sheet's sides match next to nowhere and its support is not so strong that it is one all the same.
+
+    So are the edges of chaotic beds, and what lines up in noise; and faults whose other side lies outside the cube.
+    """
+    inside = sheet.inside
+    return bool(
+        float(throw.fit[inside].mean()) < settings.unlike_fit
+        and float(np.nanmean(sheet.score[inside])) < settings.unlike_score
     )
 
 

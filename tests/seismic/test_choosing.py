@@ -54,6 +54,15 @@ def test_a_sheet_that_lacks_one_thing_does_not_stand(change):
     assert chosen(candidate(**change)) == []
 
 
+@pytest.mark.parametrize(
+    ("change", "stands"),
+    [({"fit": 0.2}, False), ({"fit": 0.3}, True), ({"fit": 0.2, "score": 0.7}, True), ({"fit": 0.0}, False)],
+)
+def test_what_matches_next_to_nowhere_stands_by_strong_support_alone(change, stands):
+    """Edges of chaotic beds break off layers, too; nothing tells that their sides were ever one."""
+    assert chosen(candidate(**change)) == [0] * stands
+
+
 def test_a_tall_sheet_needs_less_strength_than_a_low_one():
     tall, low = candidate(16, 40, score=0.51), candidate(40, 16, score=0.51)
     assert strength(tall[0]) == pytest.approx(strength(low[0]))
