@@ -143,7 +143,7 @@ def solve_graph(graph: LayerGraph) -> tuple[Float32Array, float]:
             system.lead(values)
         for cutoff in cutoffs:
             values, rejected = _round(graph, system, values, stride, cutoff)
-    return values, rejected
+    return system.measure_scale(values).draw_out(values), rejected
 
 
 def _round(
@@ -151,7 +151,8 @@ def _round(
 ) -> tuple[Float32Array, float]:
     """One robust round; the thickness of layers is that of their surroundings in the round before."""
     settings, found = graph.settings, values.copy()
-    system.thickness[...] = smooth_thickness(values, system.breaks, settings, stride)
+    drawn = system.measure_scale(values).draw_out(values.copy())
+    system.thickness[...] = smooth_thickness(drawn, system.breaks, settings, stride)
     spread = thickness_variance([f.usual for f in graph.fields], settings)
     system.weigh(found, cutoff, spread)
     improve_values(system, found, stride, settings)

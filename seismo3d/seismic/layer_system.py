@@ -12,6 +12,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int64Array
 from seismo3d.graph.groups import GroupCorrection
 from seismo3d.graph.scalars import ScalarEdges
+from seismo3d.seismic._kernels_layer_scale import UNIT, count_levels, draw_out, find_span
 from seismo3d.seismic._kernels_layer_solve import (
     DIAGONAL,
     GRADIENT,
@@ -28,6 +29,8 @@ from seismo3d.seismic._kernels_layer_start import lead_traces
 from seismo3d.seismic.linking import Room
 
 _TOLERANCE = 1e-3
+# bins of layer time in which its scale is kept; where but this share of the traces or fewer pass it stays as it is
+_BINS, _FEW = 4096, 0.005
 # bytes of a vertex in the arrays of the solution: five vectors, and room for the pages of their neighbours
 _VECTOR_BYTES = 40
 # vertices below which a thread more costs more time than it saves
@@ -81,6 +84,31 @@ class FaultLinks:
         first = np.searchsorted(rows[ends], np.arange(shape[0] + 1)).astype(np.int64)
         shares = np.stack([edges.first_share, edges.second_share])
         return cls(vertices, shares, edges.measured, edges.variance, np.zeros(len(edges), np.float32), ends, first)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeScale:
+    """What layer times become where layers are as thick as they say; from :meth:`LayerSystem.measure_scale`.
+
+    Attributes
+    ----------
+    low, width : float
+        The first of a row of layer times, and how far they are apart.
+    drawn : ndarray of shape (n,), float64
+        What each of them becomes.
+    step : int
+        Samples from a vertex to the next.
+    """
+
+    low: float
+    width: float
+    drawn: Float64Array
+    step: int
+
+    def draw_out(self, values: Float32Array) -> Float32Array:
+        """Bring values, layer time less sample, to scale in place, and return them."""
+        draw_out(values, self.step, self.low, self.width, self.drawn)
+        return values
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,6 +169,26 @@ class LayerSystem:
             yield start, min(start + rows, n0)
             if rows < n0:
                 self.room.rest()
+
+    def measure_scale(self, values: Float32Array) -> TimeScale:
+        r"""Find how thick layers are on the mean over all traces, from one layer time to the next.
+
+        Links between traces hold for any growing function of layer time, and the thickness of layers is that of their
+        surroundings the round before. So where links are at odds with each other, in noise, all draws together: the
+        less layer time grows, the less they are off. Where :math:`n` samples lie in a bin of layer time, which
+        :math:`m` traces cover, it would grow by :math:`n / m` samples to be to scale.
+        """
+        low, high = np.inf, -np.inf
+        for start, stop in self.slabs():
+            least, most = find_span(values[start:stop], self.step)
+            low, high = min(low, least), max(high, most)
+        width = max((high - low) / _BINS, 1e-9)
+        samples, covered = np.zeros((2, _BINS), np.int64)
+        for start, stop in self.slabs():
+            count_levels(values[start:stop], self.breaks[start:stop], self.step, low, width, samples, covered)
+        few = UNIT * _FEW * values.shape[0] * values.shape[1]
+        growth = (self.step * samples + few * width) / (covered + few)
+        return TimeScale(low, width, low + np.append(0.0, np.cumsum(growth)), self.step)
 
     def pull(
         self, kind: int, values: Float32Array, start: int, stop: int, out: Float32Array, other: Float32Array,

@@ -110,8 +110,9 @@ def layer_time(
     Returns
     -------
     DataArray or ndarray of the cube's shape, float32
-        Layer time in samples of the trace nearest to the middle: there the middle sample has its own index. It grows
-        down every trace and is NaN on traces that are not live. Found in blocks it is lazy, and the same to the bit.
+        Layer time in samples: layers are as thick as it says on the mean over all traces, and in the trace nearest to
+        the middle the middle sample has its own index. It grows down every trace and is NaN on traces that are not
+        live. Found in blocks it is lazy, and the same to the bit.
 
     Raises
     ------

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter1d
 
 import seismo3d as s3
 from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
@@ -287,25 +286,6 @@ def test_refusals(folded: SyntheticCube, folded_layers: LayerModel, faults: Any)
     i, j = np.argwhere(~folded.live)[0]
     with pytest.raises(ParameterError, match="without data"):
         s3.trace_tracks(folded.seismic, [(i, j, 30)], layers=folded_layers)
-
-
-def wedge_cube() -> tuple[np.ndarray, np.ndarray]:
-    """Return a noisy, clipped cube of layers that thicken by half from one end to the other, and its layer time."""
-    rng = np.random.default_rng(3)
-    layers = gaussian_filter1d(rng.standard_normal(300), 2.5) - gaussian_filter1d(rng.standard_normal(300), 4.0)
-    shape = (8, 160, 96)
-    times = np.arange(96) / (1.0 + 0.5 * np.arange(160)[:, None] / 160)
-    signal = np.interp(times, np.arange(300), layers / layers.std())
-    return np.sign(signal + 0.8 * rng.standard_normal(shape)).astype(np.float32), np.broadcast_to(times, shape)
-
-
-@pytest.mark.parametrize(("noisy", "low", "high"), [(16.0, 0.0, 1.0), (0.0, 4.0, 40.0)])
-def test_noise_does_not_make_layers_parallel(noisy: float, low: float, high: float) -> None:
-    cube, truth = wedge_cube()
-    found = model_layers(cube, settings=replace(LayerTimeSettings(), noisy=noisy)).times
-    for wanted in (16.0, 32.0, 48.0):
-        along = np.take_along_axis(found, np.abs(truth - wanted).argmin(axis=2)[..., None], axis=2)[..., 0]
-        assert low <= abs(along[:, :20].mean() - along[:, -20:].mean()) < high
 
 
 def test_ties_grow_with_the_share_of_noise() -> None:

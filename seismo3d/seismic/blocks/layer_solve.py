@@ -95,6 +95,10 @@ def solve(run: BlockRun, stride: int) -> None:
         improve_values(system, values, stride, settings)
         if number == len(rounds) - 1:
             rejected = system.weigh(values, cutoff, spread)
+            if stride == last_stride(settings):
+                scale = system.measure_scale(values)
+                for start, stop in system.slabs():
+                    scale.draw_out(values[start:stop])
         _keep(run, stride, number, values, room)
         run.write_fact(_round_name(stride, number), rejected=rejected)
         if number > 0:
@@ -229,11 +233,13 @@ def _fault_edges(run: BlockRun, stride: int) -> ScalarEdges:
 def _expect(run: BlockRun, system: LayerSystem, values: Float32Array, stride: int) -> None:
     """Write what links down the traces measure: the thickness of their surroundings in the round before."""
     n0, n1, _ = values.shape
+    scale = system.measure_scale(values)
     halo = int(4.0 * run.settings.wide[0] / stride + 0.5) + 1
     for box in _tiles(run, stride):
         wide = box.grown((halo, halo), (n0, n1))
         cut = (slice(wide.i0, wide.i1), slice(wide.j0, wide.j1))
-        found = smooth_thickness(np.array(values[cut]), np.array(system.breaks[cut]), run.settings, stride)
+        drawn = scale.draw_out(np.array(values[cut]))
+        found = smooth_thickness(drawn, np.array(system.breaks[cut]), run.settings, stride)
         system.thickness[box.i0 : box.i1, box.j0 : box.j1] = found[box.within(wide)]
         system.room.rest()
 
