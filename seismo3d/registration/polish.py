@@ -20,6 +20,9 @@ CLOSE = 0.25
 IDENTICAL = 1e-3
 """The same, for samples that are looked for around where the loop ended, and where it began."""
 
+STILL, HARDLY_NEARER = 0.999, 0.9
+"""Share of their last distance, in the median, from which on samples come no nearer: at last, and while looked for."""
+
 
 def polish(
     target: Float64Array,
@@ -48,7 +51,9 @@ def polish(
     tree: Any = cKDTree(q)
     probes = p[:: max(1, len(p) // N_PROBES)]
 
-    def settled(samples: Float64Array, A: Float64Array, t: Float64Array) -> tuple[Float64Array, Float64Array]:
+    def settled(
+        samples: Float64Array, A: Float64Array, t: Float64Array, still: float = STILL
+    ) -> tuple[Float64Array, Float64Array]:
         last = np.inf
         for _ in range(MOST_STEPS):
             near, rows = tree.query(samples @ A.T + t)
@@ -57,7 +62,7 @@ def polish(
             step = walk(Q, A, t, model=model, prior=prior, limits=limits, ratio=1e-9)
             A, t = step.A, step.t
             middle = float(np.median(near))
-            if middle >= 0.999 * last or middle < 1e-13:
+            if middle >= still * last or middle < 1e-13:
                 break
             last = middle
         return A, t
@@ -72,7 +77,7 @@ def polish(
         return settled(p, A, t)
     # a thinned or filtered copy has surfaces of its own: the loop may end next to where all its samples are the same
     for start in (Prior(A, t), prior):
-        A, t = settled(probes, start.A, start.t)
+        A, t = settled(probes, start.A, start.t, HARDLY_NEARER)
         if are_same(A, t, IDENTICAL):
             return settled(p, A, t)
     return None
