@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import ArrayLike, Float64Array
+from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d._validate import as_number, as_points, as_real_array
 from seismo3d.errors import ParameterError, ShapeError
 
@@ -76,15 +76,19 @@ class PinholeCamera:
         """
         image = np.asarray(as_real_array(depth, "depth", ndim=2), dtype=np.float64) / self.depth_scale
         rows, columns = image.shape
-        if self.width and self.height and (self.height, self.width) != image.shape:
-            raise ShapeError(
-                f"depth has shape {image.shape}; the camera says ({self.height}, {self.width}). Give the intrinsics of "
-                "these images."
-            )
+        self.check_size(image)
         grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
         xy = self.rays(grid.astype(np.float64)).reshape(rows, columns, 2)
         z = np.where(np.isfinite(image) & (image > 0.0), image, np.nan)
         return np.concatenate([xy * z[:, :, None], z[:, :, None]], axis=2)
+
+    def check_size(self, depth: AnyArray) -> None:
+        """Refuse a depth image of another size than the camera's, where that is known."""
+        if self.width and (self.height, self.width) != depth.shape:
+            raise ShapeError(
+                f"depth has shape {depth.shape}; the camera says ({self.height}, {self.width}). Give the intrinsics of "
+                "these images."
+            )
 
     def _bend(self, xy: Float64Array) -> tuple[Float64Array, Float64Array]:
         k1, k2, p1, p2, k3 = (*self.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]

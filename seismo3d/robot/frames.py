@@ -274,11 +274,7 @@ class Measurer:
                 f"rgb has shape {frame.rgb.shape} and depth {raw.shape}; expected (rows, columns, 3) of the same size. "
                 "Register them first."
             )
-        if self.lens.width and (self.lens.height, self.lens.width) != raw.shape:
-            raise ShapeError(
-                f"depth has shape {raw.shape}; the camera says ({self.lens.height}, {self.lens.width}). "
-                "Give the intrinsics of these images."
-            )
+        self.lens.check_size(raw)
 
     def _metres(self, frame: RgbdFrame) -> Float32Array:
         raw, scale = as_real_array(frame.depth, "depth", ndim=2), self.lens.depth_scale

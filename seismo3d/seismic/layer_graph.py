@@ -143,16 +143,18 @@ def solve_graph(graph: LayerGraph) -> tuple[Float32Array, float]:
             system.lead(values)
         for cutoff in cutoffs:
             values, rejected = _round(graph, system, values, stride, cutoff)
-    return system.measure_scale(values).draw_out(values), rejected
+    system.bring_to_scale(values)
+    return values, rejected
 
 
 def _round(
     graph: LayerGraph, system: LayerSystem, values: Float32Array, stride: int, cutoff: float
 ) -> tuple[Float32Array, float]:
     """One robust round; the thickness of layers is that of their surroundings in the round before."""
-    settings, found = graph.settings, values.copy()
-    drawn = system.measure_scale(values).draw_out(values.copy())
+    settings, found, drawn = graph.settings, values.copy(), values.copy()
+    system.bring_to_scale(drawn)
     system.thickness[...] = smooth_thickness(drawn, system.breaks, settings, stride)
+    del drawn
     spread = thickness_variance([f.usual for f in graph.fields], settings)
     system.weigh(found, cutoff, spread)
     improve_values(system, found, stride, settings)

@@ -190,6 +190,12 @@ class LayerSystem:
         growth = (self.step * samples + few * width) / (covered + few)
         return TimeScale(low, width, low + np.append(0.0, np.cumsum(growth)), self.step)
 
+    def bring_to_scale(self, values: Float32Array) -> None:
+        """Draw layer time out, in place, until layers are as thick as it says."""
+        scale = self.measure_scale(values)
+        for start, stop in self.slabs():
+            scale.draw_out(values[start:stop])
+
     def pull(
         self, kind: int, values: Float32Array, start: int, stop: int, out: Float32Array, other: Float32Array,
         sums: Float64Array,

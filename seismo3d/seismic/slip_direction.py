@@ -63,17 +63,28 @@ def refine_free_slip(
     if share is not None:
         return turn(share)
     found, gain, certainty = _find_share(sides, straight, slopes, inside, thin, settings)
-    if abs(found) < settings.least_share or gain < settings.least_gain or certainty < settings.least_certainty:
-        return SlipField(straight.throw, straight.misfit, 0.0, certainty)
-    seen = inside & np.isfinite(straight.misfit)
-    wavering = abs(found) * float(np.std((straight.throw * _at_counterparts(slopes, straight, thin))[seen]))
-    if wavering < settings.least_wavering or float(np.median(straight.misfit[seen])) > settings.most_misfit:
+    is_told = (
+        abs(found) >= settings.least_share
+        and gain >= settings.least_gain
+        and certainty >= settings.least_certainty
+        and _is_seen(found, straight, slopes, inside, thin, settings)
+    )
+    if not is_told:
         return SlipField(straight.throw, straight.misfit, 0.0, certainty)
     for _ in range(2):
         oblique = turn(found)
         more, _, certainty = _find_share(sides, oblique, slopes, inside, thin, settings)
         found = float(np.clip(found + more, -1.0, 1.0))
     return SlipField(oblique.throw, oblique.misfit, found, certainty)
+
+
+def _is_seen(
+    share: float, straight: SlipField, slopes: Float64Array, inside: BoolArray, thin: int, settings: SlipSettings
+) -> bool:
+    """Tell whether sides that match well waver by enough for the slip along strike that makes them to be seen."""
+    seen = inside & np.isfinite(straight.misfit)
+    wavering = abs(share) * float(np.std((straight.throw * _at_counterparts(slopes, straight, thin))[seen]))
+    return wavering >= settings.least_wavering and float(np.median(straight.misfit[seen])) <= settings.most_misfit
 
 
 def _layer_slopes(sides: Sides) -> Float64Array:

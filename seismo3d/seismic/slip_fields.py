@@ -18,8 +18,10 @@ from seismo3d.seismic.throw_bells import smooth_about_bell
 _COARSE, _RIDGE = 4, 1e-3
 # shifts tried to either side of a field
 _REACH = 8
-# misfit ratio beyond which the sides do not match: in the strongest noise, and without noise
-_MISMATCH, _CHANCE = 0.6, 0.2
+MISMATCH = 0.6
+"""Misfit ratio beyond which the sides do not match, in the strongest noise."""
+# the same without noise
+_CHANCE = 0.2
 # how it grows between them with what the best quarter of the places leaves
 _NOISE = 2.0
 
@@ -292,5 +294,5 @@ def _mismatch(misfits: Float32Array) -> float:
     """
     found = misfits[np.isfinite(misfits)]
     if not found.size:
-        return _MISMATCH
-    return min(_CHANCE + _NOISE * float(np.percentile(found, 25.0)), _MISMATCH)
+        return MISMATCH
+    return min(_CHANCE + _NOISE * float(np.percentile(found, 25.0)), MISMATCH)

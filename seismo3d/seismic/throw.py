@@ -13,9 +13,9 @@ from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.fault_motion import enlarge
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
-from seismo3d.seismic.slip_fields import Sides, SlipField, SlipSettings
+from seismo3d.seismic.slip_fields import MISMATCH, Sides, SlipField, SlipSettings
 from seismo3d.seismic.throw_bells import carry_on
-from seismo3d.seismic.throw_matching import MISMATCH, match_throws
+from seismo3d.seismic.throw_matching import match_throws
 
 
 @dataclass(frozen=True, slots=True)

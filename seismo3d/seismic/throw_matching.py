@@ -18,15 +18,13 @@ from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_costs import compare_throws
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_throw import bar_far_shifts, pick_shifts, sum_paths
-from seismo3d.seismic.slip_fields import Sides, costs_about
+from seismo3d.seismic.slip_fields import MISMATCH, Sides, costs_about
 from seismo3d.seismic.throw_bells import smooth_about_bell
 from seismo3d.seismic.throw_trends import TrendScores, local_trend, rank_trends
 
 if TYPE_CHECKING:
     from seismo3d.seismic.throw import ThrowSettings
 
-MISMATCH = 0.6
-"""Misfit ratio beyond which the sides do not match."""
 # how far a throw may lie from those around it, before and after these are known well
 _BAND, _OUTLIER = 8.0, 6.0
 # rounds of paths about a trend, which is then fitted anew

@@ -77,8 +77,7 @@ def rank_trends(
     longest = cost.shape[2] // 2
     starts = np.arange(-longest + 2.0, longest - 1.0, 4.0) if longest > 3 else np.zeros(1)
     terms, _ = _search(costs, u, v, starts, bell=False, level=unmatched)
-    trends = np.array([_throws_of(term, u, v) for term in terms])
-    costs[blind] = level = _level_of_chance(costs, blind, trends, unmatched)
+    costs[blind] = level = _level_of_chance([_at(costs, blind, _throws_of(term, u, v)) for term in terms], unmatched)
     grid = np.indices(inside.shape).astype(np.float64)
     a, b = (((at - m) / h).ravel() for at, m, h in zip(grid, middle, half, strict=True))
     found, scored = [], []
@@ -106,10 +105,8 @@ class TrendScores:
     """
 
     def __init__(self, costs: Sequence[Float32Array], *, unmatched: float, about: float | None) -> None:
-        seen = [cost[np.isfinite(cost)] for cost in costs]
-        told = [s for s, cost in zip(seen, costs, strict=True) if len(s) > _LEAST_SEEN * len(cost)]
-        level = float(_surprise(np.float32(unmatched)))
-        self._level = min(float(np.median([_surprise(s).mean() for s in told])), level) if told else level
+        told = [(_surprise(cost), np.isfinite(cost)) for cost in costs]
+        self._level = _level_of_chance(told, float(_surprise(np.float32(unmatched))))
         self._about = about
 
     def of(self, cost: Float32Array, throws: Float32Array) -> float:
@@ -147,14 +144,16 @@ def _throws_of(terms: Float64Array, a: Float64Array, b: Float64Array, bell: bool
     return throws
 
 
-def _level_of_chance(costs: Float32Array, blind: BoolArray, trends: Float64Array, unmatched: float) -> float:
-    """Return what most trends cost where they have counterparts."""
-    middle, index, found = costs.shape[1] // 2, np.arange(len(costs)), []
-    for throws in trends:
-        shift = np.clip(np.rint(throws).astype(np.int64), -middle, middle) + middle
-        seen = ~blind[index, shift]
-        if seen.mean() > _LEAST_SEEN:
-            found.append(float(costs[index, shift][seen].mean()))
+def _at(costs: Float32Array, blind: BoolArray, throws: Float64Array) -> tuple[Float32Array, BoolArray]:
+    """Return what a trend's throws cost at every place, and where they have a counterpart."""
+    middle, index = costs.shape[1] // 2, np.arange(len(costs))
+    shift = np.clip(np.rint(throws).astype(np.int64), -middle, middle) + middle
+    return costs[index, shift], ~blind[index, shift]
+
+
+def _level_of_chance(told: Sequence[tuple[Float32Array, BoolArray]], unmatched: float) -> float:
+    """Return what most trends cost where they have counterparts, from the costs of each and where it has them."""
+    found = [float(cost[seen].mean()) for cost, seen in told if seen.mean() > _LEAST_SEEN]
     return min(float(np.median(found)), unmatched) if found else unmatched
 
 

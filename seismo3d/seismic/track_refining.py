@@ -135,13 +135,14 @@ def refine_depth(
         return depth, np.full(depth.shape, np.nan, np.float32)
     of_seeds = np.isin(parts, seeded) & there
     share = find_shares(layers, depth, near=settings.near, clear=settings.clear)
-    depth = _lay(layers, depth, parts, np.full(depth.shape, _UNTOLD), share, settings.stiffness, settings)
+    plate = _weigh(layers, depth, parts, np.full(depth.shape, _UNTOLD), share, settings)
+    depth = fit_stiffly(*plate, settings.stiffness)
     found = _match(layers, depth, parts, of_seeds, scores, _SINGLY, settings)
     depth, stiffness = _lay_matched(layers, found, parts, settings)
     trusted, confidence = found.trusted, np.where(found.trusted, np.clip(found.sure, 0.0, 1.0), np.nan)
     if stiffness > settings.stiffness:
         found = _match(layers, depth, parts, of_seeds, scores, _TOGETHER, settings)
-        depth = _lay(layers, found.depth, parts, found.weight, found.share, stiffness, settings)
+        depth = fit_stiffly(*_weigh(layers, found.depth, parts, found.weight, found.share, settings), stiffness)
     depth = np.where(trusted, depth, np.nan)
     # where no fault cuts a seed's waveform short and it is hardly disturbed it tells best where the seed lies on the
     # track, else the traces around do
@@ -204,26 +205,27 @@ def _match(
     return _Found(depth, sure, told, share, common, trusted)
 
 
-def _lay(
-    layers: LayerModel, depth: Float64Array, parts: IntArray, weight: AnyArray, share: Float64Array, stiffness: float,
+def _weigh(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, weight: AnyArray, share: Float64Array,
     settings: TrackSettings,
-) -> Float64Array:  # fmt: skip
-    """Lay a stiff surface through depths, each as it is weighed and by the share of its waveform that faults leave."""
+) -> tuple[Float64Array, Float64Array, AnyArray]:  # fmt: skip
+    """Return what a stiff surface is laid through: depths, weights by the share that faults leave, too, and links."""
     linked = link_traces(layers, depth, parts, settings.step)
     rims = find_rims(linked, parts, _without_faults(layers, depth, parts), settings.rim)
-    return fit_stiffly(np.where(parts >= 0, depth, np.nan), weight * weigh_traces(share, rims), linked, stiffness)
+    return np.where(parts >= 0, depth, np.nan), weight * weigh_traces(share, rims), linked
 
 
 def _lay_matched(
     layers: LayerModel, found: _Found, parts: IntArray, settings: TrackSettings
 ) -> tuple[Float64Array, float]:
     """Lay a surface through what was matched, the stiffer the more it scatters about it, in noise; and how stiff."""
-    smooth = _lay(layers, found.depth, parts, found.weight, found.share, settings.stiffness, settings)
+    plate = _weigh(layers, found.depth, parts, found.weight, found.share, settings)
+    smooth = fit_stiffly(*plate, settings.stiffness)
     sure = found.told & (found.share > _WHOLE)
     stiffness = float((robust_scale(found.depth[sure] - smooth[sure]) / settings.bent) ** 2)
     if stiffness <= settings.stiffness:
         return smooth, settings.stiffness
-    return _lay(layers, found.depth, parts, found.weight, found.share, stiffness, settings), stiffness
+    return fit_stiffly(*plate, stiffness), stiffness
 
 
 def bend_to_seeds(depth: Float64Array, parts: IntArray, chosen: BoolArray, index: Float64Array) -> Float64Array:

@@ -15,8 +15,8 @@ from seismo3d.synthetic import fault_cube
 SHAPE, STEP = (24, 30, 40), 4
 
 
-def system(*, breaks: np.ndarray | None = None, at_a_time: int = 2**62) -> LayerSystem:
-    breaks = np.zeros(SHAPE, np.uint8) if breaks is None else breaks
+def system(*, at_a_time: int = 2**62) -> LayerSystem:
+    breaks = np.zeros(SHAPE, np.uint8)
     fields = LinkFields.empty([(0, 1), (1, 1)], SHAPE, InMemory())
     return LayerSystem.of(fields, breaks, ScalarEdges.none(), InMemory(), step=STEP, bytes_at_a_time=at_a_time)
 

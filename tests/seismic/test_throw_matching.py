@@ -14,10 +14,10 @@ SHAPE = (96, 112)
 THIN = ThrowSettings().thin
 
 
-def ellipse(largest: float, *, length: float = 1.0) -> np.ndarray:
+def ellipse(largest: float) -> np.ndarray:
     """A throw that dies away from the middle of a surface to a tip line around it."""
     r, k = np.indices(SHAPE, dtype=np.float64)
-    from_middle = ((r - 48.0) / (44.0 * length)) ** 2 + ((k - 58.0) / (46.0 * length)) ** 2
+    from_middle = ((r - 48.0) / 44.0) ** 2 + ((k - 58.0) / 46.0) ** 2
     return largest * np.clip(1.0 - from_middle, 0.0, None)
 
 

@@ -96,9 +96,7 @@ def solve(run: BlockRun, stride: int) -> None:
         if number == len(rounds) - 1:
             rejected = system.weigh(values, cutoff, spread)
             if stride == last_stride(settings):
-                scale = system.measure_scale(values)
-                for start, stop in system.slabs():
-                    scale.draw_out(values[start:stop])
+                system.bring_to_scale(values)
         _keep(run, stride, number, values, room)
         run.write_fact(_round_name(stride, number), rejected=rejected)
         if number > 0:
