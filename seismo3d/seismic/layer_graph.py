@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import ndimage
@@ -17,8 +17,12 @@ from seismo3d.seismic.layer_system import LayerSystem, LinkFields
 from seismo3d.seismic.linking import InMemory
 from seismo3d.seismic.shifts import ShiftField, ShiftSettings
 
-DOUBT = np.float32(1e4)
-"""By how much the variance of doubtful shifts is larger."""
+# by how much the variance of doubtful shifts is larger on the coarsest graph, and on finer ones in noise
+_DOUBT = 1e4
+# usual misfit of shifts to the next traces from which one that leaks past a fault cannot be told by its own
+_HIDDEN = 0.1
+# of the rounds on the coarsest graph, so many at the end count all shifts
+_UNDOUBTED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +51,8 @@ class LayerTimeSettings:
     first_cutoffs : tuple of float
         Robust rounds on the coarsest graph, in standard deviations; in the last three all shifts count.
     cutoffs : tuple of float
-        The same on each finer graph.
+        The same on each finer graph; none but the last so large that shifts about a sample off would count, which in
+        noise are few standard deviations.
     iterations : int
         Most steps a round on the finest graph; a graph of every n-th trace has n squared times as many.
     grouped : int
@@ -128,23 +133,38 @@ def solve_graph(graph: LayerGraph) -> tuple[Float32Array, float]:
         Share of the edges of the finest graph that the solution rejects.
     """
     settings, traces, m = graph.settings, graph.breaks.shape[:2], graph.breaks.shape[2]
+    usual = [f.usual for f in graph.fields]
     values = np.zeros((*(-(-n // settings.strides[0]) for n in traces), m), np.float32)
     rejected = 0.0
-    for number, stride in enumerate(settings.strides):
-        system = _system(graph, graph.fields, stride)
-        if number == 0:
-            doubted = _system(graph, _doubt(graph), stride)
-            n_doubted = len(settings.first_cutoffs) - 3
-            for cutoff in settings.first_cutoffs[:n_doubted]:
-                values, _ = _round(graph, doubted, values, stride, cutoff)
-            cutoffs = settings.first_cutoffs[n_doubted:]
-        else:
-            values, cutoffs = _refine_grid(values, traces, stride), settings.cutoffs
-            system.lead(values)
-        for cutoff in cutoffs:
+    for stride in settings.strides:
+        system, filled = _system(graph, stride), 0.0
+        for number, (doubt, cutoff) in enumerate(list_rounds(settings, stride, usual)):
+            if doubt != filled:
+                _fill_variances(graph, stride, doubt, system.fields.variance)
+                filled = doubt
+            if number == 0 and stride != settings.strides[0]:
+                values = _refine_grid(values, traces, stride)
+                system.lead(values)
             values, rejected = _round(graph, system, values, stride, cutoff)
     system.bring_to_scale(values)
     return values, rejected
+
+
+def list_rounds(settings: LayerTimeSettings, stride: int, usual: list[float]) -> list[tuple[float, float]]:
+    """Return the robust rounds at a stride: by how much variances of doubtful shifts are larger, and the cutoff.
+
+    Without noise a shift that leaks past a fault fits badly, counts little by itself, and what lies beside faults is
+    told on finer graphs by all that is measured there. In noise it fits as well as any other: it must not pull at what
+    the coarsest graph found before the rest has settled. A shift's standard deviation is about the root of the cube's
+    usual misfit, in samples; cutoffs end where one that is a sample off lies at them.
+    """
+    if stride == settings.strides[0]:
+        n_doubted = len(settings.first_cutoffs) - _UNDOUBTED
+        return [(_DOUBT if n < n_doubted else 1.0, cutoff) for n, cutoff in enumerate(settings.first_cutoffs)]
+    noise = nearest_misfit(usual)
+    *first, last = settings.cutoffs
+    most = max(last, 1.0 / max(noise, 1e-9) ** 0.5)
+    return [*((_DOUBT ** min(noise / _HIDDEN, 1.0), min(cutoff, most)) for cutoff in first), (1.0, last)]
 
 
 def _round(
@@ -181,13 +201,6 @@ def nearest_misfit(usual: list[float]) -> float:
     return (usual[0] + usual[1]) / 2
 
 
-def _doubt(graph: LayerGraph) -> list[ShiftField]:
-    """Return the shifts, those near a fault or with a bad fit with a much larger variance."""
-    settings = graph.settings
-    near = near_faults(graph.cuts, graph.breaks.shape, settings)
-    return [replace(f, variance=np.where(is_doubtful(f, near, settings), DOUBT, 1) * f.variance) for f in graph.fields]
-
-
 def near_faults(cuts: AnyArray, shape: tuple[int, ...], settings: LayerTimeSettings) -> BoolArray:
     """Mark the coarse samples, in an array of this shape, beside which a fault passes within `clear` traces."""
     step, near = settings.shifts.step, np.zeros(shape, bool)
@@ -198,14 +211,14 @@ def near_faults(cuts: AnyArray, shape: tuple[int, ...], settings: LayerTimeSetti
     return np.asarray(ndimage.maximum_filter(near, (size, size, 1)))
 
 
-def is_doubtful(f: ShiftField, near: BoolArray, settings: LayerTimeSettings) -> BoolArray:
-    """Tell which shifts touch a fault, fit badly, or are not measured."""
+def doubt_shifts(f: ShiftField, near: BoolArray, factor: float, settings: LayerTimeSettings) -> Float32Array:
+    """Return the variances of shifts, those that touch a fault, fit badly or are not measured larger by a factor."""
     doubt = near | (f.misfit > 1.0) | (f.variance >= np.float32(settings.shifts.most * f.length))
     if f.axis == 0:
         doubt[: -f.length] |= near[f.length :]
     else:
         doubt[:, : -f.length] |= near[:, f.length :]
-    return doubt
+    return np.where(doubt, np.float32(factor), np.float32(1.0)) * f.variance
 
 
 def _refine_grid(values: Float32Array, traces: tuple[int, ...], stride: int) -> Float32Array:
@@ -216,17 +229,14 @@ def _refine_grid(values: Float32Array, traces: tuple[int, ...], stride: int) -> 
     return np.ascontiguousarray(values[rows][:, columns])
 
 
-def _system(graph: LayerGraph, fields: list[ShiftField], stride: int) -> LayerSystem:
-    """Return all links between traces of a stride, along layers and across faults."""
-    step, used = graph.settings.shifts.step, [f for f in fields if f.length % stride == 0]
+def _system(graph: LayerGraph, stride: int) -> LayerSystem:
+    """Return the links between traces of a stride, along layers, with no variances yet, and those across faults."""
+    step, used = graph.settings.shifts.step, _used(graph, stride)
     breaks = np.ascontiguousarray(graph.breaks[::stride, ::stride])
     shape: tuple[int, int, int] = (breaks.shape[0], breaks.shape[1], breaks.shape[2])
     links = LinkFields.empty([(f.axis, f.length // stride) for f in used], shape, InMemory())
     for n, f in enumerate(used):
         links.shift[n] = f.shift[::stride, ::stride]
-        keep_free(
-            graph.nearest[f.axis], graph.cuts, f.variance, f.axis, f.length, stride, step, 0, 0, links.variance[n]
-        )
     usual = nearest_misfit([f.usual for f in graph.fields])
     listed = [
         link_grid(
@@ -236,6 +246,22 @@ def _system(graph: LayerGraph, fields: list[ShiftField], stride: int) -> LayerSy
         for grid, throw, variance in graph.faults
     ]  # fmt: skip
     return LayerSystem.of(links, breaks, ScalarEdges.join(ScalarEdges.none(), *listed), InMemory(), step=step)
+
+
+def _used(graph: LayerGraph, stride: int) -> list[ShiftField]:
+    """Return the shifts that join traces of a stride."""
+    return [f for f in graph.fields if f.length % stride == 0]
+
+
+def _fill_variances(graph: LayerGraph, stride: int, doubt: float, out: Float32Array) -> None:
+    """Write the variances of the links between traces, infinite across faults, those of doubtful ones raised."""
+    settings, near = graph.settings, None
+    if doubt > 1.0:
+        near = near_faults(graph.cuts, graph.breaks.shape, settings)
+    for n, f in enumerate(_used(graph, stride)):
+        variance = f.variance if near is None else doubt_shifts(f, near, doubt, settings)
+        nearest = graph.nearest[f.axis]
+        keep_free(nearest, graph.cuts, variance, f.axis, f.length, stride, settings.shifts.step, 0, 0, out[n])
 
 
 def smooth_thickness(values: Float32Array, breaks: AnyArray, settings: LayerTimeSettings, stride: int) -> Float32Array:

@@ -17,10 +17,10 @@ from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.fault_links import doubt_matches, link_grid
 from seismo3d.seismic.layer_graph import (
-    DOUBT,
     LayerTimeSettings,
+    doubt_shifts,
     improve_values,
-    is_doubtful,
+    list_rounds,
     near_faults,
     nearest_misfit,
     smooth_thickness,
@@ -29,8 +29,6 @@ from seismo3d.seismic.layer_graph import (
 from seismo3d.seismic.layer_system import LayerSystem, LinkFields
 from seismo3d.seismic.linking import InMemory, Room
 from seismo3d.seismic.loop_closure import loop_errors
-
-_DOUBTED_ROUNDS = 3  # of the coarsest graph, in so many at its end all shifts count
 
 
 def link_reach(settings: LayerTimeSettings) -> int:
@@ -65,29 +63,26 @@ def values_name(stride: int, number: int) -> str:
     return f"values_{stride}_{number}"
 
 
-def list_rounds(settings: LayerTimeSettings, stride: int) -> list[tuple[bool, float]]:
-    """Return the robust rounds at a stride: whether doubtful shifts hardly count, and the cutoff."""
-    if stride != settings.strides[0]:
-        return [(False, cutoff) for cutoff in settings.cutoffs]
-    n_doubted = len(settings.first_cutoffs) - _DOUBTED_ROUNDS
-    return [(n < n_doubted, cutoff) for n, cutoff in enumerate(settings.first_cutoffs)]
+def count_rounds(settings: LayerTimeSettings, stride: int) -> int:
+    """Return how many robust rounds there are at a stride."""
+    return len(settings.first_cutoffs if stride == settings.strides[0] else settings.cutoffs)
 
 
 def solve(run: BlockRun, stride: int) -> None:
     """Solve the graph of every stride-th trace, going on after the last round that was finished."""
-    settings = run.settings
-    rounds = list_rounds(settings, stride)
+    settings, usual = run.settings, run.fact("usual")["misfits"]
+    rounds = list_rounds(settings, stride, usual)
     n_done = next((n for n in range(len(rounds), 0, -1) if run.knows(_round_name(stride, n - 1))), 0)
     room, at_a_time = _choose_room(run, stride)
     values = room.array(_grid_shape(run, stride), np.float32)
     _begin(run, stride, n_done, values, room)
     system: LayerSystem | None = None
-    rejected, loaded = 0.0, None
-    spread = thickness_variance(run.fact("usual")["misfits"], settings)
+    rejected, loaded = 0.0, 0.0
+    spread = thickness_variance(usual, settings)
     for number in range(n_done, len(rounds)):
-        is_doubted, cutoff = rounds[number]
-        if system is None or loaded != is_doubted:
-            system, loaded = _load(run, stride, is_doubted, room, at_a_time), is_doubted
+        doubt, cutoff = rounds[number]
+        if system is None or loaded != doubt:
+            system, loaded = _load(run, stride, doubt, room, at_a_time), doubt
             if number == 0 and stride != settings.strides[0]:
                 system.lead(values)
         _expect(run, system, values, stride)
@@ -108,7 +103,7 @@ def solve(run: BlockRun, stride: int) -> None:
 
 def forget_rounds(run: BlockRun, stride: int) -> None:
     """Take a stride for not solved."""
-    for number in range(len(list_rounds(run.settings, stride))):
+    for number in range(count_rounds(run.settings, stride)):
         run.forget_fact(_round_name(stride, number))
     run.forget_fact(f"solve_{stride}")
 
@@ -150,7 +145,7 @@ def _begin(run: BlockRun, stride: int, n_done: int, values: Float32Array, room: 
             part[...] = 0.0
         else:
             coarse = strides[place - 1]
-            name = values_name(coarse, len(list_rounds(settings, coarse)) - 1)
+            name = values_name(coarse, count_rounds(settings, coarse) - 1)
             n0, n1, _ = _grid_shape(run, coarse)
             i, j = (
                 np.minimum(np.arange(low, high) // 2, n - 1)
@@ -171,7 +166,7 @@ def _keep(run: BlockRun, stride: int, number: int, values: Float32Array, room: R
         room.rest()
 
 
-def _load(run: BlockRun, stride: int, is_doubted: bool, room: Room, at_a_time: int) -> LayerSystem:
+def _load(run: BlockRun, stride: int, doubt: float, room: Room, at_a_time: int) -> LayerSystem:
     """Read the links between the traces of a stride, and those across faults."""
     shape, settings = _grid_shape(run, stride), run.settings
     numbers = [n for n in range(2 * len(settings.lengths)) if settings.lengths[n // 2] % stride == 0]
@@ -180,14 +175,14 @@ def _load(run: BlockRun, stride: int, is_doubted: bool, room: Room, at_a_time: i
     breaks = room.array(shape, np.uint8)
     edge = run.plan.edges["links"][0]
     for box in Tiling(run.plan.shape[:2], (edge, edge)):
-        _load_box(run, box, stride, is_doubted, numbers, fields, breaks)
+        _load_box(run, box, stride, doubt, numbers, fields, breaks)
         room.rest()
     listed = _fault_edges(run, stride)
     return LayerSystem.of(fields, breaks, listed, room, step=settings.shifts.step, bytes_at_a_time=at_a_time)
 
 
 def _load_box(
-    run: BlockRun, box: Box, stride: int, is_doubted: bool, numbers: list[int], fields: LinkFields, breaks: AnyArray
+    run: BlockRun, box: Box, stride: int, doubt: float, numbers: list[int], fields: LinkFields, breaks: AnyArray
 ) -> None:
     """Read the links that begin in a box."""
     settings, step = run.settings, run.settings.shifts.step
@@ -196,12 +191,12 @@ def _load_box(
     at = tuple(slice(low // stride, -(-high // stride)) for low, high in ((box.i0, box.i1), (box.j0, box.j1)))
     here = (slice(box.i0 - wide.i0, box.i1 - wide.i0, stride), slice(box.j0 - wide.j0, box.j1 - wide.j0, stride))
     breaks[at] = run.store.read("breaks", wide)[here]
-    near = near_faults(cuts, (*wide.shape, breaks.shape[2]), settings) if is_doubted else None
+    near = near_faults(cuts, (*wide.shape, breaks.shape[2]), settings) if doubt > 1.0 else None
     for f, number in enumerate(numbers):
         found, nearest = read_field(run, wide, number), run.store.read(f"shift{number % 2}_1", wide)
         variance = found.variance
         if near is not None:
-            variance = np.where(is_doubtful(found, near, settings), DOUBT, np.float32(1)) * variance
+            variance = doubt_shifts(found, near, doubt, settings)
         fields.shift[f][at] = found.shift[here]
         keep_free(
             nearest, cuts, variance, found.axis, found.length, stride, step, here[0].start, here[1].start,

@@ -6,7 +6,7 @@ import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_layers import fill_samples, make_increasing, make_runs_increasing
-from seismo3d.seismic.blocks.layer_solve import last_stride, list_rounds, values_name
+from seismo3d.seismic.blocks.layer_solve import count_rounds, last_stride, values_name
 from seismo3d.seismic.blocks.layers import live_traces
 from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.results import write_result
@@ -90,7 +90,7 @@ def _first_times(run: BlockRun, box: Box) -> Float32Array:
 def _solved_times(run: BlockRun, box: Box) -> Float32Array:
     settings = run.settings
     last = last_stride(settings)
-    values = run.store.read(values_name(last, len(list_rounds(settings, last)) - 1), box)
+    values = run.store.read(values_name(last, count_rounds(settings, last) - 1), box)
     times = np.empty((*box.shape, run.plan.shape[2]), np.float32)
     fill_samples(values, run.store.read("breaks", box), settings.shifts.step, times)
     make_runs_increasing(times, run.store.read("cuts", box), settings.least)

@@ -173,7 +173,7 @@ def _layer_stages(run: BlockRun) -> dict[str, Stage]:
     fields = layers.field_names(settings)
     before, solving = "", {}
     for stride in settings.strides:
-        rounds = range(len(layer_solve.list_rounds(settings, stride)))
+        rounds = range(layer_solve.count_rounds(settings, stride))
         solving[f"solve_{stride}"] = Stage(
             "solve", "", _no_block, find=partial(layer_solve.solve, stride=stride),
             writes=tuple(layer_solve.values_name(stride, n) for n in rounds),
