@@ -12,11 +12,12 @@ import seismo3d as s3
 from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.seismic._kernels_layers import make_increasing, make_runs_increasing
 from seismo3d.seismic._kernels_tracks import cross_levels, match_waveforms, read_layers, read_runs
-from seismo3d.seismic.fault_links import LinkSettings, doubt_matches
+from seismo3d.seismic.fault_links import LinkSettings, SurfaceGrid, doubt_matches
 from seismo3d.seismic.horizon_search import find_seeds
-from seismo3d.seismic.layer_graph import LayerTimeSettings, thickness_variance
+from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, list_rounds, solve_graph, thickness_variance
 from seismo3d.seismic.layer_parts import stretched
 from seismo3d.seismic.layer_time import LayerModel, model_layers
+from seismo3d.seismic.shifts import ShiftField
 from seismo3d.synthetic import SyntheticCube, SyntheticFault, make_cube, recipe_of
 
 SHAPE = (48, 48, 80)
@@ -299,3 +300,34 @@ def test_doubtful_matches_count_for_little_and_noise_makes_fewer_of_them_doubtfu
     variance = np.array([0.09, 0.25, 4.0, np.inf])
     np.testing.assert_allclose(doubt_matches(variance, 0.0, settings), variance * [1.1296, 2.0, 257.0, 1.0])
     np.testing.assert_allclose(doubt_matches(variance, 0.1875, settings), variance * [1.0005, 1.0039, 2.0, 1.0], 1e-3)
+
+
+def test_rounds_of_finer_graphs_go_by_the_noise() -> None:
+    settings = LayerTimeSettings(strides=(2, 1), first_cutoffs=(np.inf, 8.0, 3.0, 3.0, 3.0), cutoffs=(30.0, 3.0))
+    assert list_rounds(settings, 2, [0.2, 0.2]) == [(1e4, np.inf), (1e4, 8.0), *[(1.0, 3.0)] * 3]
+    assert list_rounds(settings, 1, [0.0, 0.0]) == [(1.0, 30.0), (1.0, 3.0)]
+    assert list_rounds(settings, 1, [0.02, 0.06, 0.9, 0.9])[0] == pytest.approx((1e4**0.4, 5.0))
+    assert list_rounds(settings, 1, [0.5, 0.5]) == [(1e4, 3.0), (1.0, 3.0)]
+
+
+@pytest.mark.parametrize("noise", [0.001, 0.13])
+def test_shifts_that_leak_past_a_fault_do_not_join_its_sides(noise: float) -> None:
+    """Flat layers, a throw of nine samples, and every ninth line on which the fault is not cut."""
+    n, m, throw, spread = 32, 24, 9.0, 1.0 if noise > 0.1 else 0.1
+    cuts = np.zeros((n, n, 4 * m), np.uint8)
+    cuts[:, 15] = 2
+    cuts[5::9, 15] = 0
+    none = np.zeros((n, n, m), np.float32)
+    fields = [
+        ShiftField(axis, length, none, np.full_like(none, noise), none + np.float32(0.5), noise)
+        for length in (1, 2, 4)
+        for axis in (0, 1)
+    ]
+    shape = (n, 4 * m)
+    throws = np.full(shape, throw)
+    grid = SurfaceGrid(np.array([0.0, 1.0]), (1 - n, 0), np.full(shape, 15.5), np.ones(shape, bool), throws)
+    links = [(grid, throws, np.full(shape, spread**2))]
+    values, rejected = solve_graph(LayerGraph(fields, cuts, np.zeros((n, n, m), np.uint8), links, LayerTimeSettings()))
+    found = np.median(values[:, :12, 8:16]) - np.median(values[:, 20:, 8:16])
+    assert found == pytest.approx(throw, abs=0.3)
+    assert 0.0 < rejected < 0.03
