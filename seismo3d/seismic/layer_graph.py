@@ -21,6 +21,8 @@ from seismo3d.seismic.shifts import ShiftField, ShiftSettings
 _DOUBT = 1e4
 # usual misfit of shifts to the next traces from which one that leaks past a fault cannot be told by its own
 _HIDDEN = 0.1
+# samples off at which a shift lies at the cutoffs of finer graphs, or nearer
+_OFF = 1.5
 # of the rounds on the coarsest graph, so many at the end count all shifts
 _UNDOUBTED = 3
 
@@ -51,7 +53,7 @@ class LayerTimeSettings:
     first_cutoffs : tuple of float
         Robust rounds on the coarsest graph, in standard deviations; in the last three all shifts count.
     cutoffs : tuple of float
-        The same on each finer graph; none but the last so large that shifts about a sample off would count, which in
+        The same on each finer graph; none but the last so large that shifts a sample or two off would count, which in
         noise are few standard deviations.
     iterations : int
         Most steps a round on the finest graph; a graph of every n-th trace has n squared times as many.
@@ -156,14 +158,14 @@ def list_rounds(settings: LayerTimeSettings, stride: int, usual: list[float]) ->
     Without noise a shift that leaks past a fault fits badly, counts little by itself, and what lies beside faults is
     told on finer graphs by all that is measured there. In noise it fits as well as any other: it must not pull at what
     the coarsest graph found before the rest has settled. A shift's standard deviation is about the root of the cube's
-    usual misfit, in samples; cutoffs end where one that is a sample off lies at them.
+    usual misfit, in samples; no cutoff but the last is larger than what one and a half samples off are in these.
     """
     if stride == settings.strides[0]:
         n_doubted = len(settings.first_cutoffs) - _UNDOUBTED
         return [(_DOUBT if n < n_doubted else 1.0, cutoff) for n, cutoff in enumerate(settings.first_cutoffs)]
     noise = nearest_misfit(usual)
     *first, last = settings.cutoffs
-    most = max(last, 1.0 / max(noise, 1e-9) ** 0.5)
+    most = max(last, _OFF / max(noise, 1e-9) ** 0.5)
     return [*((_DOUBT ** min(noise / _HIDDEN, 1.0), min(cutoff, most)) for cutoff in first), (1.0, last)]
 
 

@@ -306,8 +306,8 @@ def test_rounds_of_finer_graphs_go_by_the_noise() -> None:
     settings = LayerTimeSettings(strides=(2, 1), first_cutoffs=(np.inf, 8.0, 3.0, 3.0, 3.0), cutoffs=(30.0, 3.0))
     assert list_rounds(settings, 2, [0.2, 0.2]) == [(1e4, np.inf), (1e4, 8.0), *[(1.0, 3.0)] * 3]
     assert list_rounds(settings, 1, [0.0, 0.0]) == [(1.0, 30.0), (1.0, 3.0)]
-    assert list_rounds(settings, 1, [0.02, 0.06, 0.9, 0.9])[0] == pytest.approx((1e4**0.4, 5.0))
-    assert list_rounds(settings, 1, [0.5, 0.5]) == [(1e4, 3.0), (1.0, 3.0)]
+    assert list_rounds(settings, 1, [0.02, 0.06, 0.9, 0.9])[0] == pytest.approx((1e4**0.4, 7.5))
+    assert list_rounds(settings, 1, [0.25, 0.25]) == [(1e4, 3.0), (1.0, 3.0)]
 
 
 @pytest.mark.parametrize("noise", [0.001, 0.13])
