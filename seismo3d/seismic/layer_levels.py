@@ -32,6 +32,8 @@ _FIRST_ROUNDS = 2
 _END = 8.0
 # how much more a part counts as the next to stay where it goes on from the last, and how little if it fitted badly
 _SAME, _POOR = 2.0, 0.1
+# share of their thickness that moves must leave of the layers between two levels to be believed
+_THINNEST = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,9 +122,10 @@ def mend_times(times: Float32Array, cuts: IntArray, found: LevelMoves, least: fl
     """Mend layer time, in place.
 
     Between two levels of a run, from one fault to the next, moves change linearly; above the first and below the last
-    they go on. Runs without a known move stay.
+    they go on. Of levels that would change places, or all but do, the most that agree count. Runs without a known move
+    stay.
     """
-    mend_runs(times, cuts, found.depth, found.move)
+    mend_runs(times, cuts, found.depth, found.move, np.float32(_THINNEST))
     make_runs_increasing(times, cuts, least)
 
 

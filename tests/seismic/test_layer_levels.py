@@ -52,6 +52,29 @@ def test_a_run_goes_by_its_own_levels() -> None:
     np.testing.assert_allclose(mended[0, 0, [0, 29]], [-2.0, 25.0], atol=1e-5)
 
 
+@pytest.mark.parametrize("strays", [[1], [1, 2], [3], [4], [5]])
+def test_levels_that_would_change_places_with_most_others_are_left_out(strays: list[int]) -> None:
+    """Six levels of a run move alike; some of them, at its top, in it or at its foot, are told a cycle and more off."""
+    times = np.broadcast_to(np.arange(64.0), (1, 1, 64)).astype(np.float32)
+    depth = np.arange(8.0, 56.0, 8.0, dtype=np.float32).reshape(1, 1, -1)
+    move = np.full((1, 1, 6), -3.0, np.float32)
+    right = times.copy()
+    mend_times(right, np.zeros((1, 1, 64), np.uint8), LevelMoves(depth, move), 1e-3)
+    np.testing.assert_allclose(right[0, 0, 5:50], np.arange(8.0, 53.0), atol=1e-4)
+    move[0, 0, strays] = [33.0 if stray < 3 else -36.0 for stray in strays]
+    mended = times.copy()
+    mend_times(mended, np.zeros((1, 1, 64), np.uint8), LevelMoves(depth, move), 1e-3)
+    np.testing.assert_allclose(mended, right, atol=1e-4)
+
+
+def test_of_as_many_levels_those_stay_that_move_alike() -> None:
+    times = np.broadcast_to(np.arange(64.0), (1, 1, 64)).astype(np.float32)
+    depth = np.array([[[10.0, 20.0, 30.0]]], np.float32)
+    move = np.array([[[12.0, 1.0, 1.0]]], np.float32)
+    mend_times(times, np.zeros((1, 1, 64), np.uint8), LevelMoves(depth, move), 1e-3)
+    np.testing.assert_allclose(times[0, 0, 12:40], np.arange(11.0, 39.0), atol=1e-4)
+
+
 def test_a_cube_that_leaves_nothing_to_be_compared_stays(rng: np.random.Generator) -> None:
     """Noise on both sides: nothing fits, and hardly anything is moved."""
     settings = LayerTimeSettings()
