@@ -81,10 +81,12 @@ def solve(run: BlockRun, stride: int) -> None:
     spread = thickness_variance(usual, settings)
     for number in range(n_done, len(rounds)):
         doubt, cutoff = rounds[number]
-        if system is None or loaded != doubt:
-            system, loaded = _load(run, stride, doubt, room, at_a_time), doubt
-            if number == 0 and stride != settings.strides[0]:
-                system.lead(values)
+        system = system or _make_system(run, stride, room, at_a_time)
+        if loaded != doubt:
+            _load(run, stride, doubt, system)
+            loaded = doubt
+        if number == 0 and stride != settings.strides[0]:
+            system.lead(values)
         _expect(run, system, values, stride)
         system.weigh(values, cutoff, spread)
         improve_values(system, values, stride, settings)
@@ -166,40 +168,45 @@ def _keep(run: BlockRun, stride: int, number: int, values: Float32Array, room: R
         room.rest()
 
 
-def _load(run: BlockRun, stride: int, doubt: float, room: Room, at_a_time: int) -> LayerSystem:
-    """Read the links between the traces of a stride, and those across faults."""
+def _make_system(run: BlockRun, stride: int, room: Room, at_a_time: int) -> LayerSystem:
+    """Return the links of a stride: those across faults, and room for those between traces."""
     shape, settings = _grid_shape(run, stride), run.settings
-    numbers = [n for n in range(2 * len(settings.lengths)) if settings.lengths[n // 2] % stride == 0]
-    kinds = [(n % 2, settings.lengths[n // 2] // stride) for n in numbers]
+    kinds = [(n % 2, settings.lengths[n // 2] // stride) for n in _numbers(settings, stride)]
     fields = LinkFields.empty(kinds, shape, room)
-    breaks = room.array(shape, np.uint8)
-    edge = run.plan.edges["links"][0]
-    for box in Tiling(run.plan.shape[:2], (edge, edge)):
-        _load_box(run, box, stride, doubt, numbers, fields, breaks)
-        room.rest()
-    listed = _fault_edges(run, stride)
+    breaks, listed = room.array(shape, np.uint8), _fault_edges(run, stride)
     return LayerSystem.of(fields, breaks, listed, room, step=settings.shifts.step, bytes_at_a_time=at_a_time)
 
 
-def _load_box(
-    run: BlockRun, box: Box, stride: int, doubt: float, numbers: list[int], fields: LinkFields, breaks: AnyArray
-) -> None:
+def _numbers(settings: LayerTimeSettings, stride: int) -> list[int]:
+    """Return which fields of shifts join traces of a stride."""
+    return [n for n in range(2 * len(settings.lengths)) if settings.lengths[n // 2] % stride == 0]
+
+
+def _load(run: BlockRun, stride: int, doubt: float, system: LayerSystem) -> None:
+    """Read the links between the traces of a stride."""
+    edge = run.plan.edges["links"][0]
+    for box in Tiling(run.plan.shape[:2], (edge, edge)):
+        _load_box(run, box, stride, doubt, system)
+        system.room.rest()
+
+
+def _load_box(run: BlockRun, box: Box, stride: int, doubt: float, system: LayerSystem) -> None:
     """Read the links that begin in a box."""
-    settings, step = run.settings, run.settings.shifts.step
+    settings, fields, breaks = run.settings, system.fields, system.breaks
     wide = box.grown((link_reach(settings),) * 2, run.plan.shape)
     cuts = run.store.read("cuts", wide)
     at = tuple(slice(low // stride, -(-high // stride)) for low, high in ((box.i0, box.i1), (box.j0, box.j1)))
     here = (slice(box.i0 - wide.i0, box.i1 - wide.i0, stride), slice(box.j0 - wide.j0, box.j1 - wide.j0, stride))
     breaks[at] = run.store.read("breaks", wide)[here]
     near = near_faults(cuts, (*wide.shape, breaks.shape[2]), settings) if doubt > 1.0 else None
-    for f, number in enumerate(numbers):
+    for f, number in enumerate(_numbers(settings, stride)):
         found, nearest = read_field(run, wide, number), run.store.read(f"shift{number % 2}_1", wide)
         variance = found.variance
         if near is not None:
             variance = doubt_shifts(found, near, doubt, settings)
         fields.shift[f][at] = found.shift[here]
         keep_free(
-            nearest, cuts, variance, found.axis, found.length, stride, step, here[0].start, here[1].start,
+            nearest, cuts, variance, found.axis, found.length, stride, system.step, here[0].start, here[1].start,
             fields.variance[f][at],
         )  # fmt: skip
 
