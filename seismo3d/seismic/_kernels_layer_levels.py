@@ -46,12 +46,11 @@ def _gather(depth, move, first, last, n2, at, by):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True)
-def _keep_order(at, by, n, thinnest, length, before):  # type: ignore[no-untyped-def]
+def _keep_order(at, by, n, thinnest, length, change, before):  # type: ignore[no-untyped-def]
     """Keep the most layers of a run, in place, that stay in their order and apart; return how many these are.
 
     Of as many layers those are kept whose moves change least from one to the next.
     """
-    change = np.empty(n, np.float32)
     top = 0
     for c in range(n):
         length[c], before[c], change[c] = 1, -1, 0.0
@@ -65,6 +64,7 @@ def _keep_order(at, by, n, thinnest, length, before):  # type: ignore[no-untyped
         if length[c] > length[top] or (length[c] == length[top] and change[c] < change[top]):
             top = c
     kept = length[top]
+    # lengths are told: their room takes the numbers of those that are kept, in order
     for k in range(kept - 1, -1, -1):
         length[k] = top
         top = before[top]
@@ -86,6 +86,7 @@ def mend_runs(times, cuts, depth, move, thinnest):  # type: ignore[no-untyped-de
         i = np.int64(line)
         at, by, old = np.empty(n_levels, np.float32), np.empty(n_levels, np.float32), np.empty(n2, np.float32)
         length, before = np.empty(n_levels, np.int64), np.empty(n_levels, np.int64)
+        change = np.empty(n_levels, np.float32)
         for j in range(n1):
             old[:] = times[i, j]
             first = 0
@@ -94,7 +95,7 @@ def mend_runs(times, cuts, depth, move, thinnest):  # type: ignore[no-untyped-de
                     continue
                 n = _gather(depth[i, j], move[i, j], first, last, n2, at, by)
                 if n > 1:
-                    n = _keep_order(at, by, n, thinnest, length, before)
+                    n = _keep_order(at, by, n, thinnest, length, change, before)
                 for c in range(n):
                     at[c] += by[c]
                 c = 0

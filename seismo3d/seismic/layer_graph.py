@@ -203,8 +203,13 @@ def nearest_misfit(usual: list[float]) -> float:
     return (usual[0] + usual[1]) / 2
 
 
-def near_faults(cuts: AnyArray, shape: tuple[int, ...], settings: LayerTimeSettings) -> BoolArray:
-    """Mark the coarse samples, in an array of this shape, beside which a fault passes within `clear` traces."""
+def near_faults(cuts: AnyArray, shape: tuple[int, ...], factor: float, settings: LayerTimeSettings) -> BoolArray | None:
+    """Mark the coarse samples, in an array of this shape, beside which a fault passes within `clear` traces.
+
+    None where the factor by which shifts are doubted there is 1.
+    """
+    if factor == 1.0:
+        return None
     step, near = settings.shifts.step, np.zeros(shape, bool)
     for t in range(step):
         part = cuts[:, :, t::step] & 3 > 0
@@ -213,8 +218,13 @@ def near_faults(cuts: AnyArray, shape: tuple[int, ...], settings: LayerTimeSetti
     return np.asarray(ndimage.maximum_filter(near, (size, size, 1)))
 
 
-def doubt_shifts(f: ShiftField, near: BoolArray, factor: float, settings: LayerTimeSettings) -> Float32Array:
-    """Return the variances of shifts, those that touch a fault, fit badly or are not measured larger by a factor."""
+def doubt_shifts(f: ShiftField, near: BoolArray | None, factor: float, settings: LayerTimeSettings) -> Float32Array:
+    """Return the variances of shifts, those that touch a fault, fit badly or are not measured larger by a factor.
+
+    Without a map of what is near faults, as :func:`near_faults` gives it, none is doubted.
+    """
+    if near is None:
+        return f.variance
     doubt = near | (f.misfit > 1.0) | (f.variance >= np.float32(settings.shifts.most * f.length))
     if f.axis == 0:
         doubt[: -f.length] |= near[f.length :]
@@ -257,12 +267,10 @@ def _used(graph: LayerGraph, stride: int) -> list[ShiftField]:
 
 def _fill_variances(graph: LayerGraph, stride: int, doubt: float, out: Float32Array) -> None:
     """Write the variances of the links between traces, infinite across faults, those of doubtful ones raised."""
-    settings, near = graph.settings, None
-    if doubt > 1.0:
-        near = near_faults(graph.cuts, graph.breaks.shape, settings)
+    settings = graph.settings
+    near = near_faults(graph.cuts, graph.breaks.shape, doubt, settings)
     for n, f in enumerate(_used(graph, stride)):
-        variance = f.variance if near is None else doubt_shifts(f, near, doubt, settings)
-        nearest = graph.nearest[f.axis]
+        variance, nearest = doubt_shifts(f, near, doubt, settings), graph.nearest[f.axis]
         keep_free(nearest, graph.cuts, variance, f.axis, f.length, stride, settings.shifts.step, 0, 0, out[n])
 
 

@@ -121,7 +121,7 @@ def _grid_shape(run: BlockRun, stride: int) -> tuple[int, int, int]:
 
 def _choose_room(run: BlockRun, stride: int) -> tuple[Room, int]:
     """Return where the solution's arrays are kept: in memory where they fit into a half, else on disk."""
-    n_fields = 2 * sum(length % stride == 0 for length in run.settings.lengths)
+    n_fields = len(_numbers(run.settings, stride))
     size = int(np.prod(_grid_shape(run, stride), dtype=np.int64)) * (12 * n_fields + 40)
     free = run.plan.memory - BASE_BYTES
     return (InMemory(), 2 * size) if 2 * size <= free else (OnDisk(run.work / "solve"), free // 4)
@@ -198,12 +198,10 @@ def _load_box(run: BlockRun, box: Box, stride: int, doubt: float, system: LayerS
     at = tuple(slice(low // stride, -(-high // stride)) for low, high in ((box.i0, box.i1), (box.j0, box.j1)))
     here = (slice(box.i0 - wide.i0, box.i1 - wide.i0, stride), slice(box.j0 - wide.j0, box.j1 - wide.j0, stride))
     breaks[at] = run.store.read("breaks", wide)[here]
-    near = near_faults(cuts, (*wide.shape, breaks.shape[2]), settings) if doubt > 1.0 else None
+    near = near_faults(cuts, (*wide.shape, breaks.shape[2]), doubt, settings)
     for f, number in enumerate(_numbers(settings, stride)):
         found, nearest = read_field(run, wide, number), run.store.read(f"shift{number % 2}_1", wide)
-        variance = found.variance
-        if near is not None:
-            variance = doubt_shifts(found, near, doubt, settings)
+        variance = doubt_shifts(found, near, doubt, settings)
         fields.shift[f][at] = found.shift[here]
         keep_free(
             nearest, cuts, variance, found.axis, found.length, stride, system.step, here[0].start, here[1].start,
