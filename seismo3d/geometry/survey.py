@@ -18,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, ArrayLike, Float64Array, FloatArray
+from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d._validate import as_points
 from seismo3d.errors import GeometryError
 from seismo3d.geometry.axis import Axis, depth_scale, length_unit_of, unit_of
+from seismo3d.geometry.bearings import bearing_deg, wrap_deg
 from seismo3d.geometry.map_fit import MapFit, fit_map
 from seismo3d.geometry.section import SectionGeometry
 
@@ -176,7 +177,7 @@ class SurveyGeometry:
             Degrees in [0, 360), clockwise from north; without a map, from the inline axis towards the crossline axis.
         """
         east_north = as_points(directions, "directions", finite=False)[:, :2] @ self.east_north.T
-        return _degrees(east_north[:, 0], east_north[:, 1])
+        return bearing_deg(east_north[:, 0], east_north[:, 1])
 
     def strike_deg(self, normals: ArrayLike) -> Float64Array:
         """Strike of planes by the right-hand rule: looking along it, the plane dips to the right.
@@ -197,9 +198,9 @@ class SurveyGeometry:
         normal = as_points(normals, "normals", dim=3, finite=False)
         horizontal = np.where(normal[:, 2:] > 0, -normal[:, :2], normal[:, :2])
         dip_direction = np.linalg.solve(self.east_north.T, horizontal.T).T
-        dip_azimuth = _degrees(dip_direction[:, 0], dip_direction[:, 1])
+        dip_azimuth = bearing_deg(dip_direction[:, 0], dip_direction[:, 1])
         level = np.hypot(horizontal[:, 0], horizontal[:, 1]) == 0
-        return np.where(level, np.nan, (dip_azimuth - 90.0) % 360.0)
+        return np.where(level, np.nan, wrap_deg(dip_azimuth - 90.0))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and lists, for JSON and for a cube's attributes."""
@@ -217,11 +218,6 @@ class SurveyGeometry:
                 "rms": fit.rms,
             }
         return out
-
-
-def _degrees(east: FloatArray, north: FloatArray) -> Float64Array:
-    # the second remainder turns 360.0, which -1e-15 % 360 rounds to, into 0
-    return np.degrees(np.arctan2(east, north)) % 360.0 % 360.0
 
 
 def usual_spacing(places: Float64Array) -> float:

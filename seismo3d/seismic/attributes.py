@@ -14,6 +14,7 @@ from seismo3d._stages import no_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Progress
 from seismo3d._validate import as_number
 from seismo3d.errors import ShapeError
+from seismo3d.geometry.bearings import wrap_deg
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.seismic._kernels_attributes import stack_along_dip
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
@@ -151,7 +152,7 @@ def _azimuth(slopes: Float32Array, survey: SurveyGeometry) -> Float32Array:
     out: Float32Array = np.empty_like(slopes[0])
     for i in range(out.shape[0]):
         normals = np.stack([slopes[0, i].ravel(), slopes[1, i].ravel(), np.full(out[i].size, -1.0)], axis=1)
-        out[i] = ((survey.strike_deg(normals) + 90.0) % 360.0).reshape(out[i].shape)
+        out[i] = wrap_deg(survey.strike_deg(normals) + 90.0).reshape(out[i].shape)
     return out
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array
+from seismo3d.geometry.bearings import wrap_deg
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
@@ -74,7 +75,7 @@ def mean_strike_deg(strike_deg: AnyArray, weights: AnyArray) -> float:
     if not known.any():
         return float("nan")
     turned = (weights[known] * np.exp(1j * np.radians(strike[known]))).sum()
-    return float(np.degrees(np.angle(turned)) % 360.0)
+    return float(wrap_deg(np.degrees(np.angle(turned))))
 
 
 def _row(number: int, surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry, cube: Any) -> dict[str, Any]:

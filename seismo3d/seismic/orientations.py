@@ -13,6 +13,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array, IntArray
 from seismo3d._validate import as_number, freeze
+from seismo3d.geometry.bearings import bearing_deg, wrap_deg
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.index_frame import IndexFrame
 
@@ -209,7 +210,7 @@ def to_strike_dip(pole: AnyArray) -> tuple[float, float]:
     [0.0, 90.0]
     """
     east, north, up = np.asarray(pole, dtype=np.float64) * (1.0 if pole[2] >= 0 else -1.0)
-    strike = float((np.degrees(np.arctan2(east, north)) - 90.0) % 360.0)
+    strike = float(wrap_deg(bearing_deg(east, north) - 90.0))
     return strike, float(np.degrees(np.arccos(min(up, 1.0))))
 
 

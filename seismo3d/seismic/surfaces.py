@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, IntArray
 from seismo3d._validate import freeze
@@ -14,6 +15,11 @@ from seismo3d.seismic.faultset import FaultSurface
 from seismo3d.seismic.index_frame import IndexFrame
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.throw import SheetThrow
+
+# widths, in traces and samples, of the Gaussian window in which a plane is fitted
+_ALONG, _DOWN = 6.0, 12.0
+# spread of places, in traces or samples squared, that tells no slope
+_LEAST_SPREAD = 1e-6
 
 
 def build_surface(
@@ -140,24 +146,32 @@ def _segments(number: Int32Array) -> Int32Array:
 
 def _normals(sheet: Sheet) -> Float64Array:
     """Return the unit normals at every node, along the sheet's `across`."""
-    w = sheet.w.astype(np.float64)
-    ds = _slope(w, 0)
-    dz = _slope(w, 1) / sheet.step
+    ds, dz = _slopes(sheet)
     flat = sheet.across[None, None, :] - ds[..., None] * sheet.along[None, None, :]
     normals = np.concatenate([flat, -dz[..., None]], axis=2)
     return normals / np.linalg.norm(normals, axis=2, keepdims=True)
 
 
-def _slope(w: Float64Array, axis: int) -> Float64Array:
-    """Central differences that become one-sided at the rim, 0 where a node has no neighbour."""
-    forward = np.full_like(w, np.nan)
-    after: list[Any] = [slice(None), slice(None)]
-    before: list[Any] = [slice(None), slice(None)]
-    after[axis], before[axis] = slice(1, None), slice(None, -1)
-    step = w[tuple(after)] - w[tuple(before)]
-    forward[tuple(before)] = step
-    backward = np.full_like(w, np.nan)
-    backward[tuple(after)] = step
-    both = np.stack([forward, backward])
-    count = np.isfinite(both).sum(axis=0)
-    return np.nansum(both, axis=0) / np.maximum(count, 1)
+def _slopes(sheet: Sheet) -> tuple[Float64Array, Float64Array]:
+    """Return how fast a sheet's height changes along it and down, by the plane that fits best around every node.
+
+    From one node to the next it is known to a good part of a trace only: steps there tell little of how a fault lies.
+    0 where there is nothing around.
+    """
+    known = np.isfinite(sheet.w)
+    s, z = (at - at.mean() for at in np.indices(sheet.w.shape, dtype=np.float64))
+    z *= sheet.step
+    w = np.where(known, sheet.w, 0.0).astype(np.float64)
+
+    def mean(values: Any) -> Float64Array:
+        sigma = (_ALONG, _DOWN / sheet.step)
+        return np.asarray(gaussian_filter(np.where(known, values, 0.0), sigma, mode="constant"))
+
+    weight = np.maximum(mean(1.0), 1e-12)
+    middle_s, middle_z, middle_w = (mean(values) / weight for values in (s, z, w))
+    ss, zz, sz = (mean(s * s) / weight - middle_s**2, mean(z * z) / weight - middle_z**2, mean(s * z) / weight)
+    sz -= middle_s * middle_z
+    sw, zw = mean(s * w) / weight - middle_s * middle_w, mean(z * w) / weight - middle_z * middle_w
+    ss, zz = ss + _LEAST_SPREAD, zz + _LEAST_SPREAD
+    spread = np.maximum(ss * zz - sz**2, _LEAST_SPREAD**2)
+    return (sw * zz - zw * sz) / spread, (zw * ss - sw * sz) / spread

@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from seismo3d._typing import Float64Array
 from seismo3d._validate import as_number, freeze
+from seismo3d.geometry.bearings import bearing_deg
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
 from seismo3d.terrain.diffusion import WornStep, fit_form, fit_worn_step
 from seismo3d.terrain.evidence import fill_smoothly
@@ -152,7 +153,7 @@ def _measure(z: Float64Array, grid: MapGrid, line: Lineament, reaches: list[floa
         line, freeze(distance), freeze(heights), freeze(steepest), freeze(offset), freeze(mean.copy()),
         freeze(np.degrees(np.arctan(-np.gradient(mean, offset)))), float(height), sigma, float(high - low),
         float("nan") if worn is None else 0.25 * worn.width**2,
-        float(np.degrees(np.arctan2(normal[:, 0].mean(), north)) % 360.0),
+        float(bearing_deg(normal[:, 0].mean(), north)),
     )  # fmt: skip
 
 

@@ -216,3 +216,24 @@ def test_dips_are_true_in_a_cube_in_depth_on_a_map():
         geometry = SurveyGeometry.from_cube(cube.assign_attrs(sample_unit=unit))
         surface = surface_of(flat_sheet(30.0), geometry=geometry, sampling=(5.0, unit))
         np.testing.assert_allclose(surface.dip_deg, np.degrees(np.arctan2(1.0, across)), atol=0.1)
+
+
+def test_normals_are_those_of_the_fault_and_not_of_the_roughness_of_its_height():
+    sheet = flat_sheet(30.0, 0.5, rows=40, columns=25)
+    rng = np.random.default_rng(3)
+    w = sheet.w + rng.normal(0.0, 0.3, sheet.w.shape).astype(np.float32)
+    smooth, rough = surface_of(sheet), surface_of(replace(sheet, w=w))
+    off = np.degrees(np.arccos(np.clip((smooth.normals * rough.normals).sum(axis=1), -1.0, 1.0)))
+    # from node to node they would be 8 degrees off on the mean
+    assert off.mean() < 1.0
+
+
+def test_normals_follow_a_fault_that_flattens_downwards():
+    sheet = flat_sheet(0.0, 0.5, rows=21, columns=24)
+    z = np.arange(sheet.w.shape[1]) * sheet.step
+    bent = sheet.w + (0.002 * (z - z.mean()) ** 2).astype(np.float32)
+    surface = surface_of(replace(sheet, w=bent))
+    depth = surface.vertices[:, 2] - sheet.first_sample - z.mean()
+    true = np.degrees(np.arctan2(1.0, np.abs(0.5 + 0.004 * depth)))
+    inner = np.abs(depth) < 12.0
+    assert np.abs(surface.dip_deg - true)[inner].max() < 1.5
