@@ -86,7 +86,7 @@ class LayerTimeSettings:
     dip: DipSettings = field(default_factory=DipSettings)
     shifts: ShiftSettings = field(default_factory=ShiftSettings)
     links: LinkSettings = field(default_factory=LinkSettings)
-    parts: PartSettings = field(default_factory=lambda: PartSettings(farthest=18, wary=1.0))
+    parts: PartSettings = field(default_factory=lambda: PartSettings(farthest=18, wary=1.0, surely=0.8))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -53,6 +53,8 @@ class PartSettings:
         How much better the correlation of a part must become for it to be moved.
     wary : float
         The gain is divided by this power of the share of its waveform that is known: what is cut short fits anywhere.
+    surely : float
+        Correlation that a part must reach to be moved by a cycle: among as many places one or the other fits by chance.
     trusted : float
         Correlation of parts whose waveforms others are compared with.
     least : float
@@ -65,6 +67,7 @@ class PartSettings:
     price: float = 0.1
     gain: float = 0.15
     wary: float = 0.0
+    surely: float = 0.0
     trusted: float = 0.75
     least: float = 0.4
 
@@ -339,7 +342,8 @@ def place_once(
     near = slice(far - _NEARBY, far + _NEARBY + 1)
     best, close = lags.argmax(axis=1), lags[:, near].argmax(axis=1) + near.start
     gain = settings.gain / np.maximum(waves.known(settings.window), 1e-6) ** settings.wary
-    best = np.where(lags[every, best] > lags[every, close] + gain, best, close)
+    fit = lags[every, best]
+    best = np.where((fit > lags[every, close] + gain) & (fit >= settings.surely), best, close)
     scores = lags[every, best]
     steps = find_vertices(lags, best) - far
     steps -= np.average(steps[fixed], weights=size[fixed]) if len(fixed) else 0.0

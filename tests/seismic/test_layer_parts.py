@@ -64,12 +64,8 @@ def test_a_fault_bounds_parts() -> None:
     assert (parts[:, 21:] == parts[0, -1]).all()
 
 
-@pytest.mark.parametrize(("known", "wary", "moved"), [("all", 1.0, True), ("above", 0.0, True), ("above", 1.0, False)])
-def test_a_waveform_that_is_cut_short_must_gain_more_to_be_moved(
-    rng: np.random.Generator, known: str, wary: float, moved: bool
-) -> None:
-    """A part fits fairly where it is and by .2 to .3 better ten samples off: enough of a whole one alone."""
-    settings = PartSettings(wary=wary)
+def move_of_second(rng: np.random.Generator, known: str, settings: PartSettings) -> float:
+    """How far a part is moved that fits fairly where it is and by .2 to .3 better, at .87, ten samples off."""
     reach = settings.window + 2 * settings.farthest
     t = np.arange(-reach, reach + 1)
     reference = gaussian_filter1d(rng.normal(size=len(t) + 20), 1.5)
@@ -83,5 +79,19 @@ def test_a_waveform_that_is_cut_short_must_gain_more_to_be_moved(
     np.testing.assert_allclose(share, 1.0 if known == "all" else 33 / 65)
     moves, _ = place_once(waves, np.zeros(2), np.array([1.0, 0.0], np.float32), np.array([0]), settings)
     assert moves[0] == 0.0
+    return float(moves[1])
+
+
+@pytest.mark.parametrize(("known", "wary", "moved"), [("all", 1.0, True), ("above", 0.0, True), ("above", 1.0, False)])
+def test_a_waveform_that_is_cut_short_must_gain_more_to_be_moved(
+    rng: np.random.Generator, known: str, wary: float, moved: bool
+) -> None:
+    move = move_of_second(rng, known, PartSettings(wary=wary))
     # where it does not gain enough it stays within three samples of where it was
-    assert -10.6 <= moves[1] <= -9.4 if moved else abs(moves[1]) <= 3.5
+    assert -10.6 <= move <= -9.4 if moved else abs(move) <= 3.5
+
+
+@pytest.mark.parametrize(("surely", "moved"), [(0.8, True), (0.95, False)])
+def test_a_part_must_fit_well_to_be_moved_far(rng: np.random.Generator, surely: float, moved: bool) -> None:
+    move = move_of_second(rng, "all", PartSettings(surely=surely))
+    assert -10.6 <= move <= -9.4 if moved else abs(move) <= 3.5
