@@ -3,12 +3,27 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d.errors import ParameterError, ShapeError
+
+_Settings = TypeVar("_Settings")
+
+
+def as_settings(settings: _Settings | None, kind: type[_Settings]) -> _Settings:
+    """Return settings as they are, the usual ones for none, or refuse what is of another kind."""
+    if settings is None:
+        return kind()
+    if not isinstance(settings, kind):
+        names = f"**{settings!r}" if isinstance(settings, dict) else "..."
+        raise ParameterError(
+            f"settings is of type {type(settings).__name__}; expected {kind.__name__}. "
+            f"Give {kind.__name__}({names}), or leave it out."
+        )
+    return settings
 
 
 def as_number(value: Any, name: str, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:

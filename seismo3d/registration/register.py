@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import ArrayLike
-from seismo3d._validate import as_number
+from seismo3d._validate import as_number, as_settings
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.registration.align import as_transform
 from seismo3d.registration.conclusion import assemble
@@ -161,7 +161,7 @@ def _prepare(
         if matches is None:
             raise ParameterError("alpha is given without matches; expected both. Drop alpha, or pass matches.")
     edge = None if voxel_size is None else as_number(voxel_size, "voxel_size", low=0.0, strict=True)
-    chosen = settings or LoopSettings()
+    chosen = as_settings(settings, LoopSettings)
     threads = chosen.n_threads if n_threads is None and settings is not None else _threads(n_threads)
     chosen = replace(chosen, alpha=chosen.alpha if alpha is None else alpha, n_threads=threads)
     for scan, name in ((q, "target"), (p, "source")):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import freeze
+from seismo3d._validate import as_settings, freeze
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.rotations import invert_transform
 from seismo3d.graph.poses import PoseGraph, solve_poses
@@ -56,7 +56,7 @@ class Mapper:
         if not given:
             raise ParameterError("camera is an empty sequence; expected at least one camera.")
         self.cameras: list[Camera] = [as_robot_camera(c) for c in given]
-        self.settings = settings or MapperSettings()
+        self.settings = as_settings(settings, MapperSettings)
         self._n_threads = self.settings.n_threads or min(8, os.cpu_count() or 1)
         self._pool = ThreadPoolExecutor(self._n_threads, thread_name_prefix="seismo3d-map")
         self._start_afresh()

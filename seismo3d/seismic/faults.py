@@ -14,7 +14,7 @@ import numpy as np
 
 from seismo3d._stages import no_progress
 from seismo3d._typing import Float32Array, Int32Array, Progress
-from seismo3d._validate import freeze
+from seismo3d._validate import as_settings, freeze
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_along_layers, end_where_still, may_be_faults
 from seismo3d.seismic.cut_offsets import CutSettings, offset_sheets
@@ -163,8 +163,8 @@ def trace_faults(
     ShapeError
         If the input has another number of axes than 2 or 3, is too small to hold a fault, or has no live trace.
     ParameterError
-        If there is no such kind of evidence, the memory is too little, there is no folder for work in blocks, or the
-        folder holds a run of another input or with other settings.
+        If there is no such kind of evidence, `settings` are no FaultSettings, the memory is too little, there is no
+        folder for work in blocks, or the folder holds a run of another input or with other settings.
     FileAccessError
         If the folder cannot be written, or the cluster does not answer.
 
@@ -189,12 +189,12 @@ def trace_faults(
         from seismo3d.seismic.blocks.tracing import asks_for_blocks, trace_larger
 
         if asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler):
-            asked = _with_evidence(settings or FaultSettings(), evidence)
+            asked = _with_evidence(as_settings(settings, FaultSettings), evidence)
             return trace_larger(cube, memory, folder=folder, scheduler=scheduler, settings=asked, progress=report)
     amplitudes, geometry, sampling = as_volume(cube)
     is_section = 1 in amplitudes.shape[:2]
-    settings = settings or (FaultSettings.for_section() if is_section else FaultSettings())
-    settings = _with_evidence(settings, evidence)
+    usual = FaultSettings.for_section() if is_section else FaultSettings()
+    settings = _with_evidence(usual if settings is None else as_settings(settings, FaultSettings), evidence)
     volume, valid, *_ = clean_volume(amplitudes)
     check_live(valid, geometry)
     report("dip", 0.0)

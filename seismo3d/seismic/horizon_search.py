@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array, Progress
-from seismo3d._validate import as_whole_number
+from seismo3d._validate import as_settings, as_whole_number
 from seismo3d.errors import ParameterError, Seismo3dWarning
 from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
 from seismo3d.seismic.layer_pieces import layer_pieces
@@ -64,11 +64,12 @@ def find_horizons(
     ShapeError
         If the cube has neither two nor three axes, or the faults are of another cube.
     ParameterError
-        If `count` is not a whole number from 1 on, or `layers` is given for a section.
+        If `count` is not a whole number from 1 on, `layers` is given for a section, or `settings` are no
+        TrackSettings.
     """
     wanted = as_whole_number(count, "count", low=1)
     check_event(event)
-    settings = settings or TrackSettings()
+    settings = as_settings(settings, TrackSettings)
     is_section = np.ndim(cube) == 2
     if is_section and layers is not None:
         raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")

@@ -10,6 +10,7 @@ import numpy as np
 
 from seismo3d._stages import no_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
+from seismo3d._validate import as_settings
 from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_increasing, make_runs_increasing
 from seismo3d.seismic.cube_checks import check_cube
@@ -120,7 +121,7 @@ def layer_time(
         If the cube has not three axes, is too small, or the faults are of another cube.
     ParameterError
         If the memory is too little, there is no folder for work in blocks, or the folder holds a run of another input,
-        of other faults or with other settings, or `faults` is no FaultSet.
+        of other faults or with other settings, `faults` is no FaultSet, or `settings` are no LayerTimeSettings.
     GeometryError
         If the faults are of a cube elsewhere.
     FileAccessError
@@ -137,8 +138,8 @@ def layer_time(
 
         if asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler, whole_bytes=whole_layers_bytes):
             run = layer_larger(
-                cube, faults, memory, folder=folder, scheduler=scheduler, settings=settings or LayerTimeSettings(),
-                progress=progress or no_progress,
+                cube, faults, memory, folder=folder, scheduler=scheduler, progress=progress or no_progress,
+                settings=as_settings(settings, LayerTimeSettings),
             )  # fmt: skip
             return open_layer_time(run, cube)
     layers = model_layers(cube, faults=faults, settings=settings, progress=progress)
@@ -152,7 +153,7 @@ def model_layers(
     cube: Any, *, faults: Any = None, settings: LayerTimeSettings | None = None, progress: Progress | None = None
 ) -> LayerModel:
     """Do what :func:`layer_time` does, and keep what tracks need; parameters and errors as there."""
-    settings = settings or LayerTimeSettings()
+    settings = as_settings(settings, LayerTimeSettings)
     report = progress or no_progress
     check_cube(cube, faults)
     amplitudes, _, (_, unit) = as_volume(cube)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Progress
-from seismo3d._validate import freeze
+from seismo3d._validate import as_settings, freeze
 from seismo3d.seismic._kernels_closure import close_loops
 from seismo3d.seismic.cube_checks import check_cube
 from seismo3d.seismic.dip import estimate_slopes
@@ -72,11 +72,11 @@ def loop_closure(
     ShapeError
         If the cube has not three axes, is too small, or the faults are of a cube of another shape.
     ParameterError
-        If `faults` is no FaultSet.
+        If `faults` is no FaultSet, or `settings` are no LayerTimeSettings.
     GeometryError
         If the faults are of a cube elsewhere.
     """
-    settings = settings or LayerTimeSettings()
+    settings = as_settings(settings, LayerTimeSettings)
     check_cube(cube, faults)
     volume, valid, *_ = clean_volume(as_volume(cube)[0], carried=True)
     cuts = np.zeros(volume.shape, np.uint8)

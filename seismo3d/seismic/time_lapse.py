@@ -10,7 +10,7 @@ from scipy import fft, ndimage
 
 from seismo3d._stages import no_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
-from seismo3d._validate import freeze
+from seismo3d._validate import as_settings, freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
@@ -119,13 +119,13 @@ def align_cubes(
     GeometryError
         If their coordinates or places on the map differ, or no trace is live in both.
     ParameterError
-        If the monitor's polarity is reversed.
+        If the monitor's polarity is reversed, or `settings` are no TimeLapseSettings.
 
     References
     ----------
     .. [1] B. D. Lucas, T. Kanade, Proc. 7th IJCAI, 674-679, 1981.
     """
-    settings = settings or TimeLapseSettings()
+    settings = as_settings(settings, TimeLapseSettings)
     report = progress or no_progress
     _check(base, monitor)
     report("register", 0.0)

@@ -12,7 +12,7 @@ import numpy as np
 
 from seismo3d._stages import no_progress
 from seismo3d._typing import Float32Array, Float64Array, Progress
-from seismo3d._validate import freeze
+from seismo3d._validate import as_settings, freeze
 from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.seismic.cube_checks import check_order
@@ -118,11 +118,12 @@ def trace_tracks(
     ParameterError
         If a seed lies outside the cube, on a trace without data or far from any `event`, `event` is not known, seeds
         of one track lie on one trace, apart, `layers` is given for a section or beside what it takes the place of, or
-        work in blocks is refused as by :func:`layer_time`, or `faults` is no FaultSet.
+        work in blocks is refused as by :func:`layer_time`, `faults` is no FaultSet, or
+        `settings` are no TrackSettings.
     GeometryError
         If the faults are of a cube or section elsewhere.
     """
-    settings = settings or TrackSettings()
+    settings = as_settings(settings, TrackSettings)
     check_event(event)
     is_volume = np.ndim(cube) == 3
     groups = index_seeds(cube, seeds) if is_volume and seeds is not None else []

@@ -11,7 +11,7 @@ from scipy import fft, ndimage
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
-from seismo3d._validate import freeze
+from seismo3d._validate import as_settings, freeze
 from seismo3d.seismic.cube_checks import check_cube, placing_cube
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_points
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
@@ -104,7 +104,7 @@ def unfault(
     ShapeError
         If the cube has not three axes, or the faults are of a cube of another shape.
     ParameterError
-        If `faults` is no FaultSet.
+        If `faults` is no FaultSet, or `settings` are no UnfaultSettings.
     GeometryError
         If the faults are of a cube elsewhere.
 
@@ -156,7 +156,7 @@ def find_slip_field(
     .. [1] S. Osher et al., Multiscale Modeling & Simulation 4(2), 460-489, 2005. :doi:`10.1137/040605412`
     .. [2] X. Wu, S. Luo, D. Hale, Geophysics 81(2), IM25-IM33, 2016. :doi:`10.1190/geo2015-0381.1`
     """
-    settings = settings or UnfaultSettings()
+    settings = as_settings(settings, UnfaultSettings)
     shape = np.shape(placing_cube(None, faults))
     displacement = np.zeros((3, *shape), np.float32)
     vertices = [surface.vertices.astype(np.float64) for surface in faults.surfaces]

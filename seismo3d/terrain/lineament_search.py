@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from seismo3d._stages import no_progress
 from seismo3d._typing import Float64Array, Progress
-from seismo3d._validate import as_number, freeze
+from seismo3d._validate import as_number, as_settings, freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
 from seismo3d.terrain.choosing import choose_lines, regional_slope, share_along
@@ -186,7 +186,7 @@ def lineaments(
     ----------
     .. [1] G. Hilley et al., Geophys. Res. Lett. 37, L04301, 2010. :doi:`10.1029/2009GL042044`
     """
-    settings = settings or LineamentSettings()
+    settings = as_settings(settings, LineamentSettings)
     as_number(settings.length, "length", low=4.0, high=1000.0)
     z = elevation_values(elevation)
     if min(z.shape) < _LEAST_SIDE:
