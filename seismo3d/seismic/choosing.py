@@ -47,6 +47,9 @@ class ChoiceSettings:
     unlike_fit, unlike_score : float
         What fits by less than the first, on the mean over the whole of it, stands by itself only with a mean support of
         the second: nothing tells that its sides, which are unlike wherever they are taken back to, were ever one.
+    little_matched, little_fit : float
+        Share of what slopes, and median fit, from which on its sides are alike all the same: a large throw leads out of
+        view from most places, and where it does not, chaotic beds and noise match by chance, but not so well.
     host_strength : float
         Strength of a fault beside which weaker ones are looked for: faults come in families, and cut each other up.
     company_area, company_strength, company_length : float
@@ -86,6 +89,8 @@ class ChoiceSettings:
     steep_height: float = 40.0
     unlike_fit: float = 0.25
     unlike_score: float = 0.65
+    little_matched: float = 0.12
+    little_fit: float = 0.8
     host_strength: float = 33.0
     company_area: float = 200.0
     company_strength: float = 11.0
@@ -303,6 +308,19 @@ def _is_unlike(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> boo
     return bool(
         float(throw.fit[inside].mean()) < settings.unlike_fit
         and float(np.nanmean(sheet.score[inside])) < settings.unlike_score
+        and not _is_told_by_little(sheet, throw, settings)
+    )
+
+
+def _is_told_by_little(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+    """Tell whether the few places of a sheet whose sides match at all match well, and it is no channel's edge.
+
+    A large throw leads out of view from most places of a sheet.
+    """
+    return (
+        _share_matched(sheet, throw) >= settings.little_matched
+        and _median_fit(sheet, throw) >= settings.little_fit
+        and dip_deg(sheet) < settings.steep_deg
     )
 
 
@@ -313,8 +331,7 @@ def _is_clear(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool
 
 
 def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
-    fits, fit = throw.fit[sheet.inside], _median_fit(sheet, throw)
-    matched = float(np.count_nonzero(fits > 0.0)) / max(len(fits), 1)
+    matched, fit = _share_matched(sheet, throw), _median_fit(sheet, throw)
     steep = int(dip_deg(sheet) >= settings.steep_deg)
     enough = settings.company_fit[steep]
     least_fit = float(np.interp(matched, settings.company_matched, (settings.company_fit[1], enough)))
@@ -325,9 +342,16 @@ def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool
         and length_down_dip(sheet) >= settings.company_length
         and strength(sheet) >= settings.company_strength
         and median_throw(throw) >= least_throw
-        and matched >= settings.company_matched[0]
-        and fit >= least_fit
+        and (
+            (matched >= settings.company_matched[0] and fit >= least_fit) or _is_told_by_little(sheet, throw, settings)
+        )
     )
+
+
+def _share_matched(sheet: Sheet, throw: SheetThrow) -> float:
+    """Return the share of the places whose sides match."""
+    fits = throw.fit[sheet.inside]
+    return float(np.count_nonzero(fits > 0.0)) / max(len(fits), 1)
 
 
 def _median_fit(sheet: Sheet, throw: SheetThrow) -> float:

@@ -164,18 +164,34 @@ def test_what_slopes_may_fit_less_well_than_what_may_be_a_channels_edge():
     assert chosen(HOST, sloping) == [0, 1]
 
 
-def test_company_that_matches_on_little_of_it_must_match_well_there():
-    sheet, throw = candidate(40, 20, origin=(5.0, 0.0), score=0.42, dip=50.0)
+def fits_on(share, fit, **change):
+    """A candidate whose sides match on a share of its rows alone."""
+    sheet, throw = candidate(**change)
+    matched = np.zeros_like(throw.fit)
+    matched[: int(len(matched) * share)] = fit
+    return sheet, replace(throw, fit=matched)
 
-    def with_fit(fit, share):
-        matched = np.zeros_like(throw.fit)
-        matched[: int(40 * share)] = fit
-        return sheet, replace(throw, fit=matched)
 
-    assert chosen(HOST, with_fit(0.65, 0.35)) == [0]
-    assert chosen(HOST, with_fit(0.65, 0.5)) == [0, 1]
-    assert chosen(HOST, with_fit(0.8, 0.35)) == [0, 1]
-    assert chosen(HOST, with_fit(0.9, 0.25)) == [0]
+@pytest.mark.parametrize(
+    ("fit", "share", "joins"),
+    [
+        (0.65, 0.35, False),
+        (0.65, 0.5, True),
+        (0.8, 0.35, True),
+        (0.9, 0.25, True),
+        (0.75, 0.25, False),
+        (0.9, 0.1, False),
+    ],
+)
+def test_company_that_matches_on_little_of_it_must_match_well_there(fit, share, joins):
+    beside = fits_on(share, fit, rows=40, columns=20, origin=(5.0, 0.0), score=0.42, dip=50.0)
+    assert chosen(HOST, beside) == [0, 1][: 1 + joins]
+
+
+@pytest.mark.parametrize(("change", "stands"), [({}, True), ({"fit": 0.7}, False), ({"dip": 80.0}, False)])
+def test_a_large_throw_may_lead_out_of_view_from_most_of_what_slopes(change, stands):
+    """Chaotic beds match by chance where they are seen, but not so well; edges of channels are steep."""
+    assert chosen(fits_on(0.2, **{"fit": 0.85, "dip": 50.0} | change)) == [0] * stands
 
 
 def test_company_whose_sides_match_well_may_have_moved_less():
