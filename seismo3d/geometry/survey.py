@@ -100,23 +100,28 @@ class SurveyGeometry:
 
     @property
     def east_north(self) -> Float64Array:
-        """Carries steps of traces to (east, north), shape (2, 2); without a map inlines grow north, crosslines east."""
-        return np.eye(2)[::-1] if self.map_fit is None else self.map_fit.matrix
+        """Carries steps of traces to (east, north), shape (2, 2).
+
+        Without a map the numbers of inlines grow north and those of crosslines east, in whatever order they are held.
+        """
+        if self.map_fit is not None:
+            return self.map_fit.matrix
+        return np.array([[0.0, np.sign(self.crossline.step)], [np.sign(self.inline.step), 0.0]])
 
     @property
     def inline_axis_azimuth_deg(self) -> float:
-        """Azimuth from north of the direction in which inline numbers' index grows; 0 without a map."""
+        """Azimuth from north of the direction in which the inline index grows; 0 without a map, 180 if numbers fall."""
         return float(self.azimuth_deg([[1.0, 0.0]])[0])
 
     @property
     def crossline_axis_azimuth_deg(self) -> float:
-        """Azimuth from north of the direction in which the crossline index grows; 90 without a map."""
+        """Azimuth from north of the direction in which the crossline index grows; without a map 90, or 270."""
         return float(self.azimuth_deg([[0.0, 1.0]])[0])
 
     @property
     def is_right_handed(self) -> bool:
         """Whether the crossline axis lies clockwise of the inline axis, seen from above: right-handed, samples down."""
-        return self.map_fit is None or float(np.linalg.det(self.map_fit.matrix)) < 0
+        return float(np.linalg.det(self.east_north)) < 0
 
     def index_to_map(self, points: ArrayLike) -> Float64Array:
         """Carry fractional index points to (x, y, z).
@@ -174,7 +179,8 @@ class SurveyGeometry:
         Returns
         -------
         ndarray of shape (n,), float64
-            Degrees in [0, 360), clockwise from north; without a map, from the inline axis towards the crossline axis.
+            Degrees in [0, 360), clockwise from north; without a map, from where inline numbers grow towards where
+            crossline numbers do.
         """
         east_north = as_points(directions, "directions", finite=False)[:, :2] @ self.east_north.T
         return bearing_deg(east_north[:, 0], east_north[:, 1])

@@ -17,6 +17,8 @@ EVENTS = ("peak", "trough", "zero")
 _REACH, _SEED_REACH = 4, 16
 # samples between the amplitudes by which an event is placed between samples, how often, and how far it moves at most
 _LAG, _ROUNDS, _FARTHEST = 0.25, 4, 0.75
+# share of it by which the level of unsigned numbers may lie off their middle
+_OFF_MIDDLE = 0.1
 
 
 def check_event(event: str | None) -> None:
@@ -100,8 +102,15 @@ def _settle(volume: Float32Array, valid: AnyArray, places: Float64Array, event: 
 
 
 def _about(level: float, values: Any) -> Float32Array:
-    """Amplitudes about the level of the whole cube: of unsigned bytes none is below zero."""
-    amplitudes = np.asarray(values, dtype=np.float32)
+    """Amplitudes about the level of the whole cube: of unsigned bytes none is below zero.
+
+    The level is told by what most amplitudes are about; unsigned whole numbers have their zero in the middle.
+    """
+    given = np.asarray(values)
+    middle = 2.0 ** (8 * given.dtype.itemsize - 1)
+    if given.dtype.kind == "u" and abs(level - middle) <= _OFF_MIDDLE * middle:
+        level = middle
+    amplitudes = given.astype(np.float32, copy=False)
     return amplitudes - np.float32(level) if level else amplitudes
 
 

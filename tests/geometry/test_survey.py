@@ -78,6 +78,23 @@ def test_azimuths(rotation, left_handed):
     assert geometry.is_right_handed is not left_handed
 
 
+@pytest.mark.parametrize("inlines", [1, -1])
+@pytest.mark.parametrize("crosslines", [1, -1])
+def test_without_a_map_strikes_go_by_the_numbers_of_lines_in_whatever_order(inlines, crosslines):
+    cube = xr.DataArray(
+        np.zeros((4, 5, 6), np.float32),
+        dims=("inline", "crossline", "time"),
+        coords={"inline": 100 + np.arange(4), "crossline": 200 + np.arange(5), "time": 4.0 * np.arange(6)},
+    )
+    geometry = SurveyGeometry.from_cube(cube[::inlines, ::crosslines])
+    # dips towards growing crosslines and less towards growing inlines
+    normal = np.array([[0.3 * inlines, 0.9 * crosslines, -0.4]])
+    assert geometry.strike_deg(normal) == pytest.approx(np.degrees(np.arctan2(0.9, 0.3)) - 90.0 + 360.0)
+    assert geometry.inline_axis_azimuth_deg == (0.0 if inlines > 0 else 180.0)
+    assert geometry.crossline_axis_azimuth_deg == (90.0 if crosslines > 0 else 270.0)
+    assert geometry.is_right_handed is (inlines * crosslines > 0)
+
+
 @given(st.floats(0, 359), st.floats(5, 85), st.floats(0, 359), st.booleans(), st.floats(-0.4, 0.4))
 def test_strike_is_that_of_the_plane_on_the_map(strike, dip, rotation, left_handed, shear):
     """Normals found from three points of a known plane, in index space, give its strike whatever the survey."""

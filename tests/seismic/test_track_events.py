@@ -99,6 +99,20 @@ def test_unsigned_bytes_have_troughs() -> None:
     assert np.abs(found.depth - expected.depth)[both].max() < 0.5
 
 
+@pytest.mark.parametrize(("kind", "middle"), [(np.uint8, 128), (np.uint16, 32768)])
+def test_unsigned_numbers_cross_zero_in_their_middle(kind: type, middle: int) -> None:
+    cube = fault_cube("clean", shape=(24, 24, 64), seed=3, population=None)
+    # more of it is low than high: the median lies below the middle
+    amplitudes = cube.seismic / np.abs(cube.seismic).max()
+    amplitudes = np.rint((middle - 1) * (amplitudes**3 + 0.5 * amplitudes - 0.02) / 1.6)
+    seeds = [(12, 12, 30.0)]
+    (expected,) = s3.trace_tracks(amplitudes.astype(np.float32), seeds, event="zero")
+    (found,) = s3.trace_tracks((amplitudes + middle).astype(kind), seeds, event="zero")
+    both = np.isfinite(found.depth) & np.isfinite(expected.depth)
+    assert both.mean() > 0.9
+    assert np.abs(found.depth - expected.depth)[both].max() < 0.02
+
+
 @pytest.mark.parametrize("bottom", [False, True])
 def test_a_track_ends_where_it_leaves_the_cube(level: tuple[np.ndarray, LayerModel], bottom: bool) -> None:
     volume, layers = level
