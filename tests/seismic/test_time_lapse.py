@@ -171,6 +171,14 @@ def test_refusals(folded: SyntheticCube) -> None:
         align_cubes(base, -warp(np.array(folded.seismic), [0.0, 0.0, 2.0]))
 
 
+def test_muted_tops_do_not_count(folded: SyntheticCube) -> None:
+    base = np.array(folded.seismic)
+    monitor = warp(base, [0.0, 0.0, 3.0])
+    base[:, :, :20] = monitor[:, :, :20] = 0.0
+    found = align_cubes(base, monitor)
+    assert np.median(np.asarray(found.shift)[5:-5, 5:-5, 24:-16]) == pytest.approx(3.0, abs=0.04)
+
+
 def test_a_spike_does_not_count(folded: SyntheticCube) -> None:
     base = np.array(folded.seismic)
     monitor = warp(base, [0.0, 0.0, 1.0])
