@@ -56,6 +56,28 @@ def read_waveforms(volume, valid, depth, half, out):  # type: ignore[no-untyped-
                 out[i, j, t] = y1 + f * (c1 + f * (c2 + f * c3))
 
 
+@njit(cache=True, nogil=True)
+def lies_in_data(valid, z, reach):  # type: ignore[no-untyped-def]
+    """Tell whether a trace has data at a depth, or both above and below it within `reach` samples."""
+    middle = min(max(int(np.rint(z)), 0), len(valid) - 1)
+    above = below = False
+    for t in range(reach + 1):
+        above |= middle - t >= 0 and valid[middle - t]
+        below |= middle + t < len(valid) and valid[middle + t]
+    return above and below
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def part_untold(valid, reach, depth):  # type: ignore[no-untyped-def]
+    """Set to NaN the depths that do not lie in data."""
+    n0, n1, _ = valid.shape
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1):
+            if np.isfinite(depth[i, j]) and not lies_in_data(valid[i, j], depth[i, j], reach):
+                depth[i, j] = np.nan
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def read_finely(volume, valid, depth, lag, out):  # type: ignore[no-untyped-def]
     """Write band-limited amplitudes `lag` samples above, at and below every depth; NaN where there are none.

@@ -136,7 +136,8 @@ def _rank_seeds(
     strength = {"peak": mean, "trough": -mean, "zero": np.abs(np.gradient(mean))}.get(event or "", np.abs(mean))
     chosen: list[int] = []
     margin = max(2, min(_MARGIN, n // _PARTS))
-    inner = range(margin, n - margin)
+    known = np.asarray(layers.valid[tuple(middle)])
+    inner = [k for k in range(margin, n - margin) if known[k]]
     peaks = [k for k in inner if strength[k] > 0 and strength[k] >= strength[k - 1] and strength[k] > strength[k + 1]]
     for k in sorted(peaks, key=lambda k: -strength[k]):
         if len(chosen) < count and all(abs(k - other) >= gap for other in chosen):

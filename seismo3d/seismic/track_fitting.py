@@ -8,9 +8,10 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d.seismic._kernels_tracks import part_untold
 from seismo3d.seismic.inner_seeds import move_inwards
 from seismo3d.seismic.layer_parts import find_shapes, label_parts, place_once, read_parts
-from seismo3d.seismic.layer_pieces import find_levels
+from seismo3d.seismic.layer_pieces import find_levels, layer_pieces
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.track_growing import grow_parts, keep_sides
 from seismo3d.seismic.track_pieces import keep_pieces
@@ -62,6 +63,8 @@ def fit_track(
     depth, confidence = refined
     depth = bend_to_seeds(depth, horizon.parts, np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth), index)
     depth = _within_cube(depth, layers.times.shape[2] - 1)
+    for at, (valid,) in layer_pieces(layers, "valid"):
+        part_untold(valid, settings.near, depth[at])
     kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
     depth, confidence = np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
     return depth, confidence, _hold_seeds(depth, confidence, index, counts)

@@ -15,6 +15,7 @@ from seismo3d._typing import Float32Array, Float64Array, Progress
 from seismo3d._validate import as_settings, freeze
 from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import Axis
+from seismo3d.seismic._kernels_tracks import lies_in_data
 from seismo3d.seismic.cube_checks import check_order
 from seismo3d.seismic.layer_time import LayerModel, model_layers
 from seismo3d.seismic.track_events import check_event, seed_events, snap_to_events
@@ -116,10 +117,10 @@ def trace_tracks(
     ShapeError
         If the cube has neither two nor three axes, or a seed not as many numbers.
     ParameterError
-        If a seed lies outside the cube, on a trace without data or far from any `event`, `event` is not known, seeds
-        of one track lie on one trace, apart, `layers` is given for a section or beside what it takes the place of, or
-        work in blocks is refused as by :func:`layer_time`, `faults` is no FaultSet, or
-        `settings` are no TrackSettings.
+        If a seed lies outside the cube, on a trace without data, in a mute or a gap, or far from any `event`, `event`
+        is not known, seeds of one track lie on one trace, apart, `layers` is given for a section or beside what it
+        takes the place of, work in blocks is refused as by :func:`layer_time`, `faults` is no FaultSet, or `settings`
+        are no TrackSettings.
     GeometryError
         If the faults are of a cube or section elsewhere.
     """
@@ -168,7 +169,7 @@ def _follow(
     """Return the tracks through seeds, which are given as the user gave them and as fractional indices of the cube."""
     axis = axes_of(cube)[2]
     for number, (group, index) in enumerate(groups):
-        _check_live(index, group, layers, number)
+        _check_told(index, group, layers, number, settings.near)
     tracks = []
     for number, (group, index) in enumerate(groups):
         if progress is not None:
@@ -277,10 +278,16 @@ def _check_together(group: Float64Array, index: Float64Array, number: int) -> No
         )
 
 
-def _check_live(index: Float64Array, group: Float64Array, layers: LayerModel, number: int) -> None:
+def _check_told(index: Float64Array, group: Float64Array, layers: LayerModel, number: int, reach: int) -> None:
+    """Refuse seeds that lie where their trace has no data."""
     for at, point in zip(index, group, strict=True):
-        if not layers.live[tuple(np.rint(at[:2]).astype(int))]:
+        trace = tuple(np.rint(at[:2]).astype(int))
+        if not layers.live[trace]:
             raise ParameterError(f"seeds[{number}] {_named(point)} lies on a trace without data. Choose another trace.")
+        if not lies_in_data(np.asarray(layers.valid[trace]), float(at[2]), reach):
+            raise ParameterError(
+                f"seeds[{number}] {_named(point)} lies where its trace is muted or has a gap. Choose a point with data."
+            )
 
 
 def _on_events(

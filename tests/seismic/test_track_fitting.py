@@ -25,6 +25,19 @@ def shift() -> np.ndarray:
     return np.where(np.arange(SHAPE[1]) < WALL, 0.0, THROW)
 
 
+@pytest.mark.parametrize(("first", "last", "bridged"), [(56, 64, True), (30, 90, False)])
+def test_short_gaps_are_bridged_and_long_ones_left_out(
+    rng: np.random.Generator, first: int, last: int, bridged: bool
+) -> None:
+    layers = lay_out(rng, np.zeros(SHAPE[1]), np.arange(SHAPE[2], dtype=np.float64), cut=False)
+    layers.valid[10:30, 10:30, first:last] = False
+    layers.volume[~layers.valid] = 0.0
+    depth, confidence, _ = fit_track(layers, np.array([[4.0, 4.0, SEED]]), TrackSettings())
+    assert np.isfinite(depth[:8, :8]).all()
+    assert (np.isfinite(depth[12:28, 12:28]) == bridged).all()
+    assert (np.isfinite(depth) == np.isfinite(confidence)).all()
+
+
 def test_a_part_ends_at_a_fault_that_was_missed(rng: np.random.Generator, shift: np.ndarray) -> None:
     level = np.arange(SHAPE[2], dtype=np.float64)
     found = track(lay_out(rng, shift, level, cut=False), 8)
