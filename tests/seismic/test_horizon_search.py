@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,12 @@ def layered(amplitudes: dict[int, float]) -> LayerModel:
     whole = np.ones(SHAPE, bool)
     closure = LoopClosure(0.0, 0.0, 0, 1, np.zeros(SHAPE[:2], np.float32))
     return LayerModel(times, np.zeros(SHAPE, np.uint8), volume, whole, whole[..., 0], "samples", 0.0, closure)
+
+
+def test_no_horizon_is_looked_for_in_a_mute() -> None:
+    layers = layered({20: 5.0, 50: 3.0, 70: 2.0})
+    below = np.broadcast_to(np.arange(SHAPE[2]) >= 30, SHAPE)
+    assert find_seeds(replace(layers, valid=below), count=2)[:, 2].tolist() == [50.0, 70.0]
 
 
 def test_strength_share_and_confidence_count_together() -> None:

@@ -140,6 +140,15 @@ def test_traces_without_the_event_are_left_out(level: tuple[np.ndarray, LayerMod
     assert np.isfinite(track.depth[:8]).all()
 
 
+def test_seeds_in_a_mute_are_refused(level: tuple[np.ndarray, LayerModel]) -> None:
+    volume, layers = level
+    valid = layers.valid.copy()
+    valid[..., :40] = False
+    muted = replace(layers, valid=valid)
+    with pytest.raises(ParameterError, match=r"seeds\[1\] \(5, 3, 20\) lies where its trace is muted or has a gap"):
+        s3.trace_tracks(volume, [(5, 3, 60.0), (5, 3, 20.0)], layers=muted)
+
+
 def test_seeds_without_an_event_are_refused(level: tuple[np.ndarray, LayerModel]) -> None:
     volume, layers = level
     with pytest.raises(ParameterError, match=r"seeds\[0\] \(3, 3, 32\) has no peak near it"):
