@@ -33,9 +33,9 @@ def layered(amplitudes: dict[int, float]) -> LayerModel:
 
 
 def test_no_horizon_is_looked_for_in_a_mute() -> None:
-    layers = layered({20: 5.0, 50: 3.0, 70: 2.0})
+    layers = layered({20: 5.0, 50: 3.0, 80: 2.0})
     below = np.broadcast_to(np.arange(SHAPE[2]) >= 30, SHAPE)
-    assert find_seeds(replace(layers, valid=below), count=2)[:, 2].tolist() == [50.0, 70.0]
+    assert find_seeds(replace(layers, valid=below), count=2)[:, 2].tolist() == [50.0, 80.0]
 
 
 def test_strength_share_and_confidence_count_together() -> None:
