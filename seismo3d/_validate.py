@@ -34,11 +34,19 @@ def as_number(value: Any, name: str, *, low: float = -math.inf, high: float = ma
         raise ParameterError(f"{name} is {value!r}; expected a number.") from error
     inside = low < number < high if strict else low <= number <= high
     if not math.isfinite(number) or not inside:
-        brackets = "()" if strict else "[]"
-        raise ParameterError(
-            f"{name} is {number:g}; expected a finite number in {brackets[0]}{low:g}, {high:g}{brackets[1]}."
-        )
+        raise ParameterError(f"{name} is {number:g}; expected a finite number{_bounds(low, high, strict=strict)}.")
     return number
+
+
+def _bounds(low: float, high: float, *, strict: bool) -> str:
+    """Tell the bounds of a number as a sentence goes on; nothing where it has none."""
+    if math.isfinite(low) and math.isfinite(high):
+        return f" in ({low:g}, {high:g})" if strict else f" in [{low:g}, {high:g}]"
+    if math.isfinite(low):
+        return f" greater than {low:g}" if strict else f" of at least {low:g}"
+    if math.isfinite(high):
+        return f" less than {high:g}" if strict else f" of at most {high:g}"
+    return ""
 
 
 def as_whole_number(value: Any, name: str, *, low: float = -math.inf, high: float = math.inf) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.errors import FormatError
+from seismo3d.io._decimal_commas import may_have_decimal_commas
 from seismo3d.io._files import as_readable_file, refuse_os_errors
 
 _COMMENTS = ("#", "!")
@@ -48,13 +48,36 @@ def read_lines(path: str | Path) -> list[tuple[int, str]]:
     return kept
 
 
-def numbers_of(words: list[str]) -> list[float] | None:
-    """Return the words as finite numbers; None where one of them is none."""
+def fields_of(path: str | Path, number: int, line: str) -> list[str]:
+    """Return the fields of a line of numbers, which semicolons, blanks or commas part.
+
+    A comma is a decimal sign where others part the numbers. A line that may be meant either way is refused.
+    """
+    line_of_fields = line.strip("; \t")
+    with_semicolons = ";" in line_of_fields
+    words = [word.strip() for word in line_of_fields.split(";")] if with_semicolons else line_of_fields.split()
+    alone = len(words) == 1
+    if "," not in line or (not alone and may_have_decimal_commas(words)):
+        return words
+    if with_semicolons or (not alone and any("," in word and may_have_decimal_commas([word]) for word in words)):
+        refuse_line(path, number, line, "either commas alone between numbers, or decimal commas alone in them")
+    return line.replace(",", " ").split()
+
+
+def numbers_of(words: list[str], *, nan: bool = False) -> list[float] | None:
+    """Return the words as finite numbers, or NaN where that may be; None where one is none.
+
+    They have decimal points or decimal commas, not both.
+    """
+    if any("," in word for word in words):
+        if not may_have_decimal_commas(words):
+            return None
+        words = [word.replace(",", ".") for word in words]
     try:
         values = [float(word) for word in words]
     except ValueError:
         return None
-    return values if all(math.isfinite(value) for value in values) else None
+    return values if all(math.isfinite(value) or (nan and math.isnan(value)) for value in values) else None
 
 
 def has_value(z: Float64Array) -> BoolArray:
@@ -63,22 +86,11 @@ def has_value(z: Float64Array) -> BoolArray:
 
 
 def leading_numbers(words: list[str]) -> int:
-    """Count the words at the beginning that are finite numbers."""
-    return next((n for n, word in enumerate(words) if numbers_of([word]) is None), len(words))
+    """Count the words at the beginning that are finite numbers or NaN."""
+    return next((n for n, word in enumerate(words) if numbers_of([word], nan=True) is None), len(words))
 
 
 def refuse_line(path: str | Path, number: int, line: str, expected: str) -> NoReturn:
     """Raise the error about one line."""
     shown = line if len(line) <= 80 else line[:77] + "..."
     raise FormatError(f"{path}, line {number}: {shown!r}; expected {expected}. Correct or remove the line.")
-
-
-def rows_of(
-    path: str | Path, lines: list[tuple[int, str]], n_columns: int, expected: str
-) -> Iterator[tuple[int, list[float]]]:
-    """Give number and values of lines that must all hold so many numbers."""
-    for number, line in lines:
-        values = numbers_of(line.replace(",", " ").split())
-        if values is None or len(values) != n_columns:
-            refuse_line(path, number, line, expected)
-        yield number, values

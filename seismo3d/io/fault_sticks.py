@@ -11,6 +11,8 @@ Both have no header line. z grows downwards, in ms, m or ft; nodes run from the 
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +27,10 @@ from seismo3d.io._pick_lines import has_value, leading_numbers, numbers_of, read
 _LINE_WORDS = ("INLINE-", "CROSSLINE-", "XLINE-", "TRACE-")
 _CHARISMA = "'INLINE- [inline crossline] x y z fault_name stick_number' with finite numbers"
 _OPENDTECT = "'[fault_name] x y z stick_index [node_index]' with finite numbers"
+_BEGINS_AS_NUMBER = re.compile(r"[+-]?[.,]?\d.*|[\W_]+|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+"""What begins no name of several words after Charisma's place."""
+_ALMOST_NUMBER = re.compile(r"[+-]?([\d.,]+|\d{4}.*|nan|inf|infinity)", re.IGNORECASE)
+"""What ends no name before OpendTect's place; 2b does."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,8 +107,11 @@ def read_sticks(path: str | Path) -> list[FaultStick]:
     The form is told by the lines: Charisma's begin with ``INLINE-`` (or ``CROSSLINE-``, ``XLINE-``, ``TRACE-``).
     OpendTect's may lack the fault name and the node index. The file's name then stands for the fault's; where sticks or
     nodes are counted anew, another fault begins, whose name ends in ``_2`` and so on. Lines that are blank or begin
-    with ``#`` or ``!`` are passed over. Names may hold blanks. Nodes without a value are left out, and sticks without a
-    node: z of 1e30, 9999900, -999.25, -9999 or -99999, as in :func:`seismo3d.io.horizons.read_horizon`.
+    with ``#`` or ``!`` are passed over. Blanks, tabs or semicolons part the fields; numbers may have decimal commas.
+    Names may hold blanks. A name that may as well hold a place gone wrong is refused: put it in quotes or before a tab
+    in OpendTect's form, and write it without blanks in Charisma's. Nodes without a value are left out, and sticks
+    without a node: z of 1e30, 9999900, -999.25, -9999, -99999 or NaN, as in
+    :func:`seismo3d.io.horizons.read_horizon`.
 
     Parameters
     ----------
@@ -128,7 +137,7 @@ def read_sticks(path: str | Path) -> list[FaultStick]:
     nodes: dict[tuple[str, int], list[tuple[float, ...]]] = {}
     nameless = _Nameless(Path(path).stem)
     for number, line in lines:
-        found = parse(line)
+        found = parse(_with_tabs(line))
         if found is None:
             refuse_line(path, number, line, _CHARISMA if charisma else _OPENDTECT)
         fault, stick, order, place = found
@@ -173,6 +182,19 @@ def _as_stick(fault: str, number: int, rows: list[tuple[float, ...]]) -> FaultSt
     return FaultStick(fault, number, table[:, 1:4].copy(), table[:, 4:6].copy())
 
 
+def _with_tabs(line: str) -> str:
+    """Return a line with tabs where semicolons part its fields; nothing of one with an empty field."""
+    fields = [field.strip() for field in line.rstrip("; \t").split(";")]
+    if len(fields) < 4:
+        return line  # a name may hold a semicolon
+    return "\t".join(fields) if all(fields) else ""
+
+
+def _is_place(values: list[float]) -> bool:
+    """Tell whether all is known of a place, of which z is last, or it is one without a value."""
+    return math.isnan(values[-1]) or not any(math.isnan(value) for value in values)
+
+
 def _parse_charisma(line: str) -> _Node | None:
     key, _, rest = line.partition("-")
     words = rest.split()
@@ -181,8 +203,10 @@ def _parse_charisma(line: str) -> _Node | None:
     n_numbers = leading_numbers(words[:-2])  # the name may look like a number, and the stick's number is one
     stick = numbers_of(words[-1:])
     n_places = 5 if n_numbers >= 5 else 3
-    place = numbers_of(words[:n_places]) if n_numbers >= 3 else None
-    if stick is None or place is None or stick[0] != int(stick[0]):
+    if n_places == 3 and len(words) > 5 and _BEGINS_AS_NUMBER.fullmatch(words[3]):
+        return None  # one of five numbers gone wrong
+    place = numbers_of(words[:n_places], nan=True) if n_numbers >= 3 else None
+    if stick is None or place is None or not _is_place(place) or not stick[0].is_integer():
         return None
     lines = (place[0], place[1]) if n_places == 5 else (np.nan, np.nan)
     return " ".join(words[n_places:-1]), int(stick[0]), None, (*place[-3:], *lines)
@@ -192,17 +216,21 @@ def _parse_opendtect(line: str) -> _Node | None:
     name, rest = "", line
     if line.startswith('"') and line.count('"') >= 2:
         name, rest = line[1:].split('"', 1)
-    elif "\t" in line and numbers_of([line.split("\t", 1)[0]]) is None:
+    elif "\t" in line and not leading_numbers([line.split("\t", 1)[0]]):
         name, rest = line.split("\t", 1)
     words = rest.split()
-    if not name and words and numbers_of(words[:1]) is None:
+    if not name and words and not leading_numbers(words[:1]):
         # without tabs or quotes the name ends where only numbers follow, of which there are five at most
         first = len(words) - min(leading_numbers(words[::-1]), 5)
+        if len(words) - first == 4 and _ALMOST_NUMBER.fullmatch(words[first - 1]):
+            return None  # the first of five numbers gone wrong
         name, words = " ".join(words[:first]), words[first:]
     if not name and len(words) == 6:
         name, words = words[0], words[1:]  # a fault may well be called by a number
-    values = numbers_of(words)
-    if values is None or len(values) not in (4, 5) or any(v != int(v) for v in values[3:]):
+    values = numbers_of(words, nan=True)
+    if values is None or len(values) not in (4, 5):
+        return None
+    if not _is_place(values[:3]) or not all(value.is_integer() for value in values[3:]):
         return None
     order = values[4] if len(values) == 5 else None
     return name.strip(), int(values[3]), order, (*values[:3], np.nan, np.nan)

@@ -20,11 +20,11 @@ from seismo3d.errors import FormatError, GeometryError, ParameterError
 from seismo3d.io._files import written_aside
 from seismo3d.io._pick_lines import (
     UNKNOWN,
+    fields_of,
     has_value,
     numbers_of,
     read_lines,
     refuse_line,
-    rows_of,
 )
 
 _END_OF_PART = 999.0
@@ -74,7 +74,8 @@ def read_horizon(path: str | Path, *, columns: Sequence[int] | None = None) -> H
     """Read a horizon: XYZ, IRAP classic points or grid, or Charisma, told by its lines.
 
     Lines that are blank or begin with ``#`` or ``!`` are passed over. Points without a value are left out: 9999900 in
-    IRAP, 1e30 in OpendTect, and -999.25, -9999, -99999 and NaN, which other programs write.
+    IRAP, 1e30 in OpendTect, and -999.25, -9999, -99999 and NaN, which other programs write. Blanks, tabs, semicolons
+    or, in XYZ, commas part the numbers. A comma is a decimal sign where others do.
 
     Parameters
     ----------
@@ -102,7 +103,7 @@ def read_horizon(path: str | Path, *, columns: Sequence[int] | None = None) -> H
     first = lines[0][1]
     if first.upper().startswith("INLINE"):
         table, form = _read_charisma(path, lines), "Charisma"
-    elif first.split()[0] == "-996":
+    elif first.replace(";", " ").split()[:1] == ["-996"]:
         table, form = _read_irap_grid(path, lines), "IRAP"
     else:
         table, form = _read_columns(path, lines, columns), "XYZ"
@@ -127,10 +128,11 @@ def _as_columns(columns: Any) -> tuple[int, ...]:
 def _read_charisma(path: str | Path, lines: list[tuple[int, str]]) -> Float64Array:
     rows = []
     for number, line in lines:
-        match = _CHARISMA.match(line)
-        if match and _lacks_value(match.group(3), 2):
+        match = _CHARISMA.match(line.replace(";", " "))
+        words = [*match.group(3).split(), *match.group(1, 2)] if match else []
+        if _lacks_value(words, 2):
             continue
-        values = numbers_of([*match.group(3).split(), *match.group(1, 2)]) if match else None
+        values = numbers_of(words)
         if values is None or len(values) != 5:
             refuse_line(path, number, line, "'INLINE : n XLINE : m x y z' with finite numbers")
         rows.append(values)
@@ -138,21 +140,27 @@ def _read_charisma(path: str | Path, lines: list[tuple[int, str]]) -> Float64Arr
 
 
 def _read_columns(path: str | Path, lines: list[tuple[int, str]], columns: Sequence[int] | None) -> Float64Array:
-    n = len(lines[0][1].replace(",", " ").split())
+    n = len(fields_of(path, *lines[0]))
     if n > 3 and columns is None:
         refuse_line(path, *lines[0], f"three numbers x y z, or `columns` to say which of the {n} these are")
     if columns is not None and max(columns) > n:
         refuse_line(path, *lines[0], f"at least {max(columns)} numbers")
     chosen = [0, 1, 2] if columns is None else [column - 1 for column in columns]
-    lines = [(number, line) for number, line in lines if not _lacks_value(line, chosen[2])]
-    rows = [values for _, values in rows_of(path, lines, max(n, 3), f"{max(n, 3)} finite numbers")]
+    rows = []
+    for number, line in lines:
+        words = fields_of(path, number, line)
+        if _lacks_value(words, chosen[2]):
+            continue
+        values = numbers_of(words)
+        if values is None or len(values) != max(n, 3):
+            refuse_line(path, number, line, f"{max(n, 3)} finite numbers")
+        rows.append(values)
     table = np.array(rows, dtype=np.float64).reshape(-1, max(n, 3))[:, chosen]
     table = table[(table != _END_OF_PART).any(axis=1)]
     return np.column_stack([table, np.full((len(table), 2), np.nan)])
 
 
-def _lacks_value(line: str, column: int) -> bool:
-    words = line.replace(",", " ").split()
+def _lacks_value(words: list[str], column: int) -> bool:
     return len(words) > column and words[column].lower() == "nan"
 
 
@@ -160,7 +168,7 @@ def _read_irap_grid(path: str | Path, lines: list[tuple[int, str]]) -> Float64Ar
     """Return the places of all nodes of an IRAP classic grid with their values."""
     header, end = [], 0
     for number, line in lines:
-        values = numbers_of(line.split())
+        values = numbers_of(line.replace(";", " ").split())
         if values is None:
             refuse_line(path, number, line, "numbers of the header of an IRAP classic grid")
         header += values
@@ -175,7 +183,7 @@ def _read_irap_grid(path: str | Path, lines: list[tuple[int, str]]) -> Float64Ar
     turn, x0, y0 = np.radians(header[9]), header[10], header[11]
     body = []
     for number, line in lines[end:]:
-        values = numbers_of([str(UNKNOWN) if word.lower() == "nan" else word for word in line.split()])
+        values = numbers_of(line.replace(";", " ").split(), nan=True)
         if values is None:
             refuse_line(path, number, line, "finite numbers")
         body += values

@@ -15,6 +15,7 @@ from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d._validate import as_points
 from seismo3d.errors import FileAccessError, FormatError, MissingDependencyError
 from seismo3d.io import _lzf
+from seismo3d.io._decimal_commas import may_have_decimal_commas
 from seismo3d.io._files import check_output, written_aside
 from seismo3d.io._las import check_las
 from seismo3d.io.numpy_files import list_npz, read_npy, read_npz
@@ -29,7 +30,6 @@ _PCD_TYPES = {
 }
 WRITTEN_SUFFIXES = (".ply", ".xyz", ".npy")
 _LAS_BYTES = 64 * 2**20
-_WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 _NORMAL_NAMES = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 
 
@@ -314,7 +314,7 @@ def _with_points(rows: list[str]) -> list[str]:
     """Return rows with decimal points: a comma is one where semicolons or blanks, without commas, part the numbers."""
     first = next((row for row in rows if "," in row and not row.lstrip().startswith(("#", "//"))), "")
     numbers = re.split(r"[;\s]+", first.strip().strip(";"))
-    if len(numbers) < 2 or not all(_WITH_COMMA.fullmatch(number) for number in numbers):
+    if len(numbers) < 2 or not may_have_decimal_commas(numbers):
         return rows
     return [row.replace(",", ".") for row in rows]
 

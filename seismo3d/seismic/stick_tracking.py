@@ -21,6 +21,14 @@ _FARTHEST, _STEP = 2.5, 0.25
 _STIFF = 1.5
 # slices in a row without evidence at which a stick ends
 _PATIENCE = 3
+# traces by which a stick may spread more along one axis than along the other and still hold both as well
+_AS_WELL = 0.1
+# slices to each side over which the two ways of a vertical stick are compared; how many times the evidence of the other
+# the better one gathers; traces within which both find one fault
+_COMPARED, _CLEARLY, _ONE_FAULT = 8, 1.25, 4.0
+
+_Laid = tuple[int, int, AnyArray, Float64Array]
+"""Axis that a stick holds, its slice there, every sample that it spans, and its place across at each."""
 
 
 def follow_stick(
@@ -31,6 +39,9 @@ def follow_stick(
     On each next slice the stick may shift and bend a little from where its drift so far leads it: the course over the
     strongest breaks wins, found by dynamic programming from its top to its foot. It ends where it loses too much of the
     evidence that it had on its own slice.
+
+    A vertical stick lies on an inline and on a crossline. It is followed a few slices both ways then, and on the way
+    that gathers more evidence.
 
     Parameters
     ----------
@@ -60,31 +71,30 @@ def follow_stick(
     GeometryError
         If the stick lies on no one slice, leaves the cube, or does not run downwards.
     ParameterError
-        If `least` or `farthest` has no meaning.
+        If `least` or `farthest` has no meaning, nothing breaks along the stick, or it is vertical and the evidence does
+        not tell which way its fault runs.
     """
     check_cube(cube, faults)
     share = as_number(least, "least", low=0.0, high=1.0)
     most = as_whole_number(farthest, "farthest", low=0) if farthest is not None else max(np.shape(cube))
     geometry = SurveyGeometry.from_cube(cube)
-    axis, start, samples, places = _lay_out(geometry.lines_to_index(as_points(stick, "stick", dim=3)), np.shape(cube))
-    evidence = np.moveaxis(_evidence(cube, faults), axis, 0)
-    own = _mean_along(evidence[start], places, samples)
-    if not own > 0.0:
-        raise ParameterError("stick lies where nothing breaks; expected it on a fault. Pick it anew.")
-    found = {start: places}
-    for step in (-1, 1):
-        found |= _walk(evidence, (start, places), samples, step=step, most=most, least=share * own)
+    laid = _lay_out(geometry.lines_to_index(as_points(stick, "stick", dim=3)), np.shape(cube))
+    evidence = _evidence(cube, faults)
+    chosen = laid[0] if len(laid) == 1 else _choose_way(evidence, laid, share)
+    found = _follow(evidence, chosen, most=most, share=share)
+    axis, _, samples, _ = chosen
     return [_as_stick(geometry, axis, k, found[k], samples, name, n) for n, k in enumerate(sorted(found), start=1)]
 
 
-def _lay_out(nodes: Float64Array, shape: tuple[int, ...]) -> tuple[int, int, AnyArray, Float64Array]:
-    """Axis that the stick holds, its slice there, every sample that it spans, and its place across at each."""
+def _lay_out(nodes: Float64Array, shape: tuple[int, ...]) -> list[_Laid]:
+    """Return the stick on the slice that it lies on; on both where it lies as well on an inline as on a crossline."""
     if len(nodes) < 2 or not (np.diff(nodes[:, 2]) > 0).all():
         raise GeometryError("stick does not run downwards; expected two nodes or more, each below the one before.")
     spread = np.ptp(nodes[:, :2], axis=0)
-    axis = int(spread.argmin())
-    slice_number = int(np.rint(nodes[0, axis]))
-    if spread[axis] > 0.5 or np.abs(nodes[:, axis] - slice_number).max() > 0.5:
+    slices = np.rint(nodes[0, :2]).astype(int)
+    off = np.abs(nodes[:, :2] - slices).max(axis=0)
+    held = np.flatnonzero((off <= 0.5) & (spread <= min(0.5, spread.min() + _AS_WELL)))
+    if not len(held):
         raise GeometryError(
             f"stick spans {spread[0]:.1f} inlines and {spread[1]:.1f} crosslines; expected it on one inline or on one "
             "crossline."
@@ -94,7 +104,48 @@ def _lay_out(nodes: Float64Array, shape: tuple[int, ...]) -> tuple[int, int, Any
     samples = np.arange(int(np.ceil(nodes[0, 2])), int(np.floor(nodes[-1, 2])) + 1)
     if len(samples) < 4:
         raise GeometryError(f"stick spans {len(samples)} samples; expected four or more. Pick a longer one.")
-    return axis, slice_number, samples, np.interp(samples, nodes[:, 2], nodes[:, 1 - axis])
+    return [(int(k), int(slices[k]), samples, np.interp(samples, nodes[:, 2], nodes[:, 1 - k])) for k in held]
+
+
+def _choose_way(evidence: Float32Array, ways: list[_Laid], share: float) -> _Laid:
+    """Return the way on which the stick gathers clearly more evidence; the better one where both find one fault."""
+    found = [_follow(evidence, way, most=_COMPARED, share=share) for way in ways]
+    gathered = [_gathered(evidence, way, courses) for way, courses in zip(ways, found, strict=True)]
+    if max(gathered) < _CLEARLY * min(gathered) and _apart(found[0], found[1]) > _ONE_FAULT:
+        raise ParameterError(
+            "stick is vertical, and breaks run along both the inlines and the crosslines; expected one clearest way. "
+            "Tilt the stick by one line, or pick it on a section that crosses the fault."
+        )
+    return ways[int(np.argmax(gathered))]
+
+
+def _gathered(evidence: Float32Array, way: _Laid, found: dict[int, Float64Array]) -> float:
+    """Evidence along the stick, averaged over all slices that it might have been followed to for comparison."""
+    axis, start, samples, _ = way
+    slices = np.moveaxis(evidence, axis, 0)
+    n_slices = min(start + _COMPARED, len(slices) - 1) - max(start - _COMPARED, 0) + 1
+    return sum(_mean_along(slices[k], places, samples) for k, places in found.items()) / n_slices
+
+
+def _apart(by_inline: dict[int, Float64Array], by_crossline: dict[int, Float64Array]) -> float:
+    """Farthest in map view that the nearer-reaching of the two ways lies from the other."""
+    one = np.array([(k, places.mean()) for k, places in by_inline.items()])
+    other = np.array([(places.mean(), k) for k, places in by_crossline.items()])
+    distances = np.linalg.norm(one[:, None] - other[None, :], axis=2)
+    return float(min(distances.min(axis=1).max(), distances.min(axis=0).max()))
+
+
+def _follow(evidence: Float32Array, way: _Laid, *, most: int, share: float) -> dict[int, Float64Array]:
+    """Places on every slice that the stick is followed to, its own among them."""
+    axis, start, samples, places = way
+    slices = np.moveaxis(evidence, axis, 0)
+    own = _mean_along(slices[start], places, samples)
+    if not own > 0.0:
+        raise ParameterError("stick lies where nothing breaks; expected it on a fault. Pick it anew.")
+    found = {start: places}
+    for step in (-1, 1):
+        found |= _walk(slices, (start, places), samples, step=step, most=most, least=share * own)
+    return found
 
 
 def _evidence(cube: Any, faults: Any) -> Float32Array:

@@ -103,6 +103,26 @@ def test_sticks_picked_from_the_foot_up_are_turned_over(tmp_path: Path, form: st
     assert read(1000, 1010, 900) == [[13, 900], [12, 1010], [11, 1000]]
 
 
+@pytest.mark.parametrize("between", [" ", "\t", ";", " ; "])
+@pytest.mark.parametrize(
+    ("fields", "fault"),
+    [
+        (("INLINE-", "100", "200", "604000", "6080000,25", "1200,5", "fault_a", "1"), "fault_a"),
+        (("INLINE-", "100", "200", "604000,0", "6080000,25", "1200,5", "Fault 1,5 east", "1"), "Fault 1,5 east"),
+        (("XLINE-", "604000", "6080000,25", "1200,5", "fault_a", "1"), "fault_a"),
+        (("fault_a", "604000,0", "6080000,25", "1200,5", "1", "1"), "fault_a"),
+        (("Fault 1,5", "604000,0", "6080000,25", "1200,5", "1", "1"), "Fault 1,5"),
+        (("fault_a", "604000", "6080000,25", "1200,5", "1"), "fault_a"),
+        (("12", "604000,0", "6080000,25", "1200,5", "1", "1"), "12"),
+        (("604000,0", "6080000,25", "1200,5", "1", "1"), "picks"),
+        (("604000", "6080000,25", "1200,5", "1"), "picks"),
+    ],
+)
+def test_sticks_with_decimal_commas(tmp_path: Path, fields: tuple[str, ...], fault: str, between: str) -> None:
+    (stick,) = read_sticks(text(tmp_path, between.join(fields) + "\n"))
+    assert (stick.fault, stick.number, stick.points.tolist()) == (fault, 1, [[604000.0, 6080000.25, 1200.5]])
+
+
 def test_charisma_dialects(tmp_path: Path) -> None:
     path = text(
         tmp_path,
@@ -117,15 +137,34 @@ def test_charisma_dialects(tmp_path: Path) -> None:
     assert (number.fault, number.number, number.points.tolist()) == ("7", 4, [[1001.0, 2002.0, 822.0]])
 
 
+def test_names_of_several_words_may_end_with_a_digit_and_a_letter(tmp_path: Path) -> None:
+    (stick,) = read_sticks(text(tmp_path, "Fault 2b 604000 6080000 1200 1\nFault 2b 604000 6080000 1210 1\n"))
+    assert stick.fault == "Fault 2b"
+    np.testing.assert_array_equal(stick.points[:, 2], [1200.0, 1210.0])
+
+
 @pytest.mark.parametrize(
     ("content", "line"),
     [
         ("F1\t1 2 3 1 1\nF1\t1 2 x 1 2\n", 2),
         ("F1\t1 2 3 1 1\n\nF1\t1 2\n", 3),
         ("F1\t1 2 3 1.5 1\n", 1),
-        ("F1\t1 2 nan 1 1\n", 1),
+        ("F1\tnan 2 3 1 1\n", 1),
+        ("F1 1 2 3 nan 1\n", 1),
         ("1 2 3 1 1\n1 2 3 1 1 6 7 8\n", 2),
-        ("INLINE- 1 2 3 4 5 F 1\nINLINE- 1 2 3 4 five F 1\nINLINE- 1 2 inf F 1\n", 3),
+        ("INLINE- 1 2 3 4 5 F 1\nINLINE- 1 2 3 F 1\nINLINE- 1 2 inf F 1\n", 3),
+        # a place gone wrong is no part of a name
+        ("INLINE- 1 2 3 4 5 F 1\nINLINE- 1 2 3 4 five F 1\n", 2),
+        ("INLINE- 100 200 604000 6080000 fault_a 1\n", 1),
+        ("INLINE- 100 200 604000 **** 1200 fault_a 1\n", 1),
+        ("INLINE- 100 200 604000 6.080.000,5 1200 fault_a 1\n", 1),
+        ("INLINE- 100 200 604000.5 6080000 1,200 fault_a 1\n", 1),
+        ("INLINE-;100;200;604000;;1200;fault_a;1\n", 1),
+        ("fault_a 604.000,5 6080000 1200 1 1\n", 1),
+        ("604.000,5 6080000 1200 1 1\n", 1),
+        ("fault_a 604000x 6080000 1200 1 1\n", 1),
+        ("fault_a 604000.5 6080000 1,200 1 1\n", 1),
+        ("fault_a;;6080000;1200;1;1\n", 1),
         ("INLINE- 1 2 3 4 5 F 1\nF1 1 2 3 1 1\n", 2),
         ("INLINE- 1 2 3 4 5 F one\n", 1),
     ],
@@ -182,6 +221,8 @@ def test_xyz_dialects(tmp_path: Path) -> None:
     assert read_horizon(text(tmp_path, nulls)).points[:, 2].tolist() == [800, 810]
     irap = read_horizon(text(tmp_path, "1 2 800\n3 4 805\n999.0 999.0 999.0\n5 6 810\n999.0 999.0 999.0\n"))
     assert irap.points.tolist() == [[1, 2, 800], [3, 4, 805], [5, 6, 810]]
+    irap_commas = text(tmp_path, "1,5 2 800\n999,0 999,0 999,0\n")
+    assert read_horizon(irap_commas).points.tolist() == [[1.5, 2, 800]]
     wide = text(tmp_path, "10 20 100 200 800\n11 21 110 210 801\n")
     assert read_horizon(wide, columns=(3, 4, 5)).points.tolist() == [[100, 200, 800], [110, 210, 801]]
     with pytest.raises(FormatError, match=r"line 1: .*columns"):
@@ -199,6 +240,50 @@ def test_xyz_dialects(tmp_path: Path) -> None:
         read_horizon(tmp_path / "c.txt", columns=(1, 2, 3))
 
 
+@pytest.mark.parametrize(
+    "row",
+    [
+        "604000 6080000 733,2739",
+        "604000,0\t6080000\t733,2739",
+        "604000;6080000;733,2739;",
+        "604000,0; 6080000,0; 733,2739",
+        "604000.0;6080000;733.2739",
+        "604000,6080000,733.2739",
+        "604000.0, 6080000, 733.2739",
+        "INLINE : 1 XLINE : 2 604000 6080000 733,2739",
+        "INLINE :;1;XLINE :;2;604000;6080000;733,2739",
+    ],
+)
+def test_a_comma_is_a_decimal_sign_where_others_part_the_numbers(tmp_path: Path, row: str) -> None:
+    assert read_horizon(text(tmp_path, f"{row}\n")).points.tolist() == [[604000.0, 6080000.0, 733.2739]]
+
+
+def test_decimal_commas_in_columns_beside_nan_and_in_grids(tmp_path: Path) -> None:
+    wide = text(tmp_path, "7 604000 6080000 733,2739\n8 604000,5 6080000 NaN\n")
+    assert read_horizon(wide, columns=(2, 3, 4)).points.tolist() == [[604000, 6080000, 733.2739]]
+    head = "-996 2 25,0 25,0\n0,0 25,0 0,0 25,0\n2 0 0 0\n0 0 0 0 0 0 0\n"
+    grid = head + "733,5\n734 735,25 NaN\n"
+    for content in (grid, grid.replace(" ", ";")):
+        assert read_horizon(text(tmp_path, content)).points[:, 2].tolist() == [733.5, 734.0, 735.25]
+
+
+@pytest.mark.parametrize(
+    "row",
+    ["604000.5 6080000 733,27", "604000, 6080000, 733,27", "604000.5;6080000;733,27", "1,5,2;3;4", "604,000.5 2,5 3"],
+)
+def test_a_comma_that_may_be_either_is_refused(tmp_path: Path, row: str) -> None:
+    path = text(tmp_path, f"1 2 3\n{row}\n")
+    for columns in (None, (1, 2, 3)):
+        with pytest.raises(FormatError, match=r"picks.dat, line 2: .*; expected either commas alone .* or decimal"):
+            read_horizon(path, columns=columns)
+
+
+@pytest.mark.parametrize("row", ["1,2 3", "604,000 6,080,000 733", "604000;;733,27", "1,5;2;abc", ";"])
+def test_commas_that_leave_no_three_numbers_are_refused(tmp_path: Path, row: str) -> None:
+    with pytest.raises(FormatError, match=r"picks.dat, line 2: "):
+        read_horizon(text(tmp_path, f"1 2 3\n{row}\n"))
+
+
 def test_nan_stands_for_no_value_in_every_form(tmp_path: Path) -> None:
     charisma = "INLINE : 1 XLINE : 2 3 4 NaN\nINLINE : 1 XLINE : 3 30 40 800\n"
     found = read_horizon(text(tmp_path, charisma))
@@ -211,7 +296,7 @@ def test_nan_stands_for_no_value_in_every_form(tmp_path: Path) -> None:
             read_horizon(text(tmp_path, empty))
 
 
-@pytest.mark.parametrize("null", ["1e30", "1e+30", "-999.25", "-9999", "-99999", "9999900"])
+@pytest.mark.parametrize("null", ["1e30", "1e+30", "-999.25", "-9999", "-99999", "9999900", "nan", "NaN"])
 def test_nodes_of_sticks_without_a_value_are_left_out(tmp_path: Path, null: str) -> None:
     rows = ("F1 1 2 800 1 1", f"F1 3 4 {null} 1 2", "F1 5 6 900 1 3", f"F1 1 2 {null} 2 1", f"F2 1 2 {null} 1 1")
     first, single = read_sticks(text(tmp_path, "\n".join((*rows, "F1 7 8 910 2 2", ""))))

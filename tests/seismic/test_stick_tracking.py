@@ -66,6 +66,41 @@ def test_stick_on_a_crossline_is_followed_along_the_crosslines(faulted: Syntheti
     assert [int(stick.lines[0, 1]) for stick in found] == list(range(12, 29))
 
 
+def broken(throw: np.ndarray) -> np.ndarray:
+    """A cube of flat layers, thrown trace by trace."""
+    layers = np.convolve(np.random.default_rng(7).normal(size=80), [0.25, 0.5, 0.25], mode="same")
+    return np.stack([[layers[8 + t : 72 + t] for t in row] for row in throw]).astype(np.float32)
+
+
+VERTICAL = np.array([[18.0, 20.0, 12.0], [18.0, 20.0, 52.0]])
+INLINE, CROSSLINE = np.meshgrid(np.arange(36), np.arange(40), indexing="ij")
+
+
+@pytest.mark.parametrize("inline", [18.0, 18.4])
+def test_a_vertical_stick_is_followed_on_the_way_that_its_fault_runs(inline: float) -> None:
+    nodes = VERTICAL + np.array([inline - 18.0, 0.0, 0.0])
+    along_crosslines = follow_stick(broken(5 * (INLINE > 17)), nodes)
+    assert [stick.lines[0, 1] for stick in along_crosslines] == list(range(40))
+    assert np.abs(np.vstack([stick.lines for stick in along_crosslines])[:, 0] - 17.5).max() < 1.5
+    along_inlines = follow_stick(broken(5 * (CROSSLINE > 19)), nodes)
+    assert [stick.lines[0, 0] for stick in along_inlines] == list(range(36))
+    assert np.abs(np.vstack([stick.lines for stick in along_inlines])[:, 1] - 19.5).max() < 1.5
+
+
+def test_a_vertical_stick_on_a_fault_askew_is_followed_either_way() -> None:
+    found = follow_stick(broken(5 * (INLINE - 18 > CROSSLINE - 20)), VERTICAL)
+    assert len(found) > 30
+    assert all(np.abs(stick.lines[:, 0] - 18 - (stick.lines[:, 1] - 20)).max() < 2.0 for stick in found)
+
+
+def test_a_vertical_stick_where_two_faults_cross_is_refused_and_a_tilted_one_is_not() -> None:
+    cube = broken(5 * (INLINE > 17) + 3 * (CROSSLINE > 19))
+    with pytest.raises(ParameterError, match=r"stick is vertical.*Tilt the stick by one line, or pick"):
+        follow_stick(cube, VERTICAL)
+    tilted = follow_stick(cube, VERTICAL + np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+    assert [stick.lines[0, 0] for stick in tilted] == list(range(36))
+
+
 def test_stick_ends_where_the_fault_does() -> None:
     cube = make_plain_cube()
     faults = make_faults(cube)

@@ -1,0 +1,32 @@
+"""Numbers at the doors of public functions."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+
+from seismo3d._validate import as_number
+from seismo3d.errors import ParameterError
+
+
+@pytest.mark.parametrize(
+    ("bounds", "value", "expected"),
+    [
+        ({}, math.inf, "a finite number"),
+        ({"low": 0.0}, math.inf, "a finite number of at least 0"),
+        ({"low": 0.0, "strict": True}, 0.0, "a finite number greater than 0"),
+        ({"high": 2.5}, 3.0, "a finite number of at most 2.5"),
+        ({"high": 2.5, "strict": True}, 2.5, "a finite number less than 2.5"),
+        ({"low": 0.0, "high": 1.0}, math.nan, "a finite number in [0, 1]"),
+        ({"low": 0.0, "high": 1.0, "strict": True}, 1.0, "a finite number in (0, 1)"),
+    ],
+)
+def test_a_number_out_of_bounds_is_refused_in_words(bounds: dict[str, float], value: float, expected: str) -> None:
+    with pytest.raises(ParameterError, match=re.escape(f"size is {value:g}; expected {expected}.") + "$"):
+        as_number(value, "size", **bounds)  # type: ignore[arg-type]
+
+
+def test_a_number_within_bounds_comes_back() -> None:
+    assert as_number("0.5", "size", low=0.5) == 0.5
