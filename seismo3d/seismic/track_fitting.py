@@ -62,9 +62,7 @@ def fit_track(
         refined = _refine(layers, horizon, inner, settings)
     depth, confidence = refined
     depth = bend_to_seeds(depth, horizon.parts, np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth), index)
-    depth = _within_cube(depth, layers.times.shape[2] - 1)
-    for at, (valid,) in layer_pieces(layers, "valid"):
-        part_untold(valid, settings.near, depth[at])
+    depth = _within_data(layers, depth, settings.near)
     kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
     depth, confidence = np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
     return depth, confidence, _hold_seeds(depth, confidence, index, counts)
@@ -108,10 +106,14 @@ def find_counting(layers: LayerModel, index: Float64Array) -> BoolArray:
     return kept
 
 
-def _within_cube(depth: Float64Array, last: int) -> Float64Array:
-    """Return depths with NaN for those above the first sample and below the last: nothing there shows a horizon."""
+def _within_data(layers: LayerModel, depth: Float64Array, reach: int) -> Float64Array:
+    """Return depths with NaN for those off the cube, in mutes and in long gaps: nothing there shows a horizon."""
+    last = layers.times.shape[2] - 1
     inside = (depth >= -_ROUNDED) & (depth <= last + _ROUNDED)
-    return np.where(inside, np.clip(depth, 0.0, last), np.nan)
+    within = np.where(inside, np.clip(depth, 0.0, last), np.nan)
+    for at, (valid,) in layer_pieces(layers, "valid"):
+        part_untold(valid, reach, within[at])
+    return within
 
 
 @dataclass(frozen=True, slots=True, eq=False)
