@@ -192,6 +192,26 @@ def end_where_still(
     return sheet.only(inside), replace(throw, throw=np.where(inside, throw.throw, np.float32(np.nan)))
 
 
+def end_in_mutes(sheet: Sheet, sides: SheetSides) -> Sheet:
+    """End a sheet where traces beside it begin and end; gaps in them, and dead traces, it passes.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        A sheet.
+    sides : SheetSides
+        What was read on its two sides.
+
+    Returns
+    -------
+    Sheet
+        Without what lies above the first and below the last data on either side.
+    """
+    told = (sides.known > 0.0).any(axis=0)[:, :: sheet.step]
+    begun, still = np.maximum.accumulate(told, axis=1), np.maximum.accumulate(told[:, ::-1], axis=1)[:, ::-1]
+    return sheet.only(sheet.inside & ((begun & still) | ~told.any(axis=1, keepdims=True)))
+
+
 def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) -> Sheet:
     """Leave nothing of a sheet that runs along the layers beside it.
 

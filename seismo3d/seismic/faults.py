@@ -16,7 +16,14 @@ from seismo3d._stages import no_progress
 from seismo3d._typing import Float32Array, Int32Array, Progress
 from seismo3d._validate import as_settings, freeze
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, end_along_layers, end_where_still, may_be_faults
+from seismo3d.seismic.choosing import (
+    ChoiceSettings,
+    choose_faults,
+    end_along_layers,
+    end_in_mutes,
+    end_where_still,
+    may_be_faults,
+)
 from seismo3d.seismic.cut_offsets import CutSettings, offset_sheets
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.doubles import part_doubles
@@ -314,7 +321,7 @@ def find_candidates(
 def measure_moving(sheet: Sheet, sides: SheetSides, noise: float, settings: FaultSettings) -> tuple[Sheet, SheetThrow]:
     """Return what of a sheet moves its two sides, across their layers, and its throw, given the cube's noise."""
     measured = match_sides(sheet, sides.both, sides.known, settings=settings.throw)
-    crossing = end_along_layers(sheet, sides, settings.choice)
+    crossing = end_along_layers(end_in_mutes(sheet, sides), sides, settings.choice)
     return end_where_still(crossing, measured, settings.choice, noise=noise)
 
 

@@ -10,6 +10,7 @@ from seismo3d.seismic.choosing import (
     choose_faults,
     dip_deg,
     end_along_layers,
+    end_in_mutes,
     end_where_still,
     length_down_dip,
     may_be_faults,
@@ -98,6 +99,19 @@ def test_sheets_too_small_for_any_throw_are_left_out_first():
     large, small, line = HOST[0], candidate(5, 10)[0], candidate(1, 400)[0]
     assert may_be_faults([large, small, line], False, SETTINGS) == [large]
     assert may_be_faults([line], True, ChoiceSettings.for_section()) == [line]
+
+
+def test_a_sheet_ends_in_mutes_but_passes_gaps_and_dead_traces():
+    sheet, _ = candidate(rows=20, columns=30)
+    known = np.ones((2, 20, 59), np.float32)
+    known[0, :, :10] = known[1, :, :14] = 0.0  # muted, on one side farther down
+    known[:, :, 30:36] = 0.0
+    known[:, 5:7] = 0.0
+    known[:, :, 51:] = 0.0
+    ended = end_in_mutes(sheet, SheetSides(np.zeros_like(known), known, np.zeros_like(known)))
+    expected = np.zeros((20, 30), bool)
+    expected[:, 5:26] = expected[5:7] = True
+    np.testing.assert_array_equal(ended.inside, expected)
 
 
 def test_a_sheet_ends_where_its_sides_fit_unmoved():
