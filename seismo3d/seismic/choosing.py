@@ -207,7 +207,7 @@ def end_in_mutes(sheet: Sheet, sides: SheetSides) -> Sheet:
     Sheet
         Without what lies above the first and below the last data on either side.
     """
-    told = (sides.known > 0.0).any(axis=0)[:, :: sheet.step]
+    told: BoolArray = np.asarray((sides.known > 0.0).any(axis=0))[:, :: sheet.step]
     begun, still = np.maximum.accumulate(told, axis=1), np.maximum.accumulate(told[:, ::-1], axis=1)[:, ::-1]
     return sheet.only(sheet.inside & ((begun & still) | ~told.any(axis=1, keepdims=True)))
 
