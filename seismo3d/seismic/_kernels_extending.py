@@ -10,8 +10,9 @@ from seismo3d._typing import BoolArray, Float64Array, IntArray
 
 @njit(cache=True, nogil=True, parallel=True)
 def fit_local_planes(
-    w: Float64Array, inside: BoolArray, rows: IntArray, columns: IntArray, taps: Float64Array, planes: Float64Array
-) -> None:
+    w: Float64Array, inside: BoolArray, rows: IntArray, columns: IntArray, taps: Float64Array, spread: float,
+    planes: Float64Array,
+) -> None:  # fmt: skip
     """Fit a plane to the known nodes around each of some, and give its height there and its slopes.
 
     Parameters
@@ -24,6 +25,8 @@ def fit_local_planes(
         Where a plane is wanted.
     taps : ndarray of odd length
         Weights of the nodes around along each axis.
+    spread : float
+        Added to that of the places, in nodes squared: it keeps a plane level across a line of nodes.
     planes : ndarray of shape (n, 3)
         Filled: height, and slopes along rows and columns; 0 where nothing is known around.
     """
@@ -50,8 +53,7 @@ def fit_local_planes(
         if total <= 0.0:
             continue
         x, y, h = x / total, y / total, h / total
-        # the least width keeps a plane level across a line of nodes
-        rr, cc, rc = xx / total - x * x + 1e-2, yy / total - y * y + 1e-2, xy / total - x * y
+        rr, cc, rc = xx / total - x * x + spread, yy / total - y * y + spread, xy / total - x * y
         rh, ch = xh / total - x * h, yh / total - y * h
         size = max(rr * cc - rc * rc, 1e-12)
         along, down = (cc * rh - rc * ch) / size, (rr * ch - rc * rh) / size

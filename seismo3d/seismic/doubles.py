@@ -95,7 +95,11 @@ class _Placed:
 def node_normals(sheet: Sheet) -> Float64Array:
     """Return the unit normal of a sheet at each of its nodes, in traces and samples: shape (n, 3)."""
     rows, columns = np.nonzero(sheet.inside)
-    planes = local_planes(sheet.w.astype(np.float64), sheet.inside, (rows, columns), _WIDTH)
+    return normals_of(sheet, local_planes(sheet.w.astype(np.float64), sheet.inside, (rows, columns), _WIDTH))
+
+
+def normals_of(sheet: Sheet, planes: Float64Array) -> Float64Array:
+    """Return the unit normals along the sheet's `across` of planes from :func:`local_planes`, both of shape (n, 3)."""
     flat = sheet.across - planes[:, 1:2] * sheet.along
     normals = np.column_stack([flat, -planes[:, 2] / sheet.step])
     return np.asarray(normals / np.sqrt((normals**2).sum(axis=1, keepdims=True)))

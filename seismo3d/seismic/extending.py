@@ -204,15 +204,17 @@ def _beside(wide: Sheet, ridges: RidgePoints, spare: int, settings: ExtendSettin
     return _Beside(row, column, height, score[near].astype(np.float64), normals)
 
 
-def local_planes(w: Float64Array, inside: BoolArray, at: tuple[IntArray, IntArray], width: float) -> Float64Array:
+def local_planes(
+    w: Float64Array, inside: BoolArray, at: tuple[IntArray, IntArray], width: float, *, spread: float = 1e-2
+) -> Float64Array:
     """Return height and slopes, along rows and columns, at nodes of a sheet's grid: of the plane through it nearby.
 
-    `width` is that of the Gaussian window, in nodes.
+    `width` is that of the Gaussian window, in nodes; what `spread` adds to it keeps planes level across lines of nodes.
     """
     reach = np.arange(-round(3.0 * width), round(3.0 * width) + 1)
     taps = np.exp(-0.5 * (reach / width) ** 2)
     planes = np.empty((len(at[0]), 3))
-    fit_local_planes(w, inside, *at, taps / taps.sum(), planes)
+    fit_local_planes(w, inside, *at, taps / taps.sum(), spread, planes)
     return planes
 
 

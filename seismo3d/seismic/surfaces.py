@@ -5,21 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array, IntArray
 from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.geometry.triangles import measure_cells
+from seismo3d.seismic.doubles import normals_of
+from seismo3d.seismic.extending import local_planes
 from seismo3d.seismic.faultset import FaultSurface
 from seismo3d.seismic.index_frame import IndexFrame
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.throw import SheetThrow
 
-# widths, in traces and samples, of the Gaussian window in which a plane is fitted
-_ALONG, _DOWN = 6.0, 12.0
-# spread of places, in traces or samples squared, that tells no slope
-_LEAST_SPREAD = 1e-6
+# width, in nodes, of the window in which planes are fitted, and what is added to the spread of the places in it
+_WIDTH, _SPREAD = 6.0, 1e-6
 
 
 def build_surface(
@@ -56,7 +55,7 @@ def build_surface(
     FaultSurface
     """
     rows, columns, vertices, cells = _mesh(sheet, shape)
-    normals = _normals(sheet)[rows, columns] * throw.hanging_side
+    normals = _normals(sheet, (rows, columns)) * throw.hanging_side
     upright = normals if geometry is None else IndexFrame.of_survey(geometry).normals(normals)
     dip_deg = np.degrees(np.arccos(np.clip(np.abs(upright[:, 2]), 0.0, 1.0)))
     if geometry is None:
@@ -144,34 +143,9 @@ def _segments(number: Int32Array) -> Int32Array:
     return np.column_stack([a[pair], b[pair]]).astype(np.int32)
 
 
-def _normals(sheet: Sheet) -> Float64Array:
-    """Return the unit normals at every node, along the sheet's `across`."""
-    ds, dz = _slopes(sheet)
-    flat = sheet.across[None, None, :] - ds[..., None] * sheet.along[None, None, :]
-    normals = np.concatenate([flat, -dz[..., None]], axis=2)
-    return normals / np.linalg.norm(normals, axis=2, keepdims=True)
+def _normals(sheet: Sheet, at: tuple[IntArray, IntArray]) -> Float64Array:
+    """Return the unit normals at nodes, along the sheet's `across`, of the planes that fit best around them.
 
-
-def _slopes(sheet: Sheet) -> tuple[Float64Array, Float64Array]:
-    """Return how fast a sheet's height changes along it and down, by the plane that fits best around every node.
-
-    From one node to the next it is known to a good part of a trace only: steps there tell little of how a fault lies.
-    0 where there is nothing around.
+    From one node to the next its height is known to a good part of a trace only: steps there tell little of its lie.
     """
-    known = np.isfinite(sheet.w)
-    s, z = (at - at.mean() for at in np.indices(sheet.w.shape, dtype=np.float64))
-    z *= sheet.step
-    w = np.where(known, sheet.w, 0.0).astype(np.float64)
-
-    def mean(values: Any) -> Float64Array:
-        sigma = (_ALONG, _DOWN / sheet.step)
-        return np.asarray(gaussian_filter(np.where(known, values, 0.0), sigma, mode="constant"))
-
-    weight = np.maximum(mean(1.0), 1e-12)
-    middle_s, middle_z, middle_w = (mean(values) / weight for values in (s, z, w))
-    ss, zz, sz = (mean(s * s) / weight - middle_s**2, mean(z * z) / weight - middle_z**2, mean(s * z) / weight)
-    sz -= middle_s * middle_z
-    sw, zw = mean(s * w) / weight - middle_s * middle_w, mean(z * w) / weight - middle_z * middle_w
-    ss, zz = ss + _LEAST_SPREAD, zz + _LEAST_SPREAD
-    spread = np.maximum(ss * zz - sz**2, _LEAST_SPREAD**2)
-    return (sw * zz - zw * sz) / spread, (zw * ss - sw * sz) / spread
+    return normals_of(sheet, local_planes(sheet.w.astype(np.float64), sheet.inside, at, _WIDTH, spread=_SPREAD))
