@@ -61,6 +61,12 @@ class ChoiceSettings:
     company_throw, company_fit : tuple of (float, float)
         Smallest median fit where its sides match, and smallest median throw at that fit: of sloping ones, and of steep
         ones. At a perfect fit `least_throw` is enough, in between what is proportional.
+    leftover_strength, leftover_fit : float
+        Smallest strength, and median fit where its sides match, of what was linked from the ridges that certain faults
+        leave over; its throw is as large as that of a steep weaker one, and `little_matched` of it match.
+    leftover_dip_deg, leftover_score : float
+        Such a one is less steep than the first, and if its dip is lower than `low_dip_deg` its mean support is the
+        second: in noise and chaotic beds weak ridges line up with the layers.
     gap : float
         Farthest that it may be from its host.
     steep_deg : float
@@ -98,6 +104,10 @@ class ChoiceSettings:
     company_matched: tuple[float, float] = (0.3, 0.45)
     company_throw: tuple[float, float] = (1.0, 1.4)
     company_fit: tuple[float, float] = (0.6, 0.75)
+    leftover_strength: float = 12.0
+    leftover_fit: float = 0.75
+    leftover_dip_deg: float = 80.0
+    leftover_score: float = 0.45
     gap: float = 8.0
     steep_deg: float = 65.0
     low_dip_deg: float = 55.0
@@ -251,7 +261,8 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
     """Tell which sheets are faults.
 
     A sheet stands by itself when it is large and strong. A weaker one is kept where it lies beside a strong fault, does
-    not double one, and moves its sides: a fault that others have cut to pieces is found whole.
+    not double one, and moves its sides: a fault that others have cut to pieces is found whole. What was linked from
+    leftovers is judged last, and never stands by itself.
 
     Parameters
     ----------
@@ -269,9 +280,10 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
     keep = np.zeros(len(candidates), bool)
     hosts: list[_Chosen] = []
     kept: list[SheetNodes] = []
-    for n in (int(n) for n in np.argsort(-significance, kind="stable")):
+    leftover = np.array([sheet.leftover for sheet, _ in candidates], bool)
+    for n in (int(n) for n in np.lexsort((-significance, leftover))):
         sheet, throw = candidates[n]
-        stands = _stands(sheet, throw, settings)
+        stands = not sheet.leftover and _stands(sheet, throw, settings)
         if not (stands or _may_join(sheet, throw, settings)):
             continue
         nodes = SheetNodes.of(sheet)
@@ -280,7 +292,7 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
             continue
         is_host = stands and significance[n] >= settings.host_strength
         is_bend = not is_host and any(_is_bend(sheet, host.sheet, settings) for host in near)
-        keep[n] = not is_bend and (stands or (bool(near) and _is_new(nodes, kept, settings)))
+        keep[n] = not is_bend and (stands or (bool(near) and _is_new(sheet, nodes, kept, settings)))
         if keep[n]:
             kept.append(nodes)
         if is_host:
@@ -297,11 +309,13 @@ class _Chosen:
     nodes: SheetNodes
 
 
-def _is_new(nodes: SheetNodes, kept: Sequence[SheetNodes], settings: ChoiceSettings) -> bool:
-    """Tell whether a sheet does not double those chosen before."""
+def _is_new(sheet: Sheet, nodes: SheetNodes, kept: Sequence[SheetNodes], settings: ChoiceSettings) -> bool:
+    """Tell whether a sheet does not double those chosen before; of leftovers, whether enough of it does not."""
     taken = np.zeros(len(nodes.points), bool)
     for other in kept:
         taken |= nodes.are_within(other, settings.beside)
+    if sheet.leftover:
+        return bool(np.count_nonzero(~taken) * sheet.step >= settings.company_area)
     return bool(taken.mean() <= settings.overlap)
 
 
@@ -351,20 +365,41 @@ def _is_clear(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool
 
 
 def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+    is_told = _is_told_leftover if sheet.leftover else _is_told_company
+    return (
+        sheet.area >= settings.company_area
+        and _height(sheet) >= settings.least_height
+        and length_down_dip(sheet) >= settings.company_length
+        and is_told(sheet, throw, settings)
+    )
+
+
+def _is_told_company(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+    """Tell whether a sheet is strong enough, and its sides match and move, as a weaker fault's do."""
     matched, fit = _share_matched(sheet, throw), _median_fit(sheet, throw)
     steep = int(dip_deg(sheet) >= settings.steep_deg)
     enough = settings.company_fit[steep]
     least_fit = float(np.interp(matched, settings.company_matched, (settings.company_fit[1], enough)))
     least_throw = float(np.interp(fit, (enough, 1.0), (settings.company_throw[steep], settings.least_throw)))
     return (
-        sheet.area >= settings.company_area
-        and _height(sheet) >= settings.least_height
-        and length_down_dip(sheet) >= settings.company_length
-        and strength(sheet) >= settings.company_strength
+        strength(sheet) >= settings.company_strength
         and median_throw(throw) >= least_throw
         and (
             (matched >= settings.company_matched[0] and fit >= least_fit) or _is_told_by_little(sheet, throw, settings)
         )
+    )
+
+
+def _is_told_leftover(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+    """Tell the same of a leftover: upright edges of channels, and what runs along the layers, are weak ridges too."""
+    dip = dip_deg(sheet)
+    return (
+        strength(sheet) >= settings.leftover_strength
+        and median_throw(throw) >= settings.company_throw[1]
+        and _share_matched(sheet, throw) >= settings.little_matched
+        and _median_fit(sheet, throw) >= settings.leftover_fit
+        and dip < settings.leftover_dip_deg
+        and (dip >= settings.low_dip_deg or float(np.nanmean(sheet.score)) >= settings.leftover_score)
     )
 
 

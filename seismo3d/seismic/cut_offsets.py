@@ -69,6 +69,7 @@ def offset_sheets(
     from one part to the other, over two patches or more, where the fault breaks off. So each part is carried to the cut
     by the plane through its places farther away. Where the planes of both parts come to the cut well apart, all along
     it, the places between are taken from them; the younger of two faults, which goes on straight, is left as it is.
+    Leftovers, of which many are no faults, cut nothing.
 
     Parameters
     ----------
@@ -124,7 +125,11 @@ def _offset(number: int, grids: list[_Grid], patch: tuple[float, float], setting
     """Return a sheet with its parts carried to where others cut it."""
     one = grids[number]
     sheet, slopes = one.sheet, _mean_slopes(one.sheet)
-    found = (_find_cut(one, other, slopes, patch, settings) for other in grids if other is not one)
+    found = (
+        _find_cut(one, other, slopes, patch, settings)
+        for other in grids
+        if other is not one and not other.sheet.leftover
+    )
     cuts = [cut for cut in found if cut is not None]
     if not cuts:
         return sheet

@@ -40,6 +40,8 @@ class ExtendSettings:
         Share of the nodes around a new one that must have such a ridge.
     rings : int
         How often a sheet is carried on, by two nodes at a time.
+    off_sheet : float
+        Farthest, in traces across a sheet, that a ridge in its attitude lies off it and still belongs to it.
     rim : int
         What ends within so many traces, or grid steps down, of the cube's end goes on to it: crests need both their
         flanks, and are not found there.
@@ -54,6 +56,7 @@ class ExtendSettings:
     angle_deg: float = 25.0
     share: float = 0.5
     rings: int = 10
+    off_sheet: float = 3.0
     rim: int = 1
 
 
@@ -137,7 +140,7 @@ def extend_sheet(
     settings = settings or ExtendSettings()
     spare = _RING * settings.rings
     wide = _padded(sheet, spare)
-    found = _beside(wide, ridges, spare, settings)
+    found = ridges_beside(wide, ridges, spare, settings.weakest)
     w, score = wide.w.astype(np.float64), wide.score.astype(np.float64)
     grown = False
     for _ in range(settings.rings):
@@ -160,9 +163,10 @@ def extend_sheet(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Beside:
-    """Ridges near a sheet, in its grid: node, height, support, unit normal."""
+class RidgesBeside:
+    """Ridges near a sheet, in its grid: number among all, node, height, support, unit normal."""
 
+    number: IntArray
     row: IntArray
     column: IntArray
     height: Float64Array
@@ -188,8 +192,11 @@ def _trimmed(wide: Sheet, w: Float64Array, score: Float64Array) -> Sheet:
     )  # fmt: skip
 
 
-def _beside(wide: Sheet, ridges: RidgePoints, spare: int, settings: ExtendSettings) -> _Beside:
-    """Return the ridges whose nodes lie on the sheet's grid, not much farther across than the sheet does."""
+def ridges_beside(wide: Sheet, ridges: RidgePoints, spare: int, weakest: float) -> RidgesBeside:
+    """Return the ridges of some support whose nodes lie on a sheet's grid, not much farther across than the sheet does.
+
+    `spare` is how much farther, in traces, that may be.
+    """
     inlines = wide.nodes()[:, 0]
     # not by numpy, which would turn all of them into numbers of the same type as these first
     ends = inlines.min() - spare, inlines.max() + spare + 1.0
@@ -197,11 +204,11 @@ def _beside(wide: Sheet, ridges: RidgePoints, spare: int, settings: ExtendSettin
     positions, score = ridges.positions[part], ridges.score[part]
     grid = (wide.origin, wide.along, wide.across, wide.first_s, wide.first_sample, wide.step, wide.w.shape)
     low, high = float(np.nanmin(wide.w)) - spare, float(np.nanmax(wide.w)) + spare
-    near = find_beside(positions, score, *grid, low, high, settings.weakest)
+    near = find_beside(positions, score, *grid, low, high, weakest)
     row, column, height = lay_on_grid(positions, near, *grid[:-1])
     normals = ridges.planes[part][near].astype(np.float64) * np.array([1.0, 1.0, -1.0])
     normals /= np.sqrt((normals**2).sum(axis=1, keepdims=True))
-    return _Beside(row, column, height, score[near].astype(np.float64), normals)
+    return RidgesBeside(near + part.start, row, column, height, score[near].astype(np.float64), normals)
 
 
 def local_planes(
@@ -219,7 +226,7 @@ def local_planes(
 
 
 def _continuing(
-    wide: Sheet, found: _Beside, at: tuple[IntArray, IntArray], planes: Float64Array, settings: ExtendSettings
+    wide: Sheet, found: RidgesBeside, at: tuple[IntArray, IntArray], planes: Float64Array, settings: ExtendSettings
 ) -> tuple[Float64Array, Float64Array]:
     """Return, for nodes, the support and the height of the best ridge that lies on their planes; support 0 without."""
     number = np.full(wide.w.shape, -1, np.int32)

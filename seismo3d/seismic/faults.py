@@ -33,6 +33,7 @@ from seismo3d.seismic.fault_evidence import check_evidence, measure_evidence
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.flanks import FlankSettings, join_flanks
 from seismo3d.seismic.layer_strain import LayerSlopes, sample_slopes
+from seismo3d.seismic.leftovers import link_leftovers
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
 from seismo3d.seismic.misfit import NOISES, MisfitSettings
 from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
@@ -303,16 +304,21 @@ def find_candidates(
     """Link the strong ridges of a cube, whose evidence has this shape and noise, into sheets that may be faults.
 
     Certain ones, and those beside them, are followed on along the weak ridges, among which the strong ones are once
-    more; those that others cut are offset there.
+    more; what these leave over is linked beside them; those that others cut are offset there.
     """
-    least_area = min(settings.choice.company_area, settings.choice.least_area)
+    least_area, step = min(settings.choice.company_area, settings.choice.least_area), settings.misfit.step
+    least_points, grid = max(4, int(0.5 * least_area / step)), (shape[0], shape[1], shape[2])
     sheets = link_sheets(
-        strong, (shape[0], shape[1], shape[2]), step=settings.misfit.step,
-        least_points=max(4, int(0.5 * least_area / settings.misfit.step)),
-        end_score=score_at_noise(settings.end_score, noise), settings=settings.link, room=room,
+        strong, grid, step=step, least_points=least_points, end_score=score_at_noise(settings.end_score, noise),
+        settings=settings.link, room=room,
     )  # fmt: skip
     sheets = extend_sheets(sheets, weak, shape, settings=settings.extend, room=room)
     sheets = may_be_faults(sheets, 1 in shape[:2], settings.choice)
+    leftovers = link_leftovers(
+        sheets, weak, grid, step=step, least_points=least_points, link=settings.link, settings=settings.extend,
+        room=room,
+    )  # fmt: skip
+    sheets += may_be_faults(leftovers, 1 in shape[:2], settings.choice)
     return offset_sheets(
         sheets, patch=(settings.scan.along_strike[0], settings.scan.along_dip[0]), settings=settings.cut
     )

@@ -62,11 +62,14 @@ def join_flanks(
     -------
     list of Sheet
         In their order. Of two flanks the stronger one remains, moved by what both weigh: their support. The other keeps
-        what lies beyond it, and is left out where that is hardly anything.
+        what lies beyond it, and is left out where that is hardly anything. Leftovers stay as they are.
     """
     settings = settings or FlankSettings()
     laid, found = [_Laid.of(sheet) for sheet in sheets], list(sheets)
-    order = sorted(range(len(sheets)), key=lambda number: -strength(sheets[number]))
+    order = sorted(
+        (number for number, sheet in enumerate(sheets) if not sheet.leftover),
+        key=lambda number: -strength(sheets[number]),
+    )
     for place, number in enumerate(order):
         moves, weights = np.zeros((2, *sheets[number].w.shape))
         for other in order[place + 1 :]:

@@ -101,6 +101,8 @@ class Sheet:
         Position across; NaN outside the sheet.
     score : ndarray of shape (rows, columns), float32
         Smoothed support, in spreads of the background; NaN outside the sheet.
+    leftover : bool
+        Whether it was linked from the ridges that certain ones leave over: a fault beside one of these, if at all.
     """
 
     origin: Float64Array
@@ -110,6 +112,7 @@ class Sheet:
     first_s: float
     w: Float32Array
     score: Float32Array
+    leftover: bool = False
 
     @property
     def along(self) -> Float64Array:

@@ -157,9 +157,9 @@ def farther_off(sheet: Sheet, settings: ThrowSettings) -> int:
 
 
 def mask_sheets(sheets: list[Sheet], valid: BoolArray, *, beside: int, corner: tuple[int, int] = (0, 0)) -> BoolArray:
-    """Return where there are data that lie more than `beside` traces from all sheets, in a block from a corner on."""
+    """Return where there are data more than `beside` traces from all sheets but leftovers, in a block from a corner."""
     clear = valid.copy()
-    for sheet in sheets:
+    for sheet in (sheet for sheet in sheets if not sheet.leftover):
         mark_beside(every_sample(sheet), sheet.origin, sheet.along, sheet.across, sheet.first_s, sheet.first_sample,
                     beside, corner, clear)  # fmt: skip
     return clear

@@ -82,6 +82,59 @@ def test_company_must_move_and_fit(change):
     assert chosen(HOST, candidate(20, 20, origin=(5.0, 10.0), **change)) == [0]
 
 
+def leftover(rows=30, columns=20, **change):
+    sheet, throw = candidate(rows, columns, **{"origin": (5.0, 10.0), "dip": 60.0, "score": 0.4} | change)
+    return replace(sheet, leftover=True), throw
+
+
+def test_a_leftover_is_kept_beside_a_strong_fault_only():
+    assert chosen(leftover()) == []
+    assert chosen(leftover(80, 40, score=2.0)) == []
+    assert chosen(HOST, leftover()) == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("change", "stays"),
+    [
+        ({"score": 0.33}, False),
+        ({"throw": 1.3}, False),
+        ({"fit": 0.7}, False),
+        ({"dip": 82.0}, False),
+        ({"dip": 45.0}, False),
+        ({"dip": 45.0, "score": 0.5}, True),
+        ({"rows": 60, "score": 0.3}, True),
+        ({"columns": 12, "rows": 60}, False),
+    ],
+    ids=["weak", "hardly moved", "unlike", "upright", "gentle and weak", "gentle", "weak but large", "short"],
+)
+def test_a_leftover_must_move_match_and_slope(change, stays):
+    assert chosen(HOST, leftover(**change)) == [0] + [1] * stays
+
+
+@pytest.mark.parametrize(("share", "stays"), [(0.2, True), (0.08, False)])
+def test_a_leftover_may_match_on_a_little_of_it(share, stays):
+    sheet, throw = leftover()
+    fit = np.where(np.arange(throw.fit.size).reshape(throw.fit.shape) < share * throw.fit.size, 0.8, 0.0)
+    assert chosen(HOST, (sheet, replace(throw, fit=fit.astype(np.float32)))) == [0] + [1] * stays
+
+
+def test_a_leftover_stays_where_enough_of_it_is_new():
+    """It may go on over a fault that was chosen before: what lies on it there is parted off later."""
+    on_host = candidate(30, 30, origin=(0.0, 45.0), score=0.5)
+    upright = replace(SETTINGS, leftover_dip_deg=91.0)
+    sheet, throw = replace(on_host[0], leftover=True), on_host[1]
+    assert choose_faults([HOST, on_host], upright) == [0]
+    assert choose_faults([HOST, (sheet, throw)], upright) == [0, 1]
+    whole = replace(candidate(30, 30, origin=(0.0, 20.0), score=0.5)[0], leftover=True)
+    assert choose_faults([HOST, (whole, throw)], upright) == [0]
+
+
+def test_leftovers_are_judged_last():
+    """Of two doubles the one linked from strong ridges is kept, though it is the weaker one."""
+    weak, strong = candidate(20, 20, origin=(5.0, 10.0), dip=60.0), leftover(20, 20, score=0.8)
+    assert chosen(HOST, strong, weak) == [0, 2]
+
+
 def test_the_same_fault_is_not_kept_twice():
     assert chosen(HOST, candidate(20, 20, origin=(1.0, 10.0))) == [0]
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -54,6 +56,17 @@ def test_a_cut_sheet_is_offset_at_the_cut(offset, dip):
     error = np.abs(mended.w - true)
     assert error.max() < 0.25 * abs(offset)
     assert np.median(error) < 0.02
+
+
+def test_leftovers_cut_nothing_and_are_cut():
+    plane, side, _ = older(3.0)
+    w = blurred((plane, plane + 3.0), side)
+    sheet, cut = make_sheet(w), cutting(45.0)
+    assert offset_sheets([sheet, replace(cut, leftover=True)], patch=PATCH)[0] is sheet
+    whole = offset_sheets([sheet, cut], patch=PATCH)[0]
+    leftover = offset_sheets([replace(sheet, leftover=True), cut], patch=PATCH)[0]
+    np.testing.assert_array_equal(leftover.w, whole.w)
+    assert leftover.leftover
 
 
 def test_sheets_that_cross_without_an_offset_stay_the_same_objects():

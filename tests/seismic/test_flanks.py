@@ -39,6 +39,12 @@ def test_the_better_supported_flank_weighs_more():
     np.testing.assert_allclose(found.w, plane(raised=-1.5).w, atol=1e-4)
 
 
+def test_leftovers_are_flanks_of_nothing():
+    sheets = [plane(raised=3.0), replace(plane(raised=-3.0), leftover=True)]
+    for found, given in zip(join_flanks(sheets, CHOICE), sheets, strict=True):
+        assert found is given
+
+
 def test_the_order_of_the_sheets_does_not_matter():
     above, below = plane(raised=2.0, score=0.7), plane(raised=-2.0)
     one, other = join_flanks([above, below], CHOICE), join_flanks([below, above], CHOICE)

@@ -149,6 +149,9 @@ def test_masked_block_is_part_of_the_masked_cube():
     assert 0.85 < whole.mean() < 0.95
     assert not whole[np.s_[:, 19:22, 40]].any()
     np.testing.assert_array_equal(mask_sheets(sheets, valid[7:21, 10:35], beside=1, corner=(7, 10)), whole[7:21, 10:35])
+    # leftovers, of which many are no faults, cost no data
+    sheets.append(replace(sheet_on(0.1), leftover=True))
+    np.testing.assert_array_equal(mask_sheets(sheets, valid, beside=1), whole)
 
 
 def test_throw_may_change_along_strike():
