@@ -273,10 +273,13 @@ def _score_stretched(
     stretch = settings.stretch
     shares = np.linspace(-stretch, stretch, 2 * _STRETCHES + 1)
     half = int(np.ceil(settings.near * (1.0 + 2.0 * stretch))) + 1
-    long, _ = mean_waveform(layers, depth, chosen, half, settings.clear)
+    long, seen = mean_waveform(layers, depth, chosen, half, settings.clear)
     references = stretched(long, settings.near, shares, layers.spectrum)
     waves, known = _read_smoothly(layers, depth, parts, settings.near + reach, settings.clear, width)
-    scores = match_traces(waves, known, references, reach, 0.5).reshape(len(shares), *depth.shape, -1)
+    # near an end of the cube the reference itself is cut short
+    in_all = np.clip(stretched(seen, settings.near, shares), 0.0, 1.0).min(axis=0)
+    scores = match_traces(waves, known, references, reach, 0.5, in_reference=in_all)
+    scores = scores.reshape(len(shares), *depth.shape, -1)
     # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
     whole = read_around(layers, depth, settings.near, clear=settings.clear)[1].mean(axis=2)[..., None] > _WHOLE
     fits = np.moveaxis(scores.max(axis=3), 0, -1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from laid_out_layers import SHAPE, THROW, WALL, lay_out
+from scipy.ndimage import gaussian_filter1d
 
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.track_fitting import _choose_upper, find_counting, fit_track
@@ -57,6 +58,23 @@ def test_a_part_whose_layer_time_is_off_and_strained_is_put_right(rng: np.random
     times = np.where(np.arange(SHAPE[1])[:, None] < WALL, samples, far)
     found = track(lay_out(rng, shift, times, cut=True), 8)
     np.testing.assert_allclose(found, SEED + shift, atol=0.3)
+
+
+def test_layers_that_are_thinner_around_a_seed_near_the_end_of_the_cube_move_nothing(rng: np.random.Generator) -> None:
+    """The end of the cube cuts the seeds' waveform short: what it lacks is no quiet interval."""
+    seed, thinner, off = SHAPE[2] - 5.5, 1.17, 16.5
+    left, samples = np.arange(SHAPE[1]) < WALL, np.arange(SHAPE[2], dtype=np.float64)
+    times = np.where(left[:, None], seed + thinner * (samples - seed), samples + off)
+    layers = lay_out(rng, np.zeros(SHAPE[1]), times, cut=True)
+    along = np.arange(-60.0, 200.0)
+    errors = []
+    for _ in range(8):
+        amplitudes = gaussian_filter1d(rng.normal(size=len(along)), 2.0)
+        layers.volume[...] = np.interp(times, along, amplitudes / amplitudes.std())
+        found = track(layers, 8, seed)
+        np.testing.assert_allclose(found[: WALL - 3], seed, atol=0.3)
+        errors.append(np.abs(found[WALL + 3 :] - seed + off).max())
+    assert np.mean(errors) < 0.25
 
 
 def test_a_seed_beside_a_fault_holds_the_track_where_its_own_waveform_lies(
