@@ -78,7 +78,8 @@ class ChoiceSettings:
         What lies within `gap` of a stronger fault with so large a share of it, strikes alike, is steeper by the angle
         and moves as that one does to within this share, or a sample, is that one's own break seen upright.
     overlap, beside : float
-        Largest share of it that may lie within `beside` of faults chosen before: more is the same fault once more.
+        Largest share of it that may lie within `beside` of faults chosen before: more is the same fault once more, but
+        for what matches and slopes as leftovers must and is as large as a weaker one must be without that.
     """
 
     least_area: float = 400.0
@@ -292,7 +293,7 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
             continue
         is_host = stands and significance[n] >= settings.host_strength
         is_bend = not is_host and any(_is_bend(sheet, host.sheet, settings) for host in near)
-        keep[n] = not is_bend and (stands or (bool(near) and _is_new(sheet, nodes, kept, settings)))
+        keep[n] = not is_bend and (stands or (bool(near) and _is_new(sheet, throw, nodes, kept, settings)))
         if keep[n]:
             kept.append(nodes)
         if is_host:
@@ -309,14 +310,17 @@ class _Chosen:
     nodes: SheetNodes
 
 
-def _is_new(sheet: Sheet, nodes: SheetNodes, kept: Sequence[SheetNodes], settings: ChoiceSettings) -> bool:
-    """Tell whether a sheet does not double those chosen before; of leftovers, whether enough of it does not."""
+def _is_new(
+    sheet: Sheet, throw: SheetThrow, nodes: SheetNodes, kept: Sequence[SheetNodes], settings: ChoiceSettings
+) -> bool:
+    """Tell whether a sheet does not double those chosen before, or enough of one that is told well does not."""
     taken = np.zeros(len(nodes.points), bool)
     for other in kept:
         taken |= nodes.are_within(other, settings.beside)
-    if sheet.leftover:
-        return bool(np.count_nonzero(~taken) * sheet.step >= settings.company_area)
-    return bool(taken.mean() <= settings.overlap)
+    if not sheet.leftover and taken.mean() <= settings.overlap:
+        return True
+    enough = np.count_nonzero(~taken) * sheet.step >= settings.company_area
+    return bool(enough) and (sheet.leftover or _is_told_leftover(sheet, throw, settings))
 
 
 def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
@@ -391,7 +395,7 @@ def _is_told_company(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) 
 
 
 def _is_told_leftover(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
-    """Tell the same of a leftover: upright edges of channels, and what runs along the layers, are weak ridges too."""
+    """Tell the same as of leftovers: upright edges of channels, and what runs along the layers, are weak ridges too."""
     dip = dip_deg(sheet)
     return (
         strength(sheet) >= settings.leftover_strength

@@ -118,15 +118,18 @@ def test_a_leftover_may_match_on_a_little_of_it(share, stays):
     assert chosen(HOST, (sheet, replace(throw, fit=fit.astype(np.float32)))) == [0] + [1] * stays
 
 
-def test_a_leftover_stays_where_enough_of_it_is_new():
+@pytest.mark.parametrize("is_leftover", [True, False])
+def test_what_slopes_and_matches_well_is_kept_for_what_of_it_is_new(is_leftover):
     """It may go on over a fault that was chosen before: what lies on it there is parted off later."""
-    on_host = candidate(30, 30, origin=(0.0, 45.0), score=0.5)
-    upright = replace(SETTINGS, leftover_dip_deg=91.0)
-    sheet, throw = replace(on_host[0], leftover=True), on_host[1]
-    assert choose_faults([HOST, on_host], upright) == [0]
-    assert choose_faults([HOST, (sheet, throw)], upright) == [0, 1]
-    whole = replace(candidate(30, 30, origin=(0.0, 20.0), score=0.5)[0], leftover=True)
-    assert choose_faults([HOST, (whole, throw)], upright) == [0]
+
+    def beside(crossline, **change):
+        sheet, throw = candidate(30, 20, **{"origin": (0.0, crossline), "score": 0.5, "dip": 60.0} | change)
+        return replace(sheet, leftover=is_leftover), throw
+
+    sloping = candidate(dip=60.0)
+    assert chosen(sloping, beside(45.0)) == [0, 1]
+    assert chosen(sloping, beside(20.0)) == [0]
+    assert chosen(sloping, beside(45.0, fit=0.7)) == [0]
 
 
 def test_leftovers_are_judged_last():
