@@ -277,8 +277,8 @@ def _score_stretched(
     references = stretched(long, settings.near, shares, layers.spectrum)
     waves, known = _read_smoothly(layers, depth, parts, settings.near + reach, settings.clear, width)
     # near an end of the cube the reference itself is cut short
-    in_all = np.clip(stretched(seen, settings.near, shares), 0.0, 1.0).min(axis=0)
-    scores = match_traces(waves, known, references, reach, 0.5, in_reference=in_all)
+    seen = seen[half - settings.near : half + settings.near + 1]
+    scores = match_traces(waves, known, references, reach, 0.5, in_reference=seen)
     scores = scores.reshape(len(shares), *depth.shape, -1)
     # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
     whole = read_around(layers, depth, settings.near, clear=settings.clear)[1].mean(axis=2)[..., None] > _WHOLE
