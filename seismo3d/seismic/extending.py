@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -176,9 +176,9 @@ class RidgesBeside:
 
 def _padded(sheet: Sheet, spare: int) -> Sheet:
     empty = np.nan
-    return Sheet(
-        sheet.origin, sheet.across, sheet.first_sample - spare * sheet.step, sheet.step, sheet.first_s - spare,
-        np.pad(sheet.w, spare, constant_values=empty), np.pad(sheet.score, spare, constant_values=empty),
+    return replace(
+        sheet, first_sample=sheet.first_sample - spare * sheet.step, first_s=sheet.first_s - spare,
+        w=np.pad(sheet.w, spare, constant_values=empty), score=np.pad(sheet.score, spare, constant_values=empty),
     )  # fmt: skip
 
 
@@ -186,9 +186,9 @@ def _trimmed(wide: Sheet, w: Float64Array, score: Float64Array) -> Sheet:
     inside = np.isfinite(w)
     rows, columns = (np.flatnonzero(inside.any(axis=1 - d)) for d in range(2))
     box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    return Sheet(
-        wide.origin, wide.across, int(wide.first_sample + columns[0] * wide.step), wide.step,
-        float(wide.first_s + rows[0]), w[box].astype(np.float32), score[box].astype(np.float32),
+    return replace(
+        wide, first_sample=int(wide.first_sample + columns[0] * wide.step), first_s=float(wide.first_s + rows[0]),
+        w=w[box].astype(np.float32), score=score[box].astype(np.float32),
     )  # fmt: skip
 
 
