@@ -355,11 +355,12 @@ def _is_told_by_little(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings
 
     A large throw leads out of view from most places of a sheet.
     """
-    return (
-        _share_matched(sheet, throw) >= settings.little_matched
-        and _median_fit(sheet, throw) >= settings.little_fit
-        and dip_deg(sheet) < settings.steep_deg
-    )
+    return dip_deg(sheet) < settings.steep_deg and _matches_on_little(sheet, throw, settings.little_fit, settings)
+
+
+def _matches_on_little(sheet: Sheet, throw: SheetThrow, least_fit: float, settings: ChoiceSettings) -> bool:
+    """Tell whether a sheet's sides match on a little of it at least, and so well there in the median."""
+    return _share_matched(sheet, throw) >= settings.little_matched and _median_fit(sheet, throw) >= least_fit
 
 
 def _is_clear(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
@@ -400,8 +401,7 @@ def _is_told_leftover(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings)
     return (
         strength(sheet) >= settings.leftover_strength
         and median_throw(throw) >= settings.company_throw[1]
-        and _share_matched(sheet, throw) >= settings.little_matched
-        and _median_fit(sheet, throw) >= settings.leftover_fit
+        and _matches_on_little(sheet, throw, settings.leftover_fit, settings)
         and dip < settings.leftover_dip_deg
         and (dip >= settings.low_dip_deg or float(np.nanmean(sheet.score)) >= settings.leftover_score)
     )

@@ -192,18 +192,18 @@ def _trimmed(wide: Sheet, w: Float64Array, score: Float64Array) -> Sheet:
     )  # fmt: skip
 
 
-def ridges_beside(wide: Sheet, ridges: RidgePoints, spare: int, weakest: float) -> RidgesBeside:
+def ridges_beside(sheet: Sheet, ridges: RidgePoints, spare: int, weakest: float) -> RidgesBeside:
     """Return the ridges of some support whose nodes lie on a sheet's grid, not much farther across than the sheet does.
 
     `spare` is how much farther, in traces, that may be.
     """
-    inlines = wide.nodes()[:, 0]
+    inlines = sheet.nodes()[:, 0]
     # not by numpy, which would turn all of them into numbers of the same type as these first
     ends = inlines.min() - spare, inlines.max() + spare + 1.0
     part = slice(*(bisect_left(ridges.voxels[:, 0], end) for end in ends))
     positions, score = ridges.positions[part], ridges.score[part]
-    grid = (wide.origin, wide.along, wide.across, wide.first_s, wide.first_sample, wide.step, wide.w.shape)
-    low, high = float(np.nanmin(wide.w)) - spare, float(np.nanmax(wide.w)) + spare
+    grid = (sheet.origin, sheet.along, sheet.across, sheet.first_s, sheet.first_sample, sheet.step, sheet.w.shape)
+    low, high = float(np.nanmin(sheet.w)) - spare, float(np.nanmax(sheet.w)) + spare
     near = find_beside(positions, score, *grid, low, high, weakest)
     row, column, height = lay_on_grid(positions, near, *grid[:-1])
     normals = ridges.planes[part][near].astype(np.float64) * np.array([1.0, 1.0, -1.0])

@@ -278,8 +278,7 @@ def _score_stretched(
     waves, known = _read_smoothly(layers, depth, parts, settings.near + reach, settings.clear, width)
     # near an end of the cube the reference itself is cut short
     seen = seen[half - settings.near : half + settings.near + 1]
-    scores = match_traces(waves, known, references, reach, 0.5, in_reference=seen)
-    scores = scores.reshape(len(shares), *depth.shape, -1)
+    scores = match_traces(waves, known, references, seen, reach, 0.5).reshape(len(shares), *depth.shape, -1)
     # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
     whole = read_around(layers, depth, settings.near, clear=settings.clear)[1].mean(axis=2)[..., None] > _WHOLE
     fits = np.moveaxis(scores.max(axis=3), 0, -1)

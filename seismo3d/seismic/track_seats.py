@@ -11,7 +11,7 @@ from seismo3d.seismic.track_waveforms import match_traces, mean_waveform
 _HALF, _FARTHEST, _NEAR = 24, 24, 3
 # how much better than near where they lie they must match elsewhere
 _GAIN = 0.1
-# share of a waveform that must be known: between two faults there may be little
+# share of what is known of one waveform that must be of the other: between two faults there may be little
 _LEAST_KNOWN = 0.15
 
 
@@ -45,7 +45,7 @@ def find_offset(
         return 0.0
     wave, seen = mean_waveform(layers, depth, own, _HALF, clear)
     around, known = mean_waveform(layers, depth, others, _HALF + _FARTHEST, clear)
-    lags = match_traces(around[None], known[None], wave[None], _FARTHEST, _LEAST_KNOWN, in_reference=seen)[0]
+    lags = match_traces(around[None], known[None], wave[None], seen, _FARTHEST, _LEAST_KNOWN)[0]
     here = lags[0, _FARTHEST - _NEAR : _FARTHEST + _NEAR + 1].max()
     best = lags[:, 1:-1].argmax(axis=1) + 1
     if lags[0, best[0]] < max(here + _GAIN, least):

@@ -23,17 +23,16 @@ def mean_waveform(
 
 
 def match_traces(
-    waves: Float32Array, known: Float32Array, references: Float32Array, reach: int, least: float,
-    *, in_reference: Float32Array | None = None,
+    waves: Float32Array, known: Float32Array, references: Float32Array, in_reference: Float32Array, reach: int,
+    least: float,
 ) -> Float32Array:  # fmt: skip
-    """Correlation of rows with waveforms (k, width), of which so much is known (all by default): (k, row, lag).
+    """Correlation of rows with waveforms (k, width), of which `in_reference` (width) is known: (k, row, lag).
 
     A row is compared where it knows a share of at least `least` of what is known of the waveforms.
     """
     n, width = references.shape
     lags = np.empty((n, len(waves), 2 * reach + 1), np.float32)
     taper = np.hanning(width + 2)[1:-1].astype(np.float32)
-    weight = np.ones(width, np.float32) if in_reference is None else in_reference
-    share = float(taper @ weight / taper.sum())
-    match_waveforms(waves, known, references, weight, taper, np.float32(least * share), lags)
+    share = float(taper @ in_reference / taper.sum())
+    match_waveforms(waves, known, references, in_reference, taper, np.float32(least * share), lags)
     return lags
