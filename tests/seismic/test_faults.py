@@ -270,6 +270,13 @@ def test_edges_of_missing_data_are_no_faults(unbroken, fill):
     assert not np.asarray(faults.labels).any()
 
 
+@pytest.mark.parametrize(("seed", "first", "slope"), [(4, 20, 0.7), (6, 10, 1.0)])
+def test_a_mute_that_slopes_is_no_fault(seed, first, slope):
+    unbroken = fault_cube("fault_free", seed=seed, shape=(96, 96, 96)).seismic
+    muted = np.arange(96) < (first + slope * np.arange(96))[:, None, None].astype(int)
+    assert not trace_faults(np.where(muted, np.float32(0.0), unbroken)).surfaces
+
+
 def test_what_all_amplitudes_share_is_taken_off(cube):
     strength = np.abs(np.asarray(cube.seismic)).max()
     shifted = np.asarray(cube.seismic, np.float64) / strength * 100.0

@@ -40,6 +40,16 @@ def test_all_of_a_noise_free_section_is_kept() -> None:
     assert find_valid(stepped(axis=1)[:1]).all()
 
 
+def test_zeros_at_the_ends_of_traces_are_no_data_however_few(rng: np.random.Generator) -> None:
+    cube = (rng.normal(size=(8, 24, 64)) + 10.0).astype(np.float32)
+    first, last = np.arange(24), 60 - np.arange(24) // 2
+    k = np.arange(64)
+    data = np.broadcast_to((k >= first[:, None]) & (k < last[:, None]), cube.shape)
+    cube[~data] = 0.0
+    cube[:, :, 30:33] = 0.0  # as they come in coarse amplitudes
+    np.testing.assert_array_equal(find_valid(cube), data)
+
+
 def framed(rng: np.random.Generator, width: int) -> NDArray[np.float32]:
     """Traces that all differ, and the outer ones repeated outwards along their inlines."""
     inner = rng.normal(size=(12, 24, 32)).astype(np.float32)
