@@ -27,6 +27,9 @@ class ShiftSettings:
         Squared derivative, relative to the cube's mean square, below which nothing is to be matched.
     misfit : float
         Misfit ratio that, above twice the cube's usual one, makes a shift doubtful: its variance grows from there.
+    noisy : float
+        Misfit ratio at which a shift's variance is twice what it scatters by; it grows with the fourth power. Noise
+        that goes along from trace to trace, as migration smiles do, draws shifts to its own dip, which no mean evens.
     most : float
         Variance, in samples squared a trace, of a shift that is carried over from the slopes alone.
     """
@@ -37,6 +40,7 @@ class ShiftSettings:
     passes: int = 2
     floor: float = 1e-4
     misfit: float = 0.01
+    noisy: float = 0.2
     most: float = 0.25
 
 
@@ -148,10 +152,11 @@ def usual_misfit(found: ShiftField) -> float:
 
 
 def judge_misfits(found: ShiftField, usual: float, settings: ShiftSettings) -> ShiftField:
-    """Divide misfit ratios, in place, by what is doubtful, and raise the variances of shifts that are.
+    """Divide misfit ratios, in place, by what is doubtful, and raise the variances of noisy and of doubtful shifts.
 
     A misfit far above the cube's `usual` one is no match: a fault that was not found, or noise.
     """
+    found.variance[...] *= 1.0 + (found.misfit / np.float32(settings.noisy)) ** 4
     found.misfit[...] /= np.float32(2.0 * usual + settings.misfit)
     found.variance[...] *= 1.0 + found.misfit**4
     return replace(found, usual=usual)

@@ -62,7 +62,8 @@ class RegistrationSettings:
 
     farthest: int = 4
     coarse: float = 2.0
-    shifts: ShiftSettings = field(default_factory=ShiftSettings)
+    # a mean over a few traces: scatter alone counts
+    shifts: ShiftSettings = field(default_factory=lambda: ShiftSettings(noisy=np.inf))
     wide: float = 4.0
     jump: float = 0.15
     across: float = 3.0

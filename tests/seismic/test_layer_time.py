@@ -17,7 +17,7 @@ from seismo3d.seismic.horizon_search import find_seeds
 from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, list_rounds, solve_graph, thickness_variance
 from seismo3d.seismic.layer_parts import stretched
 from seismo3d.seismic.layer_time import LayerModel, model_layers
-from seismo3d.seismic.shifts import ShiftField
+from seismo3d.seismic.shifts import ShiftField, ShiftSettings, judge_misfits
 from seismo3d.synthetic import SyntheticCube, SyntheticFault, make_cube, recipe_of
 
 SHAPE = (48, 48, 80)
@@ -300,6 +300,15 @@ def test_doubtful_matches_count_for_little_and_noise_makes_fewer_of_them_doubtfu
     variance = np.array([0.09, 0.25, 4.0, np.inf])
     np.testing.assert_allclose(doubt_matches(variance, 0.0, settings), variance * [1.1296, 2.0, 257.0, 1.0])
     np.testing.assert_allclose(doubt_matches(variance, 0.1875, settings), variance * [1.0005, 1.0039, 2.0, 1.0], 1e-3)
+
+
+def test_shifts_count_less_the_noisier_they_are() -> None:
+    ratio = np.array([0.0, 0.1, 0.2, 0.4], np.float32).reshape(1, 2, 2)
+    found = ShiftField(0, 1, np.zeros_like(ratio), np.full_like(ratio, 0.01), ratio.copy())
+    judged = judge_misfits(found, 0.5, ShiftSettings(noisy=0.2, misfit=0.0))
+    np.testing.assert_allclose(judged.misfit, ratio, rtol=1e-6)
+    noisy, doubtful = np.array([1.0, 1.0625, 2.0, 17.0]), 1.0 + ratio.ravel() ** 4
+    np.testing.assert_allclose(judged.variance.ravel(), 0.01 * noisy * doubtful, rtol=1e-5)
 
 
 def test_rounds_of_finer_graphs_go_by_the_noise() -> None:
