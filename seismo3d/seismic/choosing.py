@@ -14,9 +14,6 @@ from seismo3d.seismic.misfit import NOISES
 from seismo3d.seismic.sheet_distances import SheetNodes
 from seismo3d.seismic.throw import SheetSides, SheetThrow, every_sample
 
-# samples from the first or last of a trace within which a sheet lies beside a mute
-_BESIDE = 8
-
 
 @dataclass(frozen=True, slots=True)
 class ChoiceSettings:
@@ -219,19 +216,11 @@ def end_in_mutes(sheet: Sheet, sides: SheetSides) -> Sheet:
     Returns
     -------
     Sheet
-        Without what lies above the first and below the last data on either side. None of its nodes where it runs along
-        a mute that slopes, whose edge breaks all layers as a fault would.
+        Without what lies above the first and below the last data on either side.
     """
-    told = sides.known > 0.0
-    begun, still = np.maximum.accumulate(told, axis=2), np.maximum.accumulate(told[..., ::-1], axis=2)[..., ::-1]
-    every, dead = slice(None, None, sheet.step), ~told.any(axis=2, keepdims=True)
-    within = begun.any(axis=0) & still.any(axis=0) | dead.all(axis=0)
-    ended = sheet.only(sheet.inside & within[:, every])
-    # an end of the cube is none of a mute
-    since, left = np.cumsum(begun, axis=2), np.cumsum(still[..., ::-1], axis=2)[..., ::-1]
-    beside = ((since <= _BESIDE) & ~told[..., :1]) | ((left <= _BESIDE) & ~told[..., -1:])
-    along = ended.inside & ((beside & ~dead).any(axis=0)[:, every] | (dead[0] != dead[1]))
-    return ended if 2 * along.sum() <= ended.inside.sum() else sheet.only(np.zeros(sheet.w.shape, bool))
+    told: BoolArray = np.asarray((sides.known > 0.0).any(axis=0))[:, :: sheet.step]
+    begun, still = np.maximum.accumulate(told, axis=1), np.maximum.accumulate(told[:, ::-1], axis=1)[:, ::-1]
+    return sheet.only(sheet.inside & ((begun & still) | ~told.any(axis=1, keepdims=True)))
 
 
 def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) -> Sheet:

@@ -170,26 +170,6 @@ def test_a_sheet_ends_in_mutes_but_passes_gaps_and_dead_traces():
     np.testing.assert_array_equal(ended.inside, expected)
 
 
-@pytest.mark.parametrize("turn", [1, -1])
-@pytest.mark.parametrize(("begins", "is_left"), [(32, False), (24, False), (17, True)])
-def test_a_sheet_along_a_mute_is_none(begins, is_left, turn):
-    sheet = candidate(rows=20, columns=30)[0].only(np.tile((np.arange(30) > 12) & (np.arange(30) < 17), (20, 1)))
-    known = np.ones((2, 20, 59), np.float32)
-    known[0, :, :begins] = known[1, :, : begins - 6] = 0.0  # the sheet is at samples 26 to 32
-    known = known[..., ::turn]
-    assert end_in_mutes(sheet, SheetSides(np.zeros_like(known), known, np.zeros_like(known))).inside.any() == is_left
-
-
-def test_a_sheet_with_data_on_one_side_alone_is_none():
-    sheet = candidate(rows=20, columns=30)[0]
-    known = np.ones((2, 20, 59), np.float32)
-    known[1, :12] = 0.0
-    sides = SheetSides(np.zeros_like(known), known, np.zeros_like(known))
-    assert not end_in_mutes(sheet, sides).inside.any()
-    known[1, 8:12] = 1.0
-    np.testing.assert_array_equal(end_in_mutes(sheet, sides).inside, sheet.inside)
-
-
 def test_a_sheet_ends_where_its_sides_fit_unmoved():
     sheet, throw = candidate(score=0.3)
     values = throw.throw.copy()
