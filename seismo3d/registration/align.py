@@ -16,6 +16,7 @@ from seismo3d.registration.observability import assess
 from seismo3d.registration.quadratic import Frame
 from seismo3d.registration.result import Registration
 from seismo3d.registration.solvers import Limits, Prior, Solution, solve_form
+from seismo3d.registration.start import as_start
 
 _MANY_ROUNDS = 20
 _LEAST_SHARE = 1e-4
@@ -70,7 +71,7 @@ def align_pairs(
         Class of the transform; ``scaled`` is a rotation times one factor an axis of the source.
     prior : array_like of shape (d+1, d+1), optional
         Transform that is kept along directions that the pairs do not determine, and that constraints are relative to.
-        Default: the identity.
+        Its linear part, if rounded, is replaced by the nearest one of the model. Default: the identity.
     constraints : Constraints, optional
         Degrees of freedom that are fixed or bounded.
     observability : float
@@ -88,7 +89,7 @@ def align_pairs(
     GeometryError
         If there are fewer than d pairs, or all source points coincide.
     ParameterError
-        If a weight is negative, or a setting has no meaning.
+        If a weight is negative, the prior is far from the model, or a setting has no meaning.
 
     References
     ----------
@@ -120,7 +121,7 @@ def align_pairs(
     all_source = np.concatenate([pair[1] for pair in pairs])
     _check_enough(all_source, model)
     frame = Frame.of(np.concatenate([pair[0] for pair in pairs]), all_source)
-    start = _as_prior(prior, frame, p.shape[1])
+    start = _as_prior(prior, frame, p.shape[1], model)
     limits = Limits(*(constraints or Constraints()).limits(model, p.shape[1], frame.size))
     terms = [_make_term(pair, frame) for pair in pairs]
     found, terms = _solve_terms(terms, alpha, model, start, limits, number)
@@ -265,20 +266,5 @@ def _check_enough(source: Float64Array, model: str) -> None:
         raise GeometryError("all source points coincide; expected points that are apart. Use model 'translation'.")
 
 
-def _as_prior(prior: ArrayLike | None, frame: Frame, d: int) -> Prior:
-    if prior is None:
-        return Prior(*frame.enter(np.eye(d + 1)))
-    return Prior(*frame.enter(as_transform(prior, "prior", d)))
-
-
-def as_transform(T: ArrayLike, name: str, d: int) -> Float64Array:
-    """Return a homogeneous matrix of shape (d+1, d+1), or refuse it by name."""
-    matrix = np.asarray(as_real_array(T, name, ndim=2), dtype=np.float64)
-    if matrix.shape != (d + 1, d + 1):
-        raise ShapeError(f"{name} has shape {matrix.shape}; expected {(d + 1, d + 1)}, a homogeneous matrix.")
-    bottom = np.append(np.zeros(d), 1.0)
-    if not np.isfinite(matrix).all() or not np.allclose(matrix[d], bottom) or not np.linalg.det(matrix[:d, :d]) > 0.0:
-        raise ParameterError(
-            f"{name} is not a homogeneous matrix; expected a proper linear part and a last row of {bottom}."
-        )
-    return matrix
+def _as_prior(prior: ArrayLike | None, frame: Frame, d: int, model: str) -> Prior:
+    return Prior(*frame.enter(np.eye(d + 1) if prior is None else as_start(prior, "prior", d, model)))

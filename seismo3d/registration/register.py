@@ -12,7 +12,6 @@ import numpy as np
 from seismo3d._typing import ArrayLike
 from seismo3d._validate import as_number, as_settings
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
-from seismo3d.registration.align import as_transform
 from seismo3d.registration.conclusion import assemble
 from seismo3d.registration.constraints import Constraints, model_number
 from seismo3d.registration.dense import DensePair, prepare_pair
@@ -24,6 +23,7 @@ from seismo3d.registration.scale_starts import led_by_extent
 from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.solvers import Limits, Prior
 from seismo3d.registration.stages import Task, is_sure, led_by_rasters, run_local, search
+from seismo3d.registration.start import as_start
 from seismo3d.scan import Scan, as_scan
 
 CORRESPONDENCES = ("nearest", "projective")
@@ -64,7 +64,8 @@ def register(
     model : {"rigid", "translation", "similarity", "scaled", "affine"}
         Class of the transform.
     start : array_like of shape (d+1, d+1), optional
-        Homogeneous matrix ``T_target_source`` to start from. Default: the identity.
+        Homogeneous matrix ``T_target_source`` to start from. Its linear part, if rounded, is replaced by the nearest
+        one of the model. Default: the identity.
     stages : tuple of str
         Which stages may run.
     matches : (points_target, points_source) or object with these, optional
@@ -97,7 +98,7 @@ def register(
     GeometryError
         If a scan has fewer than 10 points, or all its points lie on one line.
     ParameterError
-        If a setting has no meaning.
+        If the start is far from the model, or a setting has no meaning.
 
     References
     ----------
@@ -180,7 +181,7 @@ def _prepare(
     features = None
     if matches is not None:
         features = feature_term(matches, q, p, pair.frame, 0.05 * pair.voxel_size)
-    T = np.eye(d + 1) if start is None else as_transform(start, "start", d)
+    T = np.eye(d + 1) if start is None else as_start(start, "start", d, model)
     prior = Prior(*pair.frame.enter(T))
     limits = Limits(*(constraints or Constraints()).limits(model, d, pair.frame.size))
     return Task(q, p, pair, features, prior, limits, model, chosen), prior
