@@ -157,6 +157,8 @@ def _lines(found: Registration) -> list[tuple[str, str]]:
         ("angle", f"{np.degrees(found.angle):.4f} deg"),
         ("sigma", " ".join(f"{value:.3g}" for value in spread)),
     ]
+    if found.at_bounds:
+        lines.append(("at bounds", ", ".join(found.at_bounds)))
     if found.certificate is not None:
         words = "holds" if found.certificate.holds else "does not hold"
         lines.append(("certificate", f"{words}, relative gap {found.certificate.relative_gap:.2g}"))
@@ -178,6 +180,7 @@ def _as_dict(found: Registration) -> dict[str, Any]:
         "overlap": found.overlap,
         "rmse": found.rmse,
         "scale": found.scale.tolist(),
+        "at_bounds": list(found.at_bounds),
         "covariance": [[v if np.isfinite(v) else None for v in row] for row in found.covariance.tolist()],
         "information": found.information.tolist(),
         "certificate": None

@@ -14,7 +14,7 @@ from seismo3d.registration.certificate import Certificate
 from seismo3d.registration.constraints import Constraints, model_number
 from seismo3d.registration.observability import assess
 from seismo3d.registration.quadratic import Frame
-from seismo3d.registration.result import Registration
+from seismo3d.registration.result import SIZE_IS_FREE, Registration
 from seismo3d.registration.solvers import Limits, Prior, Solution, solve_form
 from seismo3d.registration.start import as_start
 
@@ -73,7 +73,7 @@ def align_pairs(
         Transform that is kept along directions that the pairs do not determine, and that constraints are relative to.
         Its linear part, if rounded, is replaced by the nearest one of the model. Default: the identity.
     constraints : Constraints, optional
-        Degrees of freedom that are fixed or bounded.
+        Degrees of freedom that are fixed or bounded; scale is free unless bounded here.
     observability : float
         Directions whose curvature is below this share of the largest one count as not determined.
 
@@ -120,12 +120,12 @@ def align_pairs(
             raise ParameterError("alpha is given without features; expected both. Drop alpha, or pass features.")
     all_source = np.concatenate([pair[1] for pair in pairs])
     _check_enough(all_source, model)
-    frame = Frame.of(np.concatenate([pair[0] for pair in pairs]), all_source)
+    frame = Frame.of(np.concatenate([pair[0] for pair in pairs]), all_source, size_is_free=model in SIZE_IS_FREE)
     start = _as_prior(prior, frame, p.shape[1], model)
     limits = Limits(*(constraints or Constraints()).limits(model, p.shape[1], frame.size))
     terms = [_make_term(pair, frame) for pair in pairs]
     found, terms = _solve_terms(terms, alpha, model, start, limits, number)
-    return _result(found, terms, pairs, frame, model, limits, number)
+    return _result(found, terms, pairs, frame, model, start, limits, number)
 
 
 def _make_term(pair: tuple[Float64Array, Float64Array, Float64Array | None, Float64Array], frame: Frame) -> _Term:
@@ -180,6 +180,7 @@ def _result(
     pairs: list[tuple[Float64Array, Float64Array, Float64Array | None, Float64Array]],
     frame: Frame,
     model: str,
+    prior: Prior,
     limits: Limits,
     ratio: float,
 ) -> Registration:
@@ -204,8 +205,9 @@ def _result(
         certificate=certificate,
         unobservable=sure.unobservable,
         model=model,
+        at_bounds=limits.reached(prior, found.A, found.t, model),
         find_inliers=lambda: residuals <= max(5.2 * middle, 1e-9 * frame.size),
-        scale=freeze(np.linalg.norm(found.A, axis=0)),
+        scale=freeze(np.linalg.norm(T[:-1, :-1], axis=0)),
     )
 
 

@@ -40,6 +40,7 @@ def assemble(task: Task, found: LoopResult, stage: str) -> Registration:
         squares = surface.squares / max(surface.weight, 1e-12)
     elif joint.features is not None:
         squares = joint.features.variance
+    at_bounds = task.limits.reached(task.prior, found.A, found.t, task.model)
     T = frame.leave(found.A, found.t)
     return Registration(
         T_target_source=freeze(T),
@@ -47,25 +48,26 @@ def assemble(task: Task, found: LoopResult, stage: str) -> Registration:
         information=freeze(sure.information),
         rmse=math.sqrt(squares) * frame.size,
         overlap=overlap,
-        state=_state(found, overlap),
+        state=_state(found, overlap, at_bounds),
         certificate=_certify(task, found, joint.form, weight),
         unobservable=sure.unobservable,
         model=task.model,
-        scale=freeze(scale_of(found.A)),
+        scale=freeze(scale_of(T[:-1, :-1])),
         energies=tuple(e * frame.size**2 for e in found.energies),
         path=tuple(frame.leave(A, t) for A, t in found.path),
+        at_bounds=at_bounds,
         stage=stage,
         find_inliers=_inlier_finder(task, found),
     )
 
 
-def _state(found: LoopResult, overlap: float) -> str:
+def _state(found: LoopResult, overlap: float, at_bounds: tuple[str, ...]) -> str:
     surface = found.joint.surface
     if surface is not None and surface.matched * len(surface.residuals) < 6:
         return "no_overlap"
     if not found.settled:
         return "not_converged"
-    return "poor_fit" if overlap < LEAST_OVERLAP else "converged"
+    return "poor_fit" if overlap < LEAST_OVERLAP or "scale" in at_bounds else "converged"
 
 
 def _bread_and_meat(task: Task, found: LoopResult) -> tuple[Float64Array, Float64Array, float]:

@@ -28,7 +28,8 @@ class Constraints:
     translation : tuple of length d, or None
         Displacement of the source's centre along the target's axes, in the input's units.
     scale : tuple (low, high), or None
-        Factors of scale, for the models ``similarity`` and ``scaled``. None keeps the default of a tenth to ten times.
+        Factors of scale, for the models ``similarity`` and ``scaled``. None leaves the scale of given pairs free;
+        scans may shrink or grow to ten times what the start, or the ratio of their extents, says.
 
     Examples
     --------
@@ -41,8 +42,13 @@ class Constraints:
     translation: tuple[Bound, ...] | None = None
     scale: tuple[float, float] | None = None
 
-    def limits(self, model: str, dim: int, size: float) -> tuple[Float64Array, Float64Array]:
-        """Return the lowest and highest parameters, translation in units of ``size``; scale as logarithms."""
+    def limits(
+        self, model: str, dim: int, size: float, *, usual_scale: tuple[float, float] = (0.0, math.inf)
+    ) -> tuple[Float64Array, Float64Array]:
+        """Return the lowest and highest parameters, translation in units of ``size``; scale as logarithms.
+
+        ``usual_scale`` bounds the scale where no bounds are given.
+        """
         if model == "affine":
             if self != Constraints():
                 raise ParameterError(
@@ -58,11 +64,12 @@ class Constraints:
         n_scale = {"similarity": 1, "scaled": dim}.get(model, 0)
         if self.scale is not None and n_scale == 0:
             raise ParameterError(f"constraints bound scale with model {model!r}; expected 'similarity' or 'scaled'.")
-        low, high = self.scale or (0.1, 10.0)
-        if not 0.0 < low <= high < math.inf:
+        if self.scale is not None and not 0.0 < self.scale[0] <= self.scale[1] < math.inf:
+            low, high = self.scale
             raise ParameterError(f"scale is bounded by ({low:g}, {high:g}); expected 0 < low <= high.")
-        rows = rotation + translation + [(math.log(low), math.log(high))] * n_scale
-        table = np.array(rows, dtype=np.float64).reshape(-1, 2)
+        with np.errstate(divide="ignore"):
+            scale = np.log(usual_scale if self.scale is None else self.scale)
+        table = np.array([*rotation, *translation, *[tuple(scale)] * n_scale], dtype=np.float64).reshape(-1, 2)
         return np.ascontiguousarray(table[:, 0]), np.ascontiguousarray(table[:, 1])
 
 

@@ -75,21 +75,22 @@ def prepare_pair(
     size = math.sqrt(tables[1][3].sum() / len(source))
     if not size > 0.0:
         raise GeometryError("all source points coincide; expected points that are apart.")
-    frame = Frame(tables[1][2], tables[0][2], size)
+    frame = Frame(tables[1][2], tables[0][2], target_scale * size, target_scale)
     edge = default_voxel_size(len(source), d, size) if voxel_size is None else voxel_size
     for table, scale in zip(tables, (target_scale, 1.0)):
         check_voxel_size(scale * edge, float((table[1] - table[0]).max()))
     n_levels = max(1, math.ceil(math.log2(max(COARSEST * size / edge, 1.0))) + 1)
 
     def levels(scan: Scan, table: Float64Array, fine: str, scale: float) -> list[VoxelMap]:
+        own = scale * size
         return voxel_levels(
             scan.points,
             center=table[2],
-            factor=1.0 / size,
-            voxel_size=scale * edge / size,
+            factor=1.0 / own,
+            voxel_size=edge / size,
             n_levels=n_levels,
-            low=(table[0] - table[2]) / size,
-            high=(table[1] - table[2]) / size,
+            low=(table[0] - table[2]) / own,
+            high=(table[1] - table[2]) / own,
             fine_normals=fine,
             normals=scan.normals,
             weights=scan.weights,

@@ -68,9 +68,12 @@ def assess(
     covariance = np.zeros_like(H)
     information = np.zeros_like(H)
     if seen.shape[1]:
-        inverse = np.linalg.inv(seen.T @ bread @ seen)
-        inner = inverse @ (seen.T @ spread @ seen) @ inverse
-        covariance = change @ seen @ inner @ seen.T @ change.T
+        # a square of its root, so that rounding leaves no variance negative
+        values, vectors = np.linalg.eigh(seen.T @ spread @ seen)
+        root = np.linalg.inv(seen.T @ bread @ seen) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+        inner = root @ root.T
+        outer = change @ seen @ root
+        covariance = outer @ outer.T
         back = np.linalg.inv(change).T @ seen
         information = back @ np.linalg.pinv(inner, hermitian=True) @ back.T
     for vector, _ in unseen:
@@ -118,14 +121,14 @@ def _to_input_units(A: Float64Array, t: Float64Array, model: str, frame: Frame) 
     if model == "similarity":
         change[r : r + d, -1] = -place
     elif model == "scaled":
-        change[r : r + d, scales] = -A * frame.source_center
+        change[r : r + d, scales] = -frame.growth * A * frame.source_center
     return change
 
 
 def _direction(vector: Float64Array, strength: float, A: Float64Array, model: str, frame: Frame) -> Direction:
     d = A.shape[0]
     if model == "affine":
-        return Direction(vector[:0], frame.size * vector[d * d :], vector[: d * d], strength)
+        return Direction(vector[:0], frame.size * vector[d * d :], frame.growth * vector[: d * d], strength)
     r = kernels.n_rotation(model_number(model), d)
     return Direction(vector[:r], frame.size * vector[r : r + d], vector[r + d :], strength)
 

@@ -20,6 +20,9 @@ CLOSE = 0.25
 IDENTICAL = 1e-3
 """The same, for samples that are looked for around where the loop ended, and where it began."""
 
+LEAST_DISTINCT = 0.5
+"""Share of the samples that must have partners of their own to be the same."""
+
 STILL, HARDLY_NEARER = 0.999, 0.9
 """Share of their last distance, in the median, from which on samples come no nearer: at last, and while looked for."""
 
@@ -69,6 +72,8 @@ def polish(
 
     def are_same(A: Float64Array, t: Float64Array, share: float) -> bool:
         near, rows = tree.query(probes @ A.T + t)
+        if len(np.unique(rows)) < LEAST_DISTINCT * len(rows):  # a source of free size has shrunk onto a few samples
+            return False
         spacing = tree.query(q[rows], k=2)[0][:, 1]
         return bool(np.median(near) < share * np.median(spacing[near <= np.quantile(near, 0.75)]))
 

@@ -19,31 +19,35 @@ from seismo3d.registration import _kernels_form as kernels
 class Frame:
     """The centred, scaled frame in which a form is kept: cancellation would cost six digits otherwise.
 
-    A source point p becomes ``(p - source_center) / size``, a target point q ``(q - target_center) / size``.
+    A target point q becomes ``(q - target_center) / size``, a source point p ``growth * (p - source_center) / size``:
+    linear parts in the frame are free of the growth, so that curvatures along turns, growths and shifts compare.
 
     Attributes
     ----------
     source_center, target_center : ndarray of shape (d,), float64
     size : float
-        Root mean square distance of the source points from their centre, in the input's units; never zero.
+        Root mean square distance of the source points from their centre, times the growth; never zero.
+    growth : float
+        Size of the target over the source's, where it is known and free; else 1.
     """
 
     source_center: Float64Array
     target_center: Float64Array
     size: float
+    growth: float = 1.0
 
     @classmethod
-    def of(cls, target: Float64Array, source: Float64Array) -> Frame:
+    def of(cls, target: Float64Array, source: Float64Array, *, size_is_free: bool = False) -> Frame:
         """Return the frame of two point sets, of shapes (m, d) and (n, d)."""
-        centre = source.mean(axis=0)
-        size = float(np.sqrt(((source - centre) ** 2).sum(axis=1).mean()))
+        (centre, size), (target_centre, target_size) = _spread(source), _spread(target)
         if not size > 0.0:
             size = float(np.abs(source).max()) or 1.0
-        return cls(centre, target.mean(axis=0), size)
+        growth = target_size / size if size_is_free and target_size > 0.0 else 1.0
+        return cls(centre, target_centre, growth * size, growth)
 
     def source(self, points: Float64Array) -> Float64Array:
         """Return source points in the frame."""
-        return np.ascontiguousarray((points - self.source_center) / self.size)
+        return np.ascontiguousarray((points - self.source_center) / (self.size / self.growth))
 
     def target(self, points: Float64Array) -> Float64Array:
         """Return target points in the frame."""
@@ -53,15 +57,21 @@ class Frame:
         """Return (A, t) in the frame of a homogeneous ``T_target_source`` in the input's units."""
         d = self.source_center.size
         A = np.ascontiguousarray(T[:d, :d])
-        return A, (A @ self.source_center + T[:d, d] - self.target_center) / self.size
+        return A / self.growth, (A @ self.source_center + T[:d, d] - self.target_center) / self.size
 
     def leave(self, A: Float64Array, t: Float64Array) -> Float64Array:
         """Return the homogeneous ``T_target_source`` in the input's units of (A, t) in the frame."""
         d = self.source_center.size
         T = np.eye(d + 1)
-        T[:d, :d] = A
-        T[:d, d] = self.size * t + self.target_center - A @ self.source_center
+        T[:d, :d] = self.growth * A
+        T[:d, d] = self.size * t + self.target_center - T[:d, :d] @ self.source_center
         return T
+
+
+def _spread(points: Float64Array) -> tuple[Float64Array, float]:
+    """Return the centre of points, and their root mean square distance from it."""
+    centre = points.mean(axis=0)
+    return centre, float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean()))
 
 
 def plane_form(

@@ -19,7 +19,7 @@ from seismo3d.registration.feature_pairs import feature_term
 from seismo3d.registration.polish import polish
 from seismo3d.registration.projective import PixelTable, pixel_tables
 from seismo3d.registration.result import Registration
-from seismo3d.registration.scale_starts import led_by_extent
+from seismo3d.registration.scale_starts import led_by_extent, usual_scale
 from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.solvers import Limits, Prior
 from seismo3d.registration.stages import Task, is_sure, led_by_rasters, run_local, search
@@ -77,7 +77,8 @@ def register(
         Edge of the finest voxels, in the scans' units. Default: a fiftieth of the source's root mean square radius,
         larger where points are few.
     constraints : Constraints, optional
-        Degrees of freedom that are fixed or bounded, relative to the start.
+        Degrees of freedom that are fixed or bounded, relative to the start. A free scale may leave that of the start
+        and that of both scans' extents tenfold; an answer that ran to its end is a poor fit.
     settings : LoopSettings, optional
         Settings of the loop; ``alpha`` and ``n_threads`` given here win.
     correspondences : {"nearest", "projective"}
@@ -183,7 +184,8 @@ def _prepare(
         features = feature_term(matches, q, p, pair.frame, 0.05 * pair.voxel_size)
     T = np.eye(d + 1) if start is None else as_start(start, "start", d, model)
     prior = Prior(*pair.frame.enter(T))
-    limits = Limits(*(constraints or Constraints()).limits(model, d, pair.frame.size))
+    given = constraints or Constraints()
+    limits = Limits(*given.limits(model, d, pair.frame.size, usual_scale=usual_scale(q, p, T)))
     return Task(q, p, pair, features, prior, limits, model, chosen), prior
 
 

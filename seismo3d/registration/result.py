@@ -13,6 +13,8 @@ from seismo3d.registration.certificate import Certificate
 
 MODELS = ("translation", "rigid", "similarity", "scaled", "affine")
 """The classes of transformation, by name; a model's place is its number in the kernels."""
+SIZE_IS_FREE = ("similarity", "scaled", "affine")
+"""The models that may shrink and grow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +60,7 @@ class Registration:
         The state is ``"converged"``.
     state : str
         ``"converged"``, ``"not_converged"`` (steps ran out), ``"no_overlap"`` (too few pairs within reach),
-        ``"poor_fit"`` (a minimum whose overlap or residual fails the test).
+        ``"poor_fit"`` (a minimum whose overlap or residual fails the test, or whose scale ran to a bound).
     certificate : Certificate or None
         Bound on the distance to the global minimum for the final pairs; None for models without one.
     unobservable : tuple of Direction
@@ -70,6 +72,9 @@ class Registration:
         Mean square residual after each step of the loop, the input's units squared; empty for the exact solve alone.
     path : tuple of ndarray of shape (d+1, d+1)
         Transforms at which those energies were measured.
+    at_bounds : tuple of str
+        Which of ``"rotation"``, ``"translation"`` and ``"scale"`` ended at a bound, where they were not fixed: without
+        it they would have gone on.
     stage : str
         ``"exact"`` (given pairs), ``"local"`` or ``"global"``: the stage whose answer this is.
     find_inliers : callable
@@ -88,6 +93,7 @@ class Registration:
     scale: Float64Array
     energies: tuple[float, ...] = ()
     path: tuple[Float64Array, ...] = ()
+    at_bounds: tuple[str, ...] = ()
     stage: str = "exact"
     find_inliers: Callable[[], BoolArray] = field(default=lambda: np.zeros(0, dtype=bool), repr=False)
 

@@ -15,14 +15,17 @@ from seismo3d._typing import Float64Array
 from seismo3d.registration.constraints import Constraints
 from seismo3d.registration.dense import prepare_pair
 from seismo3d.registration.icp import LoopResult
+from seismo3d.registration.result import SIZE_IS_FREE
 from seismo3d.registration.solvers import Limits, Prior
 from seismo3d.registration.stages import Task, is_sure, run, run_local, scale_of, search, surface_cost
+from seismo3d.scan import Scan
 
-SIZE_IS_FREE = ("similarity", "scaled", "affine")
 NEARBY = (1.0, 0.97, 1.03)
 """Scales that are settled rigidly, over that of the extents."""
 SAME_SCALE = math.log(1.1)
 """Logarithm of the ratio up to which two scales are alike."""
+USUAL_RANGE = 10.0
+"""Factor up to which a scale that is not bounded may leave those of the start and of the extents, either way."""
 GOOD_COST = 0.2
 """Robust cost, of at most 1 and measured both ways, below which a local answer at such a scale is taken."""
 
@@ -49,11 +52,9 @@ def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, Loop
     """
     if task.model not in SIZE_IS_FREE or task.features is not None:
         return task, found, stage
-    target_middle, target_extent = _extent(task.target.points)
-    source_middle, source_extent = _extent(task.source.points)
-    if not source_extent > 0.0 or not target_extent > 0.0:
+    scale = scale_of_extents(task.target, task.source)
+    if scale is None:
         return task, found, stage
-    scale = target_extent / source_extent
     before = float(np.exp(np.log(np.maximum(scale_of(found.A), 1e-12)).mean()))
     is_near = abs(math.log(scale / before)) < SAME_SCALE
     is_good = is_sure(task, found) and surface_cost(task, found) < GOOD_COST
@@ -73,9 +74,16 @@ def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, Loop
         return Prior(*pair.frame.enter(task.pair.frame.leave(A, t)))
 
     settings = replace(task.settings, wide_search=False)
-    sized_task = replace(task, pair=pair, prior=enter(task.prior.A, task.prior.t), settings=settings)
+    sized_task = replace(
+        task,
+        pair=pair,
+        prior=enter(task.prior.A, task.prior.t),
+        limits=task.limits.in_size(task.pair.frame.size, pair.frame.size, task.model, task.source.dim),
+        settings=settings,
+    )
     finest = replace(sized_task, pair=replace(pair, target=pair.target[:1], source=pair.source[:1]))
     turn = task.prior.A / scale_of(task.prior.A)
+    target_middle, source_middle = _extent(task.target.points)[0], _extent(task.source.points)[0]
     answers = []
     for factor in NEARBY:
         to_size = np.eye(task.source.dim + 1)
@@ -89,6 +97,22 @@ def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, Loop
     if surface_cost(sized_task, answer) < surface_cost(sized_task, replace(found, A=other.A, t=other.t)) - 1e-3:
         return sized_task, answer, "global"
     return task, found, stage
+
+
+def scale_of_extents(target: Scan, source: Scan) -> float | None:
+    """Return the ratio of two scans' extents; None where one has none, as most of its points coincide."""
+    extents = [_extent(scan.points)[1] for scan in (target, source)]
+    return extents[0] / extents[1] if min(extents) > 0.0 else None
+
+
+def usual_scale(target: Scan, source: Scan, T_start: Float64Array) -> tuple[float, float]:
+    """Return the lowest and highest scale, over that of the start, where none are given.
+
+    The size of a free source may collapse, so that it has bounds; they hold the start and what the extents suggest.
+    """
+    suggested = scale_of_extents(target, source) or 1.0
+    ratios = suggested / scale_of(T_start[:-1, :-1])
+    return min(1.0, float(ratios.min())) / USUAL_RANGE, max(1.0, float(ratios.max())) * USUAL_RANGE
 
 
 def _settle_rigidly(task: Task, to_size: Float64Array) -> Float64Array:

@@ -16,6 +16,8 @@ from seismo3d.registration.constraints import model_number
 from seismo3d.registration.result import MODELS
 
 STEPS = 60
+AT_BOUND = 1e-9
+"""Distance from a bound, in the frame's units, up to which a parameter lies on it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +66,24 @@ class Limits:
     def bind_motion(self) -> bool:
         """Whether any parameter is bounded."""
         return bool(np.isfinite(self.low).any() or np.isfinite(self.high).any())
+
+    def reached(self, prior: Prior, A: Float64Array, t: Float64Array, model: str) -> tuple[str, ...]:
+        """Return the kinds of parameters of which one ended at a bound, where it was not fixed."""
+        if not self.bind_motion:
+            return ()
+        offsets = offsets_from(prior, A, t, model)
+        ends = (offsets - self.low < AT_BOUND) | (self.high - offsets < AT_BOUND)
+        active = ends & (self.high - self.low > AT_BOUND)
+        first = newton_kernels.n_rotation(model_number(model), t.size)
+        parts = np.split(active, [first, first + t.size])
+        return tuple(kind for kind, part in zip(("rotation", "translation", "scale"), parts) if part.any())
+
+    def in_size(self, old: float, new: float, model: str, dim: int) -> Limits:
+        """Return the same limits in a frame of another size, in whose units translations are."""
+        first = newton_kernels.n_rotation(model_number(model), dim)
+        unit = np.ones_like(self.low)
+        unit[first : first + dim] = old / new
+        return Limits(self.low * unit, self.high * unit)
 
 
 def solve_form(Q: Float64Array, *, model: str, prior: Prior, limits: Limits, ratio: float = 1e-6) -> Solution:

@@ -105,6 +105,27 @@ def test_constraints_fix_and_bound(rng):
     assert grown.scale[0] == pytest.approx(1.2, abs=1e-9)
 
 
+@pytest.mark.parametrize("scale", [1e-3, 0.02, 30.0, 1e3])
+@pytest.mark.parametrize("model", ["similarity", "scaled"])
+@pytest.mark.parametrize("d", [2, 3])
+def test_any_scale_is_exact(d, model, scale, rng):
+    R, p = random_rotation(rng, dim=d), rng.normal(size=(40, d))
+    q = scale * p @ R.T + np.arange(d)
+    found = align_pairs(q, p, model=model)
+    np.testing.assert_allclose(found.T_target_source[:d, :d], scale * R, rtol=1e-9, atol=1e-9 * scale)
+    assert not found.at_bounds
+    assert not found.unobservable
+
+
+def test_active_bounds_are_told(rng):
+    p = rng.normal(size=(60, 3))
+    q = 1.5 * p @ exp_rotation([0.1, 0.2, 0.3]).T + [1.0, 2.0, 3.0]
+    bounds = Constraints(rotation=(None, 0.05, None), translation=(None, None, 0), scale=(0.5, 1.2))
+    assert align_pairs(q, p, model="similarity", constraints=bounds).at_bounds == ("rotation", "scale")
+    wide = Constraints(rotation=(1.0, 1.0, 1.0), scale=(0.5, 2.0))
+    assert align_pairs(q, p, model="similarity", constraints=wide).at_bounds == ()
+
+
 def test_loose_constraints_change_nothing(rng):
     p = rng.normal(size=(60, 3))
     q = p @ exp_rotation([0.1, 0.2, 0.3]).T + 0.05 * rng.normal(size=p.shape)

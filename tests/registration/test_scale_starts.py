@@ -40,6 +40,19 @@ def test_scale_between_surveys_of_other_density_is_recovered(rng, scale):
     assert np.linalg.norm((found.T_target_source @ np.linalg.inv(T) @ corner - corner)[:3]) < 1.5
 
 
+@pytest.mark.parametrize("model", ["similarity", "scaled", "affine"])
+@pytest.mark.parametrize("scale", [0.001, 100.0])
+def test_other_units_are_told(rng, scale, model):
+    source, T = moved(terrain(rng, 4000), scale)
+    found = register(terrain(rng, 4000), source, model=model)
+    assert found.state == "converged"
+    assert found.at_bounds == ()
+    np.testing.assert_allclose(found.scale, scale, rtol=0.02)
+    assert (np.diag(found.covariance) >= 0.0).all()
+    corner = np.array([400.0, 300.0, 0.0, 1.0])
+    assert np.linalg.norm((found.T_target_source @ np.linalg.inv(T) @ corner - corner)[:3]) < 3.0
+
+
 def test_gross_outliers_do_not_mislead_the_extent(rng):
     target = terrain(rng, 12000)
     target[:60, 2] += rng.uniform(300, 900, 60)
@@ -63,6 +76,8 @@ def test_bounds_keep_the_extents_out(rng):
     source, _ = moved(terrain(rng, 3000), 1.5)
     found = register(terrain(rng, 6000), source, model="similarity", constraints=Constraints(scale=(0.9, 1.1)))
     assert 0.9 - 1e-9 <= float(found.scale[0]) <= 1.1 + 1e-9
+    assert found.at_bounds == ("scale",)
+    assert found.state == "poor_fit"
 
 
 def test_local_stage_alone_stays_local(rng):
