@@ -28,6 +28,8 @@ _PLY_TYPES = {
 _PCD_TYPES = {
     (kind, str(size)): f"<{kind.lower()}{size}" for kind in "IUF" for size in (1, 2, 4, 8) if (kind, size) != ("F", 1)
 }
+_MOST_COLUMNS = 10
+"""Of arrays of points: coordinates, normals, a colour and one number more."""
 WRITTEN_SUFFIXES = (".ply", ".xyz", ".npy")
 _LAS_BYTES = 64 * 2**20
 _NORMAL_NAMES = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
@@ -381,10 +383,11 @@ def _read_numpy(path: Path) -> tuple[AnyArray, AnyArray | None]:
         raise FormatError(
             f"{path.name} holds an array of shape {points.shape}; expected points of shape (n, 2) or (n, 3)."
         )
-    if len(points) in (2, 3) and points.shape[1] > 6:
+    if points.shape[1] > _MOST_COLUMNS or (len(points) in (2, 3) and points.shape[1] > 6):
+        remedy = "transpose it" if len(points) < _MOST_COLUMNS else "a map is an .npz with an entry 'elevation'"
         raise FormatError(
-            f"{path.name} holds an array of shape {points.shape}; expected points of shape (n, 2) or (n, 3). Give one "
-            f"point a row: transpose a ({len(points)}, n) array."
+            f"{path.name} holds an array of shape {points.shape}; expected points of shape (n, 2) or (n, 3), at most "
+            f"{_MOST_COLUMNS} columns with all else. Give one point a row; {remedy}."
         )
     points = points[:, :3]
     if normals is not None and (normals.shape != points.shape or normals.dtype.kind not in "fiu"):

@@ -173,3 +173,11 @@ def test_points_in_columns_are_refused_with_the_remedy(tmp_path):
     np.save(tmp_path / "a.npy", np.zeros((3, 50)))
     with pytest.raises(FormatError, match=r"shape \(3, 50\).*transpose"):
         read_points(tmp_path / "a.npy")
+
+
+def test_arrays_wider_than_points_are_refused(tmp_path):
+    np.savez(tmp_path / "a.npz", points=np.zeros((60, 80)))
+    with pytest.raises(FormatError, match=r"shape \(60, 80\).*entry 'elevation'"):
+        read_points(tmp_path / "a.npz")
+    np.save(tmp_path / "b.npy", np.zeros((60, 10)))
+    assert read_points(tmp_path / "b.npy").points.shape == (60, 3)
