@@ -15,6 +15,7 @@ from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d._validate import as_points
 from seismo3d.errors import FileAccessError, FormatError, MissingDependencyError
 from seismo3d.io import _lzf
+from seismo3d.io._column_names import find_names
 from seismo3d.io._decimal_commas import may_have_decimal_commas
 from seismo3d.io._files import check_output, written_aside
 from seismo3d.io._las import check_las
@@ -61,8 +62,9 @@ def read_points(path: str | Path) -> PointFile:
     ----------
     path : str or Path
         ``.ply`` (ASCII or binary), ``.pcd`` (ASCII, binary, binary compressed), ``.xyz``, ``.txt``, ``.csv``, ``.pts``
-        (numbers with decimal points, or commas where semicolons or blanks part them), ``.las`` or ``.laz`` (with the
-        extra ``las``), ``.npy``, ``.npz`` (entry ``points``, perhaps ``normals``).
+        (numbers with decimal points, or commas where semicolons or blanks part them; the first columns, or those that
+        a line before them, or a comment, names x, y and z or easting, northing and height), ``.las`` or ``.laz`` (with
+        the extra ``las``), ``.npy``, ``.npz`` (entry ``points``, perhaps ``normals``).
 
     Returns
     -------
@@ -292,21 +294,15 @@ def _parse_numbers(lines: list[str], path: Path) -> Float64Array:
 
 
 def _read_text(path: Path) -> tuple[AnyArray, AnyArray | None]:
-    lines = path.read_text(encoding="ascii", errors="replace").split("\n")
-    names: list[str] = []
-    skip = 0
-    for skip, line in enumerate(lines):  # noqa: B007
-        words = line.replace(",", " ").replace(";", " ").lower().split()
-        if not words or words[0].startswith(("#", "//")):
-            continue
-        if _is_number(words[0]) and len(words) > 1:
-            break
-        names = [word.strip('"') for word in words]
-    table = _parse_numbers(_with_points(lines[skip:]), path)
+    lines = path.read_text(encoding="utf-8-sig", errors="replace").split("\n")
+    first = next((k for k, line in enumerate(lines) if _is_row(line)), len(lines) - 1)
+    table = _parse_numbers(_with_points(lines[first:]), path)
     if table.shape[1] < 2 or table.shape[0] == 0:
         raise FormatError(f"{path.name} has rows of {table.shape[1]} numbers; expected at least two coordinates a row.")
-    if {"x", "y"} <= set(names) and len(names) <= table.shape[1]:
-        return _pick_columns({name: table[:, k] for k, name in enumerate(names)}, path)
+    names = find_names([line for line in lines[:first] if line.strip()], table.shape[1], path.name)
+    if names and names != ["x", "y", "z"]:
+        named = {name: table[:, k] for k, name in reversed(list(enumerate(names)))}  # the first of equal names holds
+        return _pick_columns(named, path)
     return table[:, : min(3, table.shape[1])], (
         table[:, 3:6] if table.shape[1] == 6 and _are_unit(table[:, 3:6]) else None
     )
@@ -325,9 +321,13 @@ def _are_unit(vectors: Float64Array) -> bool:
     return bool(np.abs(np.linalg.norm(vectors, axis=1) - 1.0).max() < 1e-2)
 
 
-def _is_number(word: str) -> bool:
+def _is_row(line: str) -> bool:
+    """Tell whether a line begins with a number and goes on: one alone is a count of points."""
+    words = line.replace(",", " ").replace(";", " ").split()
+    if len(words) < 2:
+        return False
     try:
-        float(word)
+        float(words[0])
     except ValueError:
         return False
     return True

@@ -82,6 +82,48 @@ def test_csv_with_names_in_any_order_and_a_bare_xyz(tmp_path):
     assert read_points(tmp_path / "b.xyz").normals is None
 
 
+@pytest.mark.parametrize(
+    "header",
+    [
+        "id,x [m],y [m],z [m]",
+        "id,Easting,Northing,Elevation",
+        "//GpsTime X Y Z",
+        "# time,x,y,z",
+        "\ufeffid,x,y,z",
+        '"t (s)";"x(m)";"y(m)";"height (m)"',
+        "# made by hand, in metres\n#id x y z\n# 2 points follow",
+    ],
+)
+def test_named_columns_are_taken_by_their_names(tmp_path, header):
+    (tmp_path / "a.csv").write_text(f"{header}\n7,1,2,3\n8,4,5,6\n", encoding="utf-8")
+    np.testing.assert_array_equal(read_points(tmp_path / "a.csv").points, [[1, 2, 3], [4, 5, 6]])
+
+
+def test_names_before_normals_without_names_keep_them(tmp_path):
+    (tmp_path / "a.xyz").write_text("# x y z\n1 2 3 0 0 1\n4 5 6 0 1 0\n")
+    np.testing.assert_array_equal(read_points(tmp_path / "a.xyz").normals, [[0, 0, 1], [0, 1, 0]])
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("lon,lat,up\n1,2,3\n", "names its columns lon, lat, up; expected x, y and z"),
+        ("# time,lon,lat\n1,2,3\n", "names its columns time, lon, lat"),
+        ("x,y,z,label\n1,2,3\n", "names 4 columns, x, y, z, label, and its rows have 3 numbers"),
+    ],
+)
+def test_names_that_are_not_understood_are_refused(tmp_path, text, match):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(FormatError, match=match):
+        read_points(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("header", ["# three plain words", "2\na comment", "# x y z in metres", "#"])
+def test_lines_that_name_nothing_are_passed_over(tmp_path, header):
+    (tmp_path / "a.xyz").write_text(f"{header}\n1 2 3\n4 5 6\n")
+    np.testing.assert_array_equal(read_points(tmp_path / "a.xyz").points, [[1, 2, 3], [4, 5, 6]])
+
+
 def test_las_file(tmp_path):
     laspy = pytest.importorskip("laspy")
     header = laspy.LasHeader(point_format=0, version="1.2")
