@@ -6,7 +6,7 @@ Layouts, by what a folder holds:
   paired by time: TUM. Files are named relative to the folder.
 - ``frame-000000.color.png`` and ``frame-000000.depth.png``: 7-Scenes, 30 frames a second.
 - ``color`` (or ``rgb``, ``colour``, ``image``) and ``depth``: paired by time where all names are decimal numbers of
-  seconds, else by their order, 30 frames a second: Open3D and others.
+  seconds, else by the number that each name ends in, or by the whole name, 30 frames a second: Open3D and others.
 - ``rig.json``: several cameras, ``{"cameras": [{"folder": ..., "T_body_camera": 4 x 4, "clock_offset": seconds}]}``,
   each folder in one of the layouts above.
 
@@ -35,6 +35,7 @@ from seismo3d.robot.sequence_files import (
     find_camera,
     is_cut_short,
     is_there,
+    last_number,
     natural,
     read_image,
     read_json,
@@ -198,13 +199,31 @@ def _side_by_side(colour: Path, depth: Path, folder: Path, max_difference: float
     if all(t is not None for row in stamps for t in row) and all(stamps):
         timed = [[(float(t or 0.0), p) for t, p in zip(row, images)] for row, images in zip(stamps, listed)]
         return _by_time(sorted(timed[0]), sorted(timed[1]), folder, max_difference)
-    if len(listed[0]) != len(listed[1]):
+    return _sorted(_by_name(listed[0], listed[1], folder), folder)
+
+
+def _by_name(colour: list[Path], depth: list[Path], folder: Path) -> list[_Entry]:
+    """Pair images of one number, or of one name where some have no number; those without a partner keep their time."""
+    have_numbers = all(last_number(path) is not None for path in [*colour, *depth])
+    colour_of, depth_of = (
+        {last_number(path) if have_numbers else path.stem: path for path in images} for images in (colour, depth)
+    )
+    if len(colour_of) < len(colour) or len(depth_of) < len(depth):
         raise FormatError(
-            f"{folder} holds {len(listed[0])} colour and {len(listed[1])} depth images without stamps; expected "
-            "as many of one as of the other. Write an associations.txt."
+            f"{folder} holds images whose names end in the same number; expected one of each in a folder. Rename them, "
+            "or write an associations.txt."
         )
-    ordered = [sorted(images, key=natural) for images in listed]
-    return _sorted([_Entry(i * _RATE, c, i * _RATE, d) for i, (c, d) in enumerate(zip(*ordered))], folder)
+    together = colour_of.keys() & depth_of.keys()
+    n_most = max(len(colour), len(depth))
+    if n_most and len(together) < (1 if have_numbers else n_most):
+        raise FormatError(
+            f"{folder} holds {len(colour)} colour and {len(depth)} depth images without stamps, {len(together)} of "
+            "them of one name; expected names that end in the frame's number, or the same names in both folders. "
+            "Rename them, or write an associations.txt."
+        )
+    order = sorted(colour_of.keys() | depth_of.keys(), key=lambda name: natural(str(name)))
+    times = {name: i * _RATE for i, name in enumerate(order)}
+    return [_Entry(times[name], colour_of[name], times[name], depth_of[name]) for name in together]
 
 
 def _by_time(

@@ -140,6 +140,12 @@ def _as_number(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def natural(path: Path) -> list[Any]:
+def natural(name: str) -> list[Any]:
     """Return what sorts names by the numbers in them."""
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", path.name)]
+    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", name)]
+
+
+def last_number(path: Path) -> int | None:
+    """Return the last number in a file's name; None where it has none."""
+    numbers = re.findall(r"\d+", path.stem)
+    return int(numbers[-1]) if numbers else None

@@ -79,6 +79,42 @@ def test_open3d_layout_and_column_major_matrix(tmp_path: Path) -> None:
     assert [int(frame.depth[0, 0]) for frame in sequence] == list(range(1000, 1011))  # 10 comes after 9
 
 
+def test_unstamped_images_are_paired_by_the_number_in_their_names(tmp_path: Path) -> None:
+    write_camera(tmp_path)
+    for number in range(8, 13):
+        write_pair(tmp_path / f"color/cam1_{number}.jpg", tmp_path / f"depth/d{number:04d}.png", number)
+    (tmp_path / "color/cam1_11.jpg").unlink()
+    (tmp_path / "depth/d0009.png").unlink()
+    sequence = read_sequence(tmp_path)
+    assert [int(frame.depth[0, 0]) for frame in sequence] == [1008, 1010, 1012]
+    assert sequence.times == pytest.approx(np.array([0, 2, 4]) / 30)  # what is missing keeps its time
+
+
+def test_unstamped_images_without_numbers_are_paired_by_their_names(tmp_path: Path) -> None:
+    write_camera(tmp_path)
+    for number, name in enumerate("cab"):
+        write_pair(tmp_path / f"color/{name}.jpg", tmp_path / f"depth/{name}.png", number)
+    assert [int(frame.depth[0, 0]) for frame in read_sequence(tmp_path)] == [1001, 1002, 1000]
+
+
+@pytest.mark.parametrize(
+    ("colour", "depth", "words"),
+    [
+        (["a", "b"], ["a", "c"], "2 colour and 2 depth images without stamps, 1 of them of one name"),
+        (["1", "2"], ["3", "4"], "0 of them of one name"),
+        (["x1", "y1"], ["1", "2"], "end in the same number"),
+    ],
+)
+def test_unstamped_images_that_do_not_belong_together(
+    tmp_path: Path, colour: list[str], depth: list[str], words: str
+) -> None:
+    write_camera(tmp_path)
+    for one, other in zip(colour, depth):
+        write_pair(tmp_path / f"color/{one}.jpg", tmp_path / f"depth/{other}.png", 1)
+    with pytest.raises(FormatError, match=words):
+        read_sequence(tmp_path)
+
+
 def test_several_cameras_are_merged_in_the_bodys_time(tmp_path: Path) -> None:
     for name, stamps in (("left", (1.0, 1.2)), ("right", (0.1, 0.3))):
         write_camera(tmp_path / name)
