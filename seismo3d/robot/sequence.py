@@ -3,7 +3,7 @@
 Layouts, by what a folder holds:
 
 - ``associations.txt`` (``time colour time depth``), or ``rgb.txt`` and ``depth.txt`` (``time file``), which are then
-  paired by time: TUM. Files are named relative to the folder.
+  paired by time: TUM. Files are named relative to the folder; times are in seconds.
 - ``frame-000000.color.png`` and ``frame-000000.depth.png``: 7-Scenes, 30 frames a second.
 - ``color`` (or ``rgb``, ``colour``, ``image``) and ``depth``: paired by time where all names are decimal numbers of
   seconds, else by the number that each name ends in, or by the whole name, 30 frames a second: Open3D and others.
@@ -18,6 +18,7 @@ authors hold. Depth is in ``depth_scale`` values a metre: 5000 in TUM, else 1000
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,7 +28,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import as_number
-from seismo3d.errors import FileAccessError, FormatError
+from seismo3d.errors import FileAccessError, FormatError, Seismo3dWarning
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
 from seismo3d.robot.sequence_files import (
     as_rgb,
@@ -43,6 +44,8 @@ from seismo3d.robot.sequence_files import (
 )
 
 _RATE = 1.0 / 30.0
+_LEAST_SPACING, _MOST_SPACING = 1e-3, 1.0
+"""Seconds between frames, in the median, that a camera can have."""
 _COLOUR_FOLDERS = ("rgb", "color", "colour", "image")
 _IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".ppm", ".tif", ".tiff", ".bmp")
 
@@ -108,7 +111,7 @@ def read_sequence(path: str | Path, *, camera: object = None, max_difference: fl
     camera : Camera, PinholeCamera, dict, or object with its fields, optional
         In place of the intrinsics in the folder. Not for several cameras.
     max_difference : float
-        Stamps of colour and depth that are farther apart are no pair, seconds.
+        Stamps of colour and depth that are farther apart are no pair, seconds; of an ``associations.txt`` too.
 
     Returns
     -------
@@ -120,7 +123,13 @@ def read_sequence(path: str | Path, *, camera: object = None, max_difference: fl
     FileAccessError
         If the folder or a file in it cannot be read.
     FormatError
-        If it is in none of the layouts, has no intrinsics, or no colour and depth belong together.
+        If it is in none of the layouts, has no intrinsics, no colour and depth belong together, or its stamps are in
+        another unit than seconds.
+
+    Warns
+    -----
+    Seismo3dWarning
+        If a list has rows twice, or pairs that are too far apart in time.
     """
     folder = Path(path)
     as_number(max_difference, "max_difference", low=0.0)
@@ -172,7 +181,7 @@ def _find_entries(folder: Path, max_difference: float) -> tuple[list[_Entry], st
     if (folder / "associations.txt").is_file():
         rows = read_rows(folder / "associations.txt", 4)
         entries = [_Entry(float(a), folder / b, float(c), folder / d) for a, b, c, d in rows]
-        return _sorted(entries, folder), "tum"
+        return _sorted(_near(entries, folder, max_difference), folder), "tum"
     if (folder / "rgb.txt").is_file() and (folder / "depth.txt").is_file():
         colour, depth = (
             [(float(t), folder / name) for t, name in read_rows(folder / file, 2)] for file in ("rgb.txt", "depth.txt")
@@ -229,14 +238,50 @@ def _by_name(colour: list[Path], depth: list[Path], folder: Path) -> list[_Entry
 def _by_time(
     colour: list[tuple[float, Path]], depth: list[tuple[float, Path]], folder: Path, max_difference: float
 ) -> list[_Entry]:
-    pairs = associate(np.array([t for t, _ in colour]), np.array([t for t, _ in depth]), max_difference=max_difference)
-    entries = [_Entry(*colour[i], *depth[j]) for i, j in pairs]
+    stamps = [np.array([t for t, _ in images]) for images in (colour, depth)]
+    for times in stamps:
+        _check_spacing(times, folder)
+    entries = [_Entry(*colour[i], *depth[j]) for i, j in associate(*stamps, max_difference=max_difference)]
     if not entries and colour and depth:
-        raise FormatError(
-            f"{folder} holds {len(colour)} colour and {len(depth)} depth images, none within {max_difference} s "
-            "of each other; expected synchronised stamps. Raise max_difference, or write an associations.txt."
-        )
+        raise _no_pairs(len(colour), len(depth), folder, max_difference)
     return _sorted(entries, folder)
+
+
+def _near(entries: list[_Entry], folder: Path, max_difference: float) -> list[_Entry]:
+    """Return the listed pairs whose stamps are close to each other; warn of the others."""
+    _check_spacing(np.array([entry.time for entry in entries]), folder)
+    near = [entry for entry in entries if abs(entry.time - entry.depth_time) <= max_difference]
+    if entries and not near:
+        raise _no_pairs(len(entries), len(entries), folder, max_difference)
+    if len(near) < len(entries):
+        warnings.warn(
+            f"{folder / 'associations.txt'} has {len(entries) - len(near)} pairs of {len(entries)} more than "
+            f"{max_difference:g} s apart; they are left out. Raise max_difference to take them.",
+            Seismo3dWarning,
+            stacklevel=4,
+        )
+    return near
+
+
+def _no_pairs(n_colour: int, n_depth: int, folder: Path, max_difference: float) -> FormatError:
+    return FormatError(
+        f"{folder} holds {n_colour} colour and {n_depth} depth images, none within {max_difference:g} s "
+        "of each other; expected synchronised stamps in seconds. Raise max_difference, or correct the stamps."
+    )
+
+
+def _check_spacing(times: Float64Array, folder: Path) -> None:
+    """Refuse stamps that are in another unit than seconds, or the same on all frames, as their spacing tells."""
+    if len(times) < 2:
+        return
+    spacing = float(np.median(np.diff(np.sort(times))))
+    if not _LEAST_SPACING <= spacing <= _MOST_SPACING:
+        is_long = spacing > _MOST_SPACING
+        remedy = "Convert them: milliseconds by 1e-3, nanoseconds by 1e-9" if is_long else "Give each frame its own"
+        raise FormatError(
+            f"{folder} has stamps {spacing:.3g} apart in the median; expected seconds, {_LEAST_SPACING:g} to "
+            f"{_MOST_SPACING:g} apart. {remedy}."
+        )
 
 
 def _sorted(entries: list[_Entry], folder: Path) -> list[_Entry]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray
-from seismo3d.errors import FileAccessError, FormatError, Seismo3dError
+from seismo3d.errors import FileAccessError, FormatError, Seismo3dError, Seismo3dWarning
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.io._files import refuse_os_errors
 from seismo3d.robot.camera import Camera, as_robot_camera
@@ -58,7 +59,7 @@ def _as_camera(fields: dict[str, Any], path: Path) -> Camera:
 
 
 def read_rows(path: Path, n_columns: int) -> list[list[str]]:
-    """Return the words of a list of times and files, comments left out."""
+    """Return the words of a list of times and files, without comments and, with a warning, rows that came before."""
     with refuse_os_errors(path, "read"):
         raw = path.read_bytes()
     try:
@@ -70,7 +71,14 @@ def read_rows(path: Path, n_columns: int) -> list[list[str]]:
         times = row[0::2]
         if len(row) != n_columns or any(_as_number(t) is None for t in times):
             raise FormatError(f"{path}, row {number}: {' '.join(row)!r}; expected {n_columns} columns, time and file.")
-    return rows
+    once = [list(row) for row in dict.fromkeys(map(tuple, rows))]
+    if len(once) < len(rows):
+        warnings.warn(
+            f"{path} has {len(rows) - len(once)} rows of {len(rows)} twice; they are taken once. Take them out.",
+            Seismo3dWarning,
+            stacklevel=4,
+        )
+    return once
 
 
 def is_there(path: Path) -> bool:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from seismo3d.errors import FileAccessError, FormatError
+from seismo3d.errors import FileAccessError, FormatError, Seismo3dWarning
 from seismo3d.robot.sequence import associate, read_sequence
 
 CAMERA = {"fx": 60.0, "fy": 61.0, "cx": 31.5, "cy": 23.5, "distortion": [0.1], "width": 64, "height": 48}
@@ -47,13 +47,53 @@ def test_tum_pairs_by_time_and_reads_red_first(tmp_path: Path) -> None:
 def test_associations_win_over_lists(tmp_path: Path) -> None:
     write_camera(tmp_path, depth_scale=1000, readout=0.01)
     write_pair(tmp_path / "a.png", tmp_path / "b.png", 7)
-    (tmp_path / "associations.txt").write_text("5.25 a.png 5.75 b.png\n")
+    (tmp_path / "associations.txt").write_text("5.25 a.png 5.26 b.png\n")
     (tmp_path / "rgb.txt").write_text("no list at all\n")
     (tmp_path / "depth.txt").write_text("")
     sequence = read_sequence(tmp_path)
-    assert (sequence[0].time, sequence[0].depth_time) == (5.25, 5.75)
+    assert (sequence[0].time, sequence[0].depth_time) == (5.25, 5.26)
     assert sequence.camera.lens.depth_scale == 1000
     assert sequence.camera.readout == 0.01
+
+
+def write_associations(folder: Path, times: list[tuple[object, object]]) -> None:
+    write_camera(folder)
+    lines = ""
+    for number, (colour, depth) in enumerate(times):
+        write_pair(folder / f"rgb/{number}.png", folder / f"depth/{number}.png", number)
+        lines += f"{colour} rgb/{number}.png {depth} depth/{number}.png\n"
+    (folder / "associations.txt").write_text(lines)
+
+
+def test_listed_pairs_far_apart_are_left_out(tmp_path: Path) -> None:
+    write_associations(tmp_path, [(0.0, 0.01), (0.1, 0.4), (0.2, 0.2)])
+    with pytest.warns(Seismo3dWarning, match=r"1 pairs of 3 more than 0\.02 s apart"):
+        assert read_sequence(tmp_path).times.tolist() == [0.0, 0.2]
+    assert len(read_sequence(tmp_path, max_difference=0.31)) == 3
+    write_associations(tmp_path, [(0.0, 0.5), (0.1, 0.6)])
+    with pytest.raises(FormatError, match=r"2 colour and 2 depth images, none within 0\.02 s"):
+        read_sequence(tmp_path)
+
+
+@pytest.mark.parametrize("unit", [0.0, 1e3, 1e9])
+@pytest.mark.parametrize("in_lists", [False, True])
+def test_stamps_in_other_units_are_refused(tmp_path: Path, unit: float, in_lists: bool) -> None:
+    times = [unit * k / 30 for k in range(4)]
+    write_associations(tmp_path, [(time, time) for time in times])
+    if in_lists:
+        (tmp_path / "associations.txt").unlink()
+        for name in ("rgb", "depth"):
+            (tmp_path / f"{name}.txt").write_text("".join(f"{t} {name}/{k}.png\n" for k, t in enumerate(times)))
+    with pytest.raises(FormatError, match=r"apart in the median; expected seconds, 0\.001 to 1 apart"):
+        read_sequence(tmp_path)
+
+
+def test_rows_listed_twice_are_taken_once(tmp_path: Path) -> None:
+    write_associations(tmp_path, [(0.0, 0.0), (0.1, 0.1)])
+    listed = (tmp_path / "associations.txt").read_text()
+    (tmp_path / "associations.txt").write_text(listed + listed)
+    with pytest.warns(Seismo3dWarning, match="has 2 rows of 4 twice"):
+        assert read_sequence(tmp_path).times.tolist() == [0.0, 0.1]
 
 
 def test_seven_scenes_needs_no_intrinsics(tmp_path: Path) -> None:
