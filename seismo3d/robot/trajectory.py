@@ -102,12 +102,14 @@ class Trajectory:
 
 
 def _at_stamp(poses: Sequence[TimedPose], i: int) -> Float64Array:
-    """Pose of the i-th frame's camera at its stamp."""
+    """Pose of the i-th frame's camera at its stamp, by its pose at another time where there is one."""
     pose = poses[i]
     ahead = pose.stamp - pose.time
     step = 1 if ahead > 0.0 else -1
     j = i + step
-    while 0 <= j < len(poses) and (poses[j].camera, poses[j].part) != (pose.camera, pose.part):
+    while 0 <= j < len(poses) and (
+        (poses[j].camera, poses[j].part) != (pose.camera, pose.part) or poses[j].time == pose.time
+    ):
         j += step
     if 0 <= j < len(poses):
         span = poses[j].time - pose.time
