@@ -28,7 +28,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import as_number
-from seismo3d.errors import FileAccessError, FormatError, Seismo3dWarning
+from seismo3d.errors import FileAccessError, FormatError, Seismo3dError, Seismo3dWarning
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
 from seismo3d.robot.sequence_files import (
     as_rgb,
@@ -304,10 +304,19 @@ def _read_rig(folder: Path, max_difference: float) -> RgbdSequence:
     cameras, entries = [], []
     for number, row in enumerate(rows):
         part = read_sequence(folder / str(row["folder"]), max_difference=max_difference)
-        place = np.array(row.get("T_body_camera", np.eye(4)), dtype=np.float64)
-        name = str(row.get("name", row["folder"]))
-        offset = float(row.get("clock_offset", 0.0))
-        cameras.append(replace(part.cameras[0], T_body_camera=place, clock_offset=offset, name=name))
-        entries += [(entry.depth_time + offset, replace(entry, camera=number)) for entry in part._entries]  # noqa: SLF001
+        camera = _placed(part.cameras[0], row, folder / "rig.json")
+        cameras.append(camera)
+        entries += [(e.depth_time + camera.clock_offset, replace(e, camera=number)) for e in part._entries]  # noqa: SLF001
     entries.sort(key=lambda pair: pair[0])
     return RgbdSequence(folder, tuple(cameras), [entry for _, entry in entries])
+
+
+def _placed(camera: Camera, row: dict[str, Any], path: Path) -> Camera:
+    """Return a camera with the place, clock and name that a rig gives it."""
+    name = str(row.get("name", row["folder"]))
+    try:
+        place = np.array(row.get("T_body_camera", np.eye(4)), dtype=np.float64)
+        offset = as_number(row.get("clock_offset", 0.0), "clock_offset")
+        return replace(camera, T_body_camera=place, clock_offset=offset, name=name)
+    except (TypeError, ValueError, Seismo3dError) as error:
+        raise FormatError(f"{path} does not describe camera {name!r}: {error}") from error

@@ -170,6 +170,26 @@ def test_several_cameras_are_merged_in_the_bodys_time(tmp_path: Path) -> None:
     assert sequence.cameras[1].clock_offset == 1.0
 
 
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"clock_offset": "x"}, "clock_offset is 'x'; expected a number"),
+        ({"clock_offset": None}, "clock_offset is None; expected a number"),
+        ({"T_body_camera": [[1, 2], [3, 4]]}, "T_body_camera is no rigid"),
+        ({"T_body_camera": np.diag([2.0, 2.0, 2.0, 1.0]).tolist()}, "T_body_camera is no rigid"),
+        ({"T_body_camera": "here"}, "could not convert"),
+    ],
+)
+def test_a_rig_that_cannot_be_read_is_told_by_file_and_camera(
+    tmp_path: Path, fields: dict[str, object], words: str
+) -> None:
+    write_camera(tmp_path / "left")
+    write_pair(tmp_path / "left/rgb/1.0.png", tmp_path / "left/depth/1.0.png", 1)
+    (tmp_path / "rig.json").write_text(json.dumps({"cameras": [{"folder": "left", **fields}]}))
+    with pytest.raises(FormatError, match=rf"rig\.json does not describe camera 'left': .*{words}"):
+        read_sequence(tmp_path)
+
+
 def test_associate_is_greedy_by_distance_and_uses_each_once() -> None:
     pairs = associate(np.array([0.0, 0.011, 0.5]), np.array([0.010, 0.4]))
     assert pairs.tolist() == [[1, 0]]
