@@ -15,6 +15,7 @@ import numpy as np
 from seismo3d._typing import Progress
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot.camera import Camera, RgbdFrame
+from seismo3d.robot.frames import check_frame
 
 _DELAY_STEP = 0.02
 _LEAST_GAIN = 0.04
@@ -61,7 +62,14 @@ def calibrate_timing(frames: Sequence[RgbdFrame], camera: Camera, *, progress: P
     -------
     Calibration
         Zeros where nothing fits clearly better.
+
+    Raises
+    ------
+    ShapeError
+        If depth and colour of a frame do not fit each other or the camera.
     """
+    for frame in frames:
+        check_frame(frame, camera.lens)
     small = [halve_frame(frame) for frame in frames]
     stamps = np.array([frame.depth_time for frame in frames])
     slowest = float(np.clip(np.median(np.diff(stamps)), 0.0, 0.05)) if len(frames) > 1 else 0.0

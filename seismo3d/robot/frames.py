@@ -182,7 +182,7 @@ class Measurer:
 
     def begin(self, frame: RgbdFrame, twist: Float64Array, timing: Timing) -> Coming:
         """Measure a frame beside what the caller does next; parameters and errors are those of :meth:`measure`."""
-        self._check(frame)
+        check_frame(frame, self.lens)
         grey = None if frame.rgb is None else _grey_of(frame.rgb)
         if self._beside is not None:
             return Coming(grey, self._beside.submit(self._measure, frame, grey, twist, timing))
@@ -265,17 +265,6 @@ class Measurer:
         edges = [rows * k // _PARTS for k in range(_PARTS + 1)]
         return [part.result() for part in [self._pool.submit(work, a, b) for a, b in pairwise(edges)]]
 
-    def _check(self, frame: RgbdFrame) -> None:
-        raw = as_real_array(frame.depth, "depth", ndim=2)
-        if min(raw.shape) < 16:
-            raise ShapeError(f"depth has shape {raw.shape}; expected at least 16 x 16 pixels.")
-        if frame.rgb is not None and frame.rgb.shape != (*raw.shape, 3):
-            raise ShapeError(
-                f"rgb has shape {frame.rgb.shape} and depth {raw.shape}; expected (rows, columns, 3) of the same size. "
-                "Register them first."
-            )
-        self.lens.check_size(raw)
-
     def _metres(self, frame: RgbdFrame) -> Float32Array:
         raw, scale = as_real_array(frame.depth, "depth", ndim=2), self.lens.depth_scale
         depth = self._room.empty(raw.shape, np.float32)
@@ -283,6 +272,19 @@ class Measurer:
         if self.settings.total_variation > 0.0:
             depth = smooth_depth(depth, self.settings.total_variation)
         return depth
+
+
+def check_frame(frame: RgbdFrame, lens: PinholeCamera) -> None:
+    """Refuse a frame whose depth and colour do not fit each other or the camera, or are too small."""
+    raw = as_real_array(frame.depth, "depth", ndim=2)
+    if min(raw.shape) < 16:
+        raise ShapeError(f"depth has shape {raw.shape}; expected at least 16 x 16 pixels.")
+    if frame.rgb is not None and frame.rgb.shape != (*raw.shape, 3):
+        raise ShapeError(
+            f"rgb has shape {frame.rgb.shape} and depth {raw.shape}; expected (rows, columns, 3) of the same size. "
+            "Register them first."
+        )
+    lens.check_size(raw)
 
 
 def _grey_of(rgb: AnyArray) -> AnyArray:

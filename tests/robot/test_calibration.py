@@ -5,6 +5,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from seismo3d.errors import ShapeError
+from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import exp_rotation, make_transform
 from seismo3d.robot import Camera, RgbdFrame, calibrate_timing
 from seismo3d.robot.calibration import _vertex
@@ -65,6 +67,14 @@ def test_what_the_camera_states_is_kept(scene: RgbdSequence) -> None:
     frames = [RgbdFrame.of(f.colour, f.depth, f.stamp) for f in shake(scene, np.arange(3) / 30)]
     found = calibrate_timing(frames, Camera(scene.camera, readout=0.01, depth_delay=-0.005))
     assert (found.readout, found.depth_delay) == (0.01, -0.005)
+
+
+def test_sizes_are_told_as_they_are() -> None:
+    depth, lens = np.ones((48, 64)), PinholeCamera(60.0, 60.0, 31.5, 23.5, width=128, height=96)
+    with pytest.raises(ShapeError, match=r"rgb has shape \(24, 32, 3\) and depth \(48, 64\)"):
+        calibrate_timing([RgbdFrame.of(np.zeros((24, 32, 3), np.uint8), depth, 0.0)], Camera(lens))
+    with pytest.raises(ShapeError, match=r"depth has shape \(48, 64\); the camera says \(96, 128\)"):
+        calibrate_timing([RgbdFrame.of(None, depth, 0.0)], Camera(lens))
 
 
 def test_vertex_of_a_parabola_stays_among_its_points() -> None:
