@@ -43,9 +43,9 @@ def run(
 ) -> None:
     """Map an RGB-D sequence: where the camera was, and the surface that it saw.
 
-    The folder gets trajectory.txt (TUM format), states.csv, mesh.ply, graph.g2o, occupancy.npz, elevation.tif (.npz
-    where rasterio is not installed), map.npz to go on from, trajectory.png, occupancy.png, map.png, report.html and
-    run.json.
+    The folder gets trajectory.txt (TUM format, a row a located frame), states.csv (what became of each frame, and its
+    local map), mesh.ply, graph.g2o, occupancy.npz, elevation.tif (.npz where rasterio is not installed), map.npz to go
+    on from, trajectory.png, occupancy.png, map.png, report.html and run.json.
     """
     from seismo3d._stages import StageClock, say_timings
     from seismo3d._validate import as_number
@@ -120,15 +120,26 @@ def _calibrated(opened: RgbdSequence, show: Progress) -> list[Any]:
     return cameras
 
 
+def _states(mapper: Mapper, found: list[Tracked]) -> list[tuple[str, int | None]]:
+    """Return each frame's state and local map; one that was located in a local map that was given up is dropped."""
+    path = mapper.trajectory
+    map_of = dict(zip(path.frames.tolist(), path.maps.tolist()))
+    return [
+        ("dropped" if tracked.is_located and frame not in map_of else tracked.state, map_of.get(frame))
+        for frame, tracked in enumerate(found)
+    ]
+
+
 def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], closed: Closed | None) -> dict[str, Any]:
     from collections import Counter
 
-    states = Counter(tracked.state for tracked in found)
+    states = Counter(state for state, _ in _states(mapper, found))
     return {
         "frames": len(opened),
-        "located": sum(tracked.is_located for tracked in found),
+        "located": len(mapper.trajectory),
         "lost": states["lost"],
         "empty": states["empty"],
+        "dropped": states["dropped"],
         "local_maps": len(mapper.maps.every),
         "keyframes": sum(len(state.views) for state in mapper.maps.every),
         "closures": 0 if closed is None else closed.n_agreeing,
@@ -149,14 +160,13 @@ def _write(mapper: Mapper, mesh: Mesh, opened: RgbdSequence, found: list[Tracked
     mapper.trajectory.save_tum(folder / "trajectory.txt")
     write_g2o(folder / "graph.g2o", mapper.graph)
     mapper.save(folder / "map.npz")
-    lines = ["time,state,planes,landmarks,plane_spread,landmark_spread_px"]
-    for time, tracked in zip(opened.times, found):
-        located = tracked.located
-        row = f"{time:.6f},{tracked.state},,,,"
+    lines = ["time,state,planes,landmarks,plane_spread,landmark_spread_px,local_map"]
+    for time, tracked, (state, local_map) in zip(opened.times, found, _states(mapper, found)):
+        located, measures = tracked.located, ",,,"
         if located is not None:
             spreads = f"{located.plane_spread:.3f},{located.landmark_spread:.3f}"
-            row = f"{time:.6f},{tracked.state},{located.n_planes},{located.n_landmarks},{spreads}"
-        lines.append(row)
+            measures = f"{located.n_planes},{located.n_landmarks},{spreads}"
+        lines.append(f"{time:.6f},{state},{measures},{'' if local_map is None else local_map}")
     (folder / "states.csv").write_text("\n".join(lines) + "\n", encoding="ascii")
     mesh.save(folder / "mesh.ply")
     occupancy = make_occupancy(mesh, cell=cell)

@@ -76,11 +76,14 @@ class Trajectory:
 
     @property
     def length(self) -> float:
-        """Length of the path in metres."""
-        return float(np.linalg.norm(np.diff(self.T_world_camera[:, :3, 3], axis=0), axis=1).sum())
+        """Length of the path in metres, without the leaps from one local map to another."""
+        steps = np.linalg.norm(np.diff(self.T_world_camera[:, :3, 3], axis=0), axis=1)
+        return float(steps[np.diff(self.maps) == 0].sum())
 
     def save_tum(self, path: str | Path) -> Path:
         """Write one line a pose: time, position, quaternion (x y z w), camera to world.
+
+        Where there are several local maps, a comment tells before each stretch which one it is in.
 
         Parameters
         ----------
@@ -94,7 +97,11 @@ class Trajectory:
         path = Path(path)
         with written_aside(path) as aside, aside.open("w", encoding="ascii") as file:
             file.write("# timestamp tx ty tz qx qy qz qw\n")
-            for time, T in zip(self.times, self.T_world_camera):
+            is_one, current = len(np.unique(self.maps)) < 2, None
+            for time, T, number in zip(self.times, self.T_world_camera, self.maps):
+                if not is_one and number != current:
+                    file.write(f"# local map {number}\n")
+                    current = number
                 x, y, z = T[:3, 3]
                 w, qx, qy, qz = quaternion_from_rotation(T[:3, :3])
                 file.write(f"{time:.6f} {x:.6f} {y:.6f} {z:.6f} {qx:.8f} {qy:.8f} {qz:.8f} {w:.8f}\n")

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from seismo3d.cli import _run
+from seismo3d.cli.map import _facts, _states
 from seismo3d.graph.poses import read_g2o
 from seismo3d.io.elevation import read_elevation
-from seismo3d.robot import Mapper, Occupancy
+from seismo3d.robot import Mapper, MapperSettings, Occupancy, read_sequence
 from seismo3d.synthetic.rgbd import rgbd_sequence
 
 
@@ -48,6 +49,26 @@ def test_run_writes_all_that_it_says(sequence: Path, tmp_path: Path, capsys: pyt
     assert "http" not in (out / "report.html").read_text()
     header = (out / "mesh.ply").read_bytes()[:200].decode("ascii", errors="replace")
     assert "element vertex" in header
+
+
+def test_frames_of_a_local_map_that_was_given_up_are_dropped(tmp_path: Path, rng: np.random.Generator) -> None:
+    import cv2
+
+    folder = rgbd_sequence("room", frames=76, size=(160, 120), period=40.0, seed=2).write(tmp_path / "in")
+    camera = json.loads((folder / "camera.json").read_text())
+    (folder / "camera.json").write_text(json.dumps({**camera, "readout": 0.0, "depth_delay": 0.0}))
+    for path in sorted((folder / "rgb").iterdir())[12:]:
+        cv2.imwrite(str(path), np.zeros((120, 160, 3), np.uint8))
+    for path in sorted((folder / "depth").iterdir())[12:]:  # no frame shows what another one does
+        hills = cv2.resize(rng.uniform(4000, 15000, (6, 8)), (160, 120), interpolation=cv2.INTER_CUBIC)
+        cv2.imwrite(str(path), hills.astype(np.uint16))
+    opened = read_sequence(folder)
+    mapper = Mapper(opened.camera, settings=MapperSettings(voxel_size=0.02))
+    found = [mapper.add(frame) for frame in opened]
+    states, facts = _states(mapper, found), _facts(mapper, opened, found, None)
+    assert facts["located"] == len(mapper.trajectory) == sum(local_map is not None for _, local_map in states)
+    assert facts["dropped"] == [state for state, _ in states].count("dropped") > 0
+    assert sum(facts[name] for name in ("located", "lost", "empty", "dropped")) == facts["frames"] == 76
 
 
 @pytest.mark.parametrize(
