@@ -88,7 +88,7 @@ def open_cube(
     file = Path(path)
     limit = LAZY_ABOVE if lazy is None else (-1 if lazy else 2**63)
     with refuse_os_errors(file, "read"):
-        is_zarr = file.suffix.lower() == ".zarr" or (file.is_dir() and _is_zarr(file))
+        is_zarr = is_zarr_store(file)
     is_numpy = file.suffix.lower() in (".npy", ".npz")
     if is_zarr or is_numpy:
         asked = {"inline_byte": inline_byte, "crossline_byte": crossline_byte, "x_byte": x_byte, "y_byte": y_byte}
@@ -220,8 +220,11 @@ def write_npy(path: Any, cube: Any, *, progress: Progress | None = None) -> Path
     return out
 
 
-def _is_zarr(folder: Path) -> bool:
-    return any((folder / name).is_file() for name in ("zarr.json", ".zgroup", ".zattrs", ".zmetadata"))
+def is_zarr_store(path: Path) -> bool:
+    """Return whether a path is, or is named as, a Zarr store."""
+    return path.suffix.lower() == ".zarr" or any(
+        (path / name).is_file() for name in ("zarr.json", ".zgroup", ".zattrs", ".zmetadata")
+    )
 
 
 def _read_numpy(

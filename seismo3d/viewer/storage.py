@@ -70,12 +70,17 @@ def open_session(path: str | Path, *, cube: str | Path | None = None, **options:
     ShapeError
         If the faults are of another cube.
     """
-    from seismo3d.io.cubes import open_cube
+    from seismo3d.io.cubes import is_zarr_store, open_cube
 
     folder = Path(path)
     if not (folder / FAULTS).is_file():
         if cube is not None:
             raise FileAccessError(f"{folder} holds no {FAULTS}; expected the folder of a faults run beside --cube.")
+        if folder.is_dir() and not is_zarr_store(folder):
+            raise FileAccessError(
+                f"{folder} holds no {FAULTS}; expected a cube (SEG-Y, Zarr, .npy, .npz), or the folder of a faults run "
+                "or of an earlier view. Open the report.html of other runs in a browser."
+            )
         return Opened(open_cube(folder, **options), None, [])
     faults = FaultSet.load(folder)
     opened = open_cube(_find_cube(folder, faults, cube), **options)

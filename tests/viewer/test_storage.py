@@ -153,6 +153,12 @@ def test_a_cube_alone_opens_without_faults(tmp_path, cube):
     assert (opened.faults, opened.tracks, opened.cube.shape) == (None, [], cube.shape)
 
 
+def test_folders_of_other_runs_are_refused_with_what_is_shown(tmp_path):
+    (tmp_path / "trajectory.txt").write_text("# a map\n")
+    with pytest.raises(FileAccessError, match=r"holds no faultset\.npz; expected a cube .* folder of a faults run"):
+        open_session(tmp_path)
+
+
 def test_faults_whose_cube_is_gone_are_refused(tmp_path, faults):
     faults.save(tmp_path)
     with pytest.raises(FileAccessError, match=r"the cube of .* is not found\. Name it by --cube"):
