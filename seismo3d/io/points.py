@@ -13,7 +13,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d._validate import as_points
-from seismo3d.errors import FileAccessError, FormatError, MissingDependencyError
+from seismo3d.errors import FileAccessError, FormatError, MissingDependencyError, Seismo3dWarning
 from seismo3d.io import _lzf
 from seismo3d.io._column_names import find_names
 from seismo3d.io._decimal_commas import may_have_decimal_commas
@@ -78,6 +78,11 @@ def read_points(path: str | Path) -> PointFile:
         If it is not what its name says, or is cut short.
     MissingDependencyError
         If a LAS or LAZ file is given and laspy is not installed.
+
+    Warns
+    -----
+    Seismo3dWarning
+        If rows hold values that are not finite.
     """
     path = Path(path)
     reader = _READERS.get(path.suffix.lower())
@@ -95,6 +100,12 @@ def read_points(path: str | Path) -> PointFile:
         good &= np.isfinite(normals).all(axis=1)
         normals = np.ascontiguousarray(normals[good], dtype=np.float64)
     n_dropped = int((~good).sum())
+    if n_dropped:
+        warnings.warn(
+            f"{path.name} has {n_dropped} of {len(points)} points with values that are not finite; they are left out.",
+            Seismo3dWarning,
+            stacklevel=2,
+        )
     return PointFile(np.ascontiguousarray(points[good], dtype=np.float64), normals, n_dropped)
 
 
