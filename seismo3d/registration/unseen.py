@@ -1,10 +1,11 @@
 """Which directions surfaces do not see, told apart from what noise feigns by comparing levels.
 
-Noise makes the normals of a plane waver, and wavering normals seem to hold what slides along it. Coarser voxels take
-their normals from more points, so that feigned curvature shrinks from level to level; real curvature stays. Directions
-that noise may have feigned on a level are seen where the harmonic mean of their curvature over it and the coarser
-levels, which the level that sees least rules, is more than noise can feign on the best of them, or where it is about
-the same on all.
+Noise makes the normals of a plane waver, and wavering normals seem to hold what slides along it; so do those of a
+cylinder or a ball that two scans sample at other points. Coarser voxels take their normals from more points, so that
+feigned curvature shrinks from level to level; real curvature stays. Directions that noise may have feigned on a level
+are seen where the harmonic mean of their curvature over it and the coarser levels, which the level that sees least
+rules, is more than noise can feign on the best of them, or where it stays while noise falls far. Voxels on an edge have
+normals of neither side, and feign curvature without noise: the more, the coarser they are.
 """
 
 from __future__ import annotations
@@ -27,8 +28,11 @@ DOUBTFUL = 0.04
 """Most of it where coarser levels are asked too."""
 LEAST_REAL = 5e-4
 """Curvature, as a share of the largest, that edges and corners feign in coarse voxels even without noise."""
-STEADY = 0.7
-"""Share of a level's curvature that the mean over it and coarser levels has where noise feigns none."""
+STEADY, FALLEN = 0.7, 0.1
+"""Share of a level's curvature that the mean over it and coarser levels has where it stays, and of its noise, where it
+has fallen far."""
+GROWS = 1.5
+"""How many times as large it is on a coarser level where edges feign it."""
 LEAST_CURVATURE = 1e-9
 
 
@@ -63,14 +67,26 @@ def unseen_directions(looks: list[Look], A: Float64Array, model: str) -> Float64
     noise = [NORMAL_NOISE * normal_noise(look.surface, look.source, A) for look in looks]
     shares = [_curvature_shares(look.surface.form, A, model) for look in looks]
     values, vectors = np.linalg.eigh(shares[0])
-    doubtful = vectors[:, values <= min(noise[0], MOST_FEIGNED if len(looks) == 1 else DOUBTFUL)]
-    if doubtful.shape[1] == 0 or len(looks) == 1:
+    by_noise = values <= min(noise[0], MOST_FEIGNED if len(looks) == 1 else DOUBTFUL)
+    if len(looks) == 1:
+        return np.asarray(vectors[:, by_noise])
+    coarser = np.max([np.einsum("ik,ij,jk->k", vectors, share, vectors) for share in shares[1:]], axis=0)
+    by_edges = ~by_noise & (values <= LEAST_REAL) & (coarser > GROWS * values)
+    unseen = _feigned_by_noise(vectors[:, by_noise], shares, noise)
+    return np.hstack([vectors[:, by_edges], unseen])
+
+
+def _feigned_by_noise(doubtful: Float64Array, shares: list[Float64Array], noise: list[float]) -> Float64Array:
+    """Return the directions among doubtful ones (columns) of which no level sees more than its noise feigns."""
+    if doubtful.shape[1] == 0:
         return doubtful
     least = LEAST_CURVATURE * np.eye(doubtful.shape[1])
     inverses = [np.linalg.inv(doubtful.T @ share @ doubtful + least) for share in shares]
     agreed, turn = np.linalg.eigh(np.linalg.inv(np.mean(inverses, axis=0)))
-    own = np.einsum("ik,ij,jk->k", doubtful @ turn, shares[0], doubtful @ turn)
-    sure = (agreed > min(MOST_FEIGNED, *noise)) | (agreed > STEADY * own)
+    sure = agreed > min(MOST_FEIGNED, *noise)
+    if min(noise) < FALLEN * noise[0]:
+        own = np.einsum("ik,ij,jk->k", doubtful @ turn, shares[0], doubtful @ turn)
+        sure |= agreed > STEADY * own
     return np.asarray(doubtful @ turn[:, ~sure | (agreed <= LEAST_REAL)])
 
 
