@@ -44,7 +44,7 @@ from seismo3d.robot.sequence_files import (
 )
 
 _RATE = 1.0 / 30.0
-_LEAST_SPACING, _MOST_SPACING = 1e-3, 1.0
+_LEAST_SPACING, _MOST_SPACING = 1e-3, 5.0
 """Seconds between frames, in the median, that a camera can have."""
 _COLOUR_FOLDERS = ("rgb", "color", "colour", "image")
 _IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".ppm", ".tif", ".tiff", ".bmp")
