@@ -20,7 +20,7 @@ class SectionGeometry:
     Attributes
     ----------
     xy : ndarray of shape (n, 2), float64, or None
-        Map coordinates of the traces.
+        Map coordinates of the traces; a trace without any lies in line with the nearest ones that have them.
     sample : Axis
         The sample coordinate in ``unit``.
     unit : str
@@ -49,7 +49,9 @@ class SectionGeometry:
         values = section[vertical].values if vertical in section.coords else np.arange(shape[1])
         xy = None
         if "cdp_x" in section.coords and "cdp_y" in section.coords:
-            xy = np.stack([np.asarray(section[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y")], axis=1)
+            xy = _all_places(
+                np.stack([np.asarray(section[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y")], axis=1)
+            )
         along = section.dims[0]
         numbers = np.asarray(section[along].values, dtype=np.float64) if along in section.coords else None
         sample = Axis.from_coordinates(values, str(vertical))
@@ -79,3 +81,17 @@ class SectionGeometry:
         else:
             x, y = p[:, 0], np.zeros(len(p))
         return np.stack([x, y, z], axis=1)
+
+
+def _all_places(xy: Float64Array) -> Float64Array | None:
+    """Place traces whose coordinates are not finite in line with the nearest known ones; None where none are known."""
+    known = np.isfinite(xy).all(axis=1)
+    if known.all():
+        return xy
+    at = np.flatnonzero(known)
+    if at.size < 2:
+        return np.broadcast_to(xy[at], xy.shape) if at.size else None
+    traces = np.arange(len(xy))
+    k = np.clip(np.searchsorted(at, traces), 1, at.size - 1)
+    share = ((traces - at[k - 1]) / (at[k] - at[k - 1]))[:, None]
+    return (1.0 - share) * xy[at[k - 1]] + share * xy[at[k]]

@@ -263,11 +263,12 @@ class _Sample:
         a, b = self._numbers(pair)
         keep = ~padding(self.fields[pair[0]], self.fields[pair[1]])
         for xy_bytes in XY_PAIRS:
-            x, y = (self.fields[byte][keep] for byte in xy_bytes)
-            if set(xy_bytes) & set(pair) or (np.ptp(x) == 0 and np.ptp(y) == 0):
+            xy = np.stack([self.fields[byte][keep] for byte in xy_bytes], axis=1)
+            known = (xy != 0).any(axis=1)
+            if set(xy_bytes) & set(pair) or not known.any() or (np.ptp(xy[known], axis=0) == 0).all():
                 continue
             ij = np.stack([line_axis(n).index(n) for n in (a, b)], axis=1)
-            fit = fit_map(ij, np.stack([x, y], axis=1).astype(np.float64))
+            fit = fit_map(ij[known], xy[known].astype(np.float64))
             if fit is None:
                 return False
             along, across = np.hypot(*fit.inline_step), np.hypot(*fit.crossline_step)

@@ -98,11 +98,24 @@ class SegyCube:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegyHeaders:
-    """A map coordinate of every bin, indexed as an array (inlines, crosslines); NaN where a trace is missing."""
+    """A map coordinate of every bin, indexed as an array (inlines, crosslines); NaN where none is known.
+
+    Attributes
+    ----------
+    layout : SegyLayout
+        The file.
+    grid : TraceGrid
+        Which trace lies where.
+    xy_bytes : (int, int)
+        Header bytes of x and y.
+    column : int
+        Which of the two.
+    """
 
     layout: SegyLayout
     grid: TraceGrid
-    byte: int
+    xy_bytes: tuple[int, int]
+    column: int
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -124,17 +137,19 @@ class SegyHeaders:
         rows = self.grid.rows(il)[:, xl]
         found = rows >= 0
         out = np.full(rows.shape, np.nan)
-        out[found] = read_coordinate(self.layout, rows[found], self.byte)
+        out[found] = read_places(self.layout, rows[found], self.xy_bytes)[:, self.column]
         return out[rest]
 
 
-def read_coordinate(layout: SegyLayout, rows: IntArray, byte: int) -> AnyArray:
-    """Read a map coordinate in the file's unit of lengths.
+def read_places(layout: SegyLayout, rows: IntArray, xy_bytes: tuple[int, int]) -> AnyArray:
+    """Read map coordinates in the file's unit of lengths, shape (n, 2); NaN where both are 0: left empty.
 
     The scalar in byte 71 multiplies where it is positive, divides where it is negative; 0 is 1.
     """
-    fields = read_fields(layout, rows, [byte, 71])
-    return scale_coordinate(fields[byte], fields[71])
+    fields = read_fields(layout, rows, [*xy_bytes, 71])
+    places = np.stack([scale_coordinate(fields[byte], fields[71]) for byte in xy_bytes], axis=1)
+    places[(places == 0).all(axis=1)] = np.nan
+    return places
 
 
 def scale_coordinate(values: IntArray, scalar: IntArray) -> AnyArray:

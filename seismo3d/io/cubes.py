@@ -70,9 +70,9 @@ def open_cube(
     xarray.DataArray
         Dims (inline, crossline, time or depth); a 2D line (trace, time or depth). Float32, or float64 where that is
         needed to hold every value; missing traces NaN. Coordinates: line numbers, time in ms or depth in m, ``live``
-        (False on missing and on all-zero traces) and, where the file has them, ``cdp_x`` and ``cdp_y`` in metres; depth
-        and map in feet where the file says so, as ``units`` of each then do. Attributes: plain
-        values that say where it came from, what was found, and ``survey``, the geometry.
+        (False on missing and on all-zero traces) and, where the file has them, ``cdp_x`` and ``cdp_y`` in metres, NaN
+        on traces whose headers leave both 0; depth and map in feet where the file says so, as ``units`` of each then
+        do. Attributes: plain values that say where it came from, what was found, and ``survey``, the geometry.
 
     Raises
     ------

@@ -8,12 +8,11 @@ from uuid import uuid4
 
 import numpy as np
 
-from seismo3d._typing import AnyArray
 from seismo3d.geometry.survey import MapFit, SurveyGeometry, fit_map
 from seismo3d.io._segy_axis import SampleAxis, sample_axis
 from seismo3d.io._segy_find import Found, find_coordinates, find_grid
 from seismo3d.io._segy_layout import SegyLayout, read_fields, read_layout
-from seismo3d.io._segy_samples import SegyCube, SegyHeaders, read_coordinate
+from seismo3d.io._segy_samples import SegyCube, SegyHeaders, read_places
 from seismo3d.io._segy_write import check_segy, write_segy
 
 __all__ = ["check_segy", "read_segy", "write_segy"]
@@ -65,8 +64,8 @@ def _read_cube(
         "live": (("inline", "crossline"), live_traces(data)),
     }
     if xy_bytes is not None:
-        for name, byte in zip(("cdp_x", "cdp_y"), xy_bytes):
-            header = SegyHeaders(layout, grid, byte)
+        for column, name in enumerate(("cdp_x", "cdp_y")):
+            header = SegyHeaders(layout, grid, xy_bytes, column)
             places = _as_dask(header) if is_lazy else header[:]
             coords[name] = (("inline", "crossline"), places, {"units": layout.length_unit})
     attrs = _attributes(layout, found, axis, xy_bytes)
@@ -98,8 +97,8 @@ def _read_line(
     if np.ptp(cdp) > 0:
         coords["cdp"] = ("trace", cdp)
     if xy_bytes is not None:
-        for name, byte in zip(("cdp_x", "cdp_y"), xy_bytes):
-            coords[name] = ("trace", read_coordinate(layout, rows, byte), {"units": layout.length_unit})
+        for name, values in zip(("cdp_x", "cdp_y"), read_places(layout, rows, xy_bytes).T):
+            coords[name] = ("trace", values, {"units": layout.length_unit})
     return xr.DataArray(data, dims=("trace", axis.domain), coords=coords, name="amplitude", attrs=attrs)
 
 
@@ -161,9 +160,7 @@ def _fit_grid(layout: SegyLayout, found: Found, xy_bytes: tuple[int, int] | None
         ij = np.stack(np.meshgrid(i, j, indexing="ij"), axis=-1).reshape(-1, 2)
         rows = rows.ravel()
     ij, rows = ij[rows >= 0], rows[rows >= 0]
-    xy: AnyArray = np.stack([read_coordinate(layout, rows, byte) for byte in xy_bytes], axis=1)
-    known = (xy != 0).any(axis=1)
-    return fit_map(ij[known], xy[known]) if known.any() else None
+    return fit_map(ij, read_places(layout, rows, xy_bytes)) if rows.size else None
 
 
 def _as_dask(source: SegyCube | SegyHeaders) -> Any:

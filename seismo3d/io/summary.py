@@ -9,7 +9,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray
 from seismo3d.geometry.axis import length_unit_of
-from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.io._as_cube import as_cube
 
 _SAMPLED_ABOVE = 2 * 2**30
@@ -133,13 +133,11 @@ def _traces(rows: list[tuple[int, int, int]], attrs: dict[str, Any], *, is_sampl
 
 def _map(volume: Any) -> dict[str, Any] | None:
     if volume.ndim == 2:
-        if "cdp_x" not in volume.coords:
+        unit, xy = length_unit_of(volume), SectionGeometry.from_cube(volume).xy
+        if xy is None:
             return None
-        unit = length_unit_of(volume)
-        x, y = (np.asarray(volume[name].values, dtype=np.float64) for name in ("cdp_x", "cdp_y"))
-        length = float(np.hypot(np.diff(x), np.diff(y)).sum())
-        first, last = ([float(x[k]), float(y[k])] for k in (0, -1))
-        return {"unit": unit, "first": first, "last": last, f"length_{unit}": length}
+        length = float(np.hypot(*np.diff(xy, axis=0).T).sum())
+        return {"unit": unit, "first": xy[0].tolist(), "last": xy[-1].tolist(), f"length_{unit}": length}
     survey = SurveyGeometry.from_cube(volume)
     if survey.map_fit is None:
         return None

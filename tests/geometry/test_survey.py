@@ -223,6 +223,16 @@ def test_a_section_runs_along_its_traces():
         SurveyGeometry.from_cube(line)
 
 
+def test_traces_of_a_section_without_a_place_lie_in_line_with_their_neighbours():
+    nan = np.nan
+    coords = {"cdp_x": ("trace", [nan, 10.0, nan, 30.0, nan]), "cdp_y": ("trace", [0.0, 5.0, 5.0, 1.0, nan])}
+    line = xr.DataArray(np.zeros((5, 2)), dims=("trace", "time"), coords=coords)
+    want = [[0, 7], [10, 5], [20, 3], [30, 1], [40, -1]]
+    np.testing.assert_allclose(SectionGeometry.from_cube(line).xy, want)
+    np.testing.assert_allclose(SectionGeometry.from_cube(line[:2]).xy, [[10, 5], [10, 5]])
+    assert not SectionGeometry.from_cube(line[:1]).has_map
+
+
 @pytest.mark.parametrize(
     ("dim", "units", "attrs", "wanted"),
     [

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import seismo3d as s3
 from seismo3d.errors import FormatError, GeometryError, ParameterError
-from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.io._segy_grid import _spread_rows, scanned_grid
 from seismo3d.io._segy_layout import SegyLayout
 from seismo3d.io.summary import summarise
@@ -181,6 +181,44 @@ def test_coordinates_from_other_bytes(tmp_path, maker):
     assert float(s3.open_cube(path, x_byte=77, y_byte=73).cdp_x[0, 0]) == 10 * INLINES[0]
     with pytest.raises(ParameterError, match="expected both or neither"):
         s3.open_cube(path, x_byte=73)
+
+
+@pytest.mark.parametrize("lazy", [False, True])
+@pytest.mark.parametrize("n_dead", [1, 2])
+def test_coordinates_of_zero_are_not_known(tmp_path, maker, lazy, n_dead):
+    heads = [h | {181: 50000 + 25 * h[193], 185: 80000 - 30 * h[189]} for h in maker.headers(INLINES, CROSSLINES)]
+    dead = 7 * n_dead
+    heads[:dead] = [h | {181: 0, 185: 0} for h in heads[:dead]]
+    cube = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(35), heads), lazy=lazy)
+    unknown = np.isnan(np.stack([cube.cdp_x.values, cube.cdp_y.values]))
+    assert unknown[:, :n_dead].all()
+    assert not unknown[:, n_dead:].any()
+    survey = SurveyGeometry.from_cube(cube)
+    np.testing.assert_allclose(survey.index_to_map([[0, 0, 0]])[0, :2], [50750, 77000])
+    np.testing.assert_allclose(survey.bin_size, [30, 50])
+
+
+def test_traces_of_a_line_without_coordinates_lie_between_the_others(tmp_path, maker):
+    heads = [{21: k + 1, 181: 1000 + 30 * k, 185: 7000 - 40 * k} for k in range(12)]
+    for k in (0, 1, 5, 6, 11):
+        heads[k] = {21: k + 1}
+    line = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(12), heads))
+    assert np.isnan(line.cdp_x.values).sum() == 5
+    want = [[1000 + 30 * k, 7000 - 40 * k] for k in range(12)]
+    np.testing.assert_allclose(SectionGeometry.from_cube(line).xy, want)
+    told = summarise(line)["map"]
+    assert (told["first"], told["last"]) == (want[0], want[-1])
+    np.testing.assert_allclose(told["length_m"], 11 * 50.0)
+
+
+@pytest.mark.parametrize("dead", [False, True])
+def test_line_numbers_are_found_beside_coordinates_of_zero(tmp_path, maker, dead):
+    heads = maker.headers(INLINES, CROSSLINES, bytes_=(9, 21))
+    heads = [h | {181: 50000 + 25 * h[21], 185: 80000 - 30 * h[9]} for h in heads]
+    if dead:
+        heads[:7] = [h | {181: 0, 185: 0} for h in heads[:7]]
+    cube = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(35), heads))
+    assert (cube.attrs["inline_byte"], cube.attrs["crossline_byte"]) == (9, 21)
 
 
 def test_constant_coordinates_are_none(tmp_path, maker):
