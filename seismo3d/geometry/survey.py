@@ -277,7 +277,6 @@ def _agrees(fit: MapFit, indices: AnyArray, xy: Float64Array) -> bool:
     known = np.isfinite(xy).all(axis=1)
     if not known.any():
         return True
-    off = indices[known] @ fit.matrix.T + np.array(fit.origin) - xy[known]
-    step = min(np.hypot(*fit.inline_step), np.hypot(*fit.crossline_step))
+    off = fit.distances(indices[known], xy[known])
     # the mean square, so that a part of a crooked survey has no more than its share of the misfit
-    return float(np.sqrt((off**2).sum(axis=1).mean())) <= max(_ROUNDING * step, _CROOKED * fit.rms)
+    return float(np.sqrt((off**2).mean())) <= max(_ROUNDING * fit.shorter_step, _CROOKED * fit.rms)

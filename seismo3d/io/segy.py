@@ -8,6 +8,7 @@ from uuid import uuid4
 
 import numpy as np
 
+from seismo3d.geometry.map_fit import OFF_BINS
 from seismo3d.geometry.survey import MapFit, SurveyGeometry, fit_map
 from seismo3d.io._segy_axis import SampleAxis, sample_axis
 from seismo3d.io._segy_find import Found, find_coordinates, find_grid
@@ -69,7 +70,8 @@ def _read_cube(
             places = _as_dask(header) if is_lazy else header[:]
             coords[name] = (("inline", "crossline"), places, {"units": layout.length_unit})
     attrs = _attributes(layout, found, axis, xy_bytes)
-    map_fit = _fit_grid(layout, found, xy_bytes)
+    map_fit, notes = _fit_map(layout, found, xy_bytes)
+    attrs["notes"] += notes
     survey = SurveyGeometry(grid.inline, grid.crossline, axis.axis, axis.unit, map_fit, layout.length_unit)
     attrs["survey"] = survey.to_dict()
     return xr.DataArray(data, dims=("inline", "crossline", axis.domain), coords=coords, name="amplitude", attrs=attrs)
@@ -144,10 +146,10 @@ def _attributes(layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tu
     return attrs
 
 
-def _fit_grid(layout: SegyLayout, found: Found, xy_bytes: tuple[int, int] | None) -> MapFit | None:
-    """Fit the map from some thousand traces on evenly spread lines, both ends included."""
+def _fit_map(layout: SegyLayout, found: Found, xy_bytes: tuple[int, int] | None) -> tuple[MapFit | None, list[str]]:
+    """Fit the map from some thousand traces on evenly spread lines, both ends included; tell what does not fit it."""
     if xy_bytes is None:
-        return None
+        return None, []
     grid = found.grid
     i = np.unique(np.linspace(0, grid.inline.n - 1, min(grid.inline.n, 32)).astype(np.int64))
     j = np.unique(np.linspace(0, grid.crossline.n - 1, min(grid.crossline.n, 64)).astype(np.int64))
@@ -160,7 +162,21 @@ def _fit_grid(layout: SegyLayout, found: Found, xy_bytes: tuple[int, int] | None
         ij = np.stack(np.meshgrid(i, j, indexing="ij"), axis=-1).reshape(-1, 2)
         rows = rows.ravel()
     ij, rows = ij[rows >= 0], rows[rows >= 0]
-    return fit_map(ij, read_places(layout, rows, xy_bytes)) if rows.size else None
+    places = read_places(layout, rows, xy_bytes)
+    fit = fit_map(ij, places) if rows.size else None
+    if fit is None:
+        return None, []
+    most = OFF_BINS * fit.shorter_step
+    n_off = int((fit.distances(ij, places) > most).sum())
+    if fit.rms > most:
+        told = (
+            f"map coordinates lie {fit.rms:.3g} {layout.length_unit} (root mean square) off any map of evenly spaced "
+            "lines, more than half a bin: strikes and places on the map are wrong where they are; check x_byte, y_byte "
+            "and the scalar (trace header byte 71)"
+        )
+    else:
+        told = f"map coordinates of {n_off} of {rows.size} traces looked at lie more than half a bin off the map"
+    return fit, [told] if n_off else []
 
 
 def _as_dask(source: SegyCube | SegyHeaders) -> Any:

@@ -134,6 +134,31 @@ def test_fit_finds_the_map_and_says_how_well(rng):
     assert fit.rms == pytest.approx(0.5 * np.sqrt(2), rel=0.05)  # noise in x and in y
 
 
+@pytest.mark.parametrize("wrong", ["one far off", "an eighth at one end", "a fifth anywhere", "ten times too large"])
+def test_fit_leaves_wrong_coordinates_out(rng, wrong):
+    truth = survey(33.0, shear=0.1)
+    ij = np.stack(np.meshgrid(np.arange(24), np.arange(20), indexing="ij"), axis=-1).reshape(-1, 2)
+    right = truth.index_to_map(np.column_stack([ij, np.zeros(len(ij))]))[:, :2] + rng.normal(0, 0.5, (len(ij), 2))
+    xy = right.copy()
+    if wrong == "one far off":
+        xy[77, 0] = 2e9
+    elif wrong == "an eighth at one end":
+        xy[:60] = 1.0
+    elif wrong == "a fifth anywhere":
+        xy[rng.permutation(len(ij))[:96]] += rng.uniform(200, 5e5, (96, 2))
+    else:
+        xy[:60] *= 10.0
+    fit = fit_map(ij, xy)
+    kept = (xy == right).all(axis=1)
+    assert fit == fit_map(ij[kept], right[kept])
+
+
+def test_coordinates_on_no_map_are_fitted_as_they_are(rng):
+    ij = np.stack(np.meshgrid(np.arange(24), np.arange(20), indexing="ij"), axis=-1).reshape(-1, 2)
+    fit = fit_map(ij, 25.0 * ij + rng.uniform(-500, 500, ij.shape))
+    assert fit.rms > 300.0
+
+
 def test_fit_without_area_is_none():
     line = np.column_stack([np.arange(9), np.arange(9)])
     assert fit_map(line, line * 25.0) is None

@@ -221,6 +221,21 @@ def test_line_numbers_are_found_beside_coordinates_of_zero(tmp_path, maker, dead
     assert (cube.attrs["inline_byte"], cube.attrs["crossline_byte"]) == (9, 21)
 
 
+@pytest.mark.parametrize("lazy", [False, True])
+def test_wrong_coordinates_are_left_out_of_the_map_and_said(tmp_path, maker, lazy):
+    heads = [h | {181: 50000 + 25 * h[193], 185: 80000 - 30 * h[189]} for h in maker.headers(INLINES, CROSSLINES)]
+    heads[17] |= {181: 2_000_000_000}
+    cube = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(35), heads), lazy=lazy)
+    assert any("of 1 of 35 traces looked at lie more than half a bin off" in note for note in cube.attrs["notes"])
+    survey = SurveyGeometry.from_cube(cube)
+    np.testing.assert_allclose(survey.bin_size, [30, 50])
+    np.testing.assert_allclose(survey.map_fit.origin, [50750, 77000])
+    for k, head in enumerate(heads):
+        head[181] += 5000 * (k % 3)
+    told = s3.open_cube(maker.write(tmp_path / "b.sgy", numbered(35), heads)).attrs["notes"]
+    assert any("off any map of evenly spaced lines" in note for note in told)
+
+
 def test_constant_coordinates_are_none(tmp_path, maker):
     cube = s3.open_cube(full(maker, tmp_path / "a.sgy", b181=6000, b185=65536))
     assert "cdp_x" not in cube.coords
