@@ -132,6 +132,18 @@ def kept_aside(out: Path) -> Iterator[Path]:
             aside.rmdir()
 
 
+def open_told(path: Path, **reading: Any) -> Any:
+    """Open a cube as ``open_cube`` does, and tell on stderr what its file made odd: results depend on it."""
+    import typer
+
+    from seismo3d.io.cubes import open_cube
+
+    cube = open_cube(path, **reading)
+    for note in cube.attrs.get("notes", ()):
+        typer.echo(f"seismo3d: {path.name}: {note}", err=True)
+    return cube
+
+
 def find_versions() -> dict[str, str]:
     """Versions of Python, the system and the packages that a result depends on."""
     from importlib.metadata import version

@@ -59,11 +59,10 @@ def run(
     throw.zarr.
     """
     from seismo3d._stages import StageClock, say_timings
-    from seismo3d.cli._run_folder import check_run_folder, kept_aside
+    from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError, ShapeError
     from seismo3d.io._files import written_aside
-    from seismo3d.io.cubes import open_cube
     from seismo3d.io.segy import check_segy
     from seismo3d.seismic.fault_evidence import check_evidence
 
@@ -73,7 +72,7 @@ def run(
         raise ParameterError("--smooth-tv is given without --attributes; it smooths those. Add --attributes.")
     check_run_folder(out, command="faults", inputs=[cube], overwrite=overwrite)
     is_bounded = memory is not None or scheduler is not None
-    opened = open_cube(cube, **reading, lazy=True if is_bounded else None)
+    opened = open_told(cube, **reading, lazy=True if is_bounded else None)
     if unfault and opened.ndim != 3:
         raise ParameterError("--unfault is given for a 2D line; it takes the slip out of cubes. Leave it out.")
     check_segy(opened)

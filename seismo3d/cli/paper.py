@@ -120,18 +120,24 @@ def _measure_registration(
 def _run_block(path: Path | None, out: Path, *, overwrite: bool, json: bool) -> None:
     """Trace everything in a cube, and write it with a report."""
     from seismo3d._stages import StageClock, say_timings
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._run_folder import (
+        RECORD,
+        check_run_folder,
+        describe_run,
+        open_told,
+        print_json,
+        write_record,
+    )
     from seismo3d.cli.app import shown_progress
     from seismo3d.experiments.f3 import run_block
     from seismo3d.io._files import written_aside
-    from seismo3d.io.cubes import open_cube
     from seismo3d.seismic.pick_scores import sample_extent
     from seismo3d.seismic.track_exports import irap_note
 
     if path is None:
         raise ParameterError("f3 is given no cube; expected a SEG-Y file, as in: seismo3d paper f3 F3.sgy.")
     check_run_folder(out, command="paper f3", inputs=[path], overwrite=overwrite)
-    cube = open_cube(path).load()
+    cube = open_told(path).load()
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)

@@ -28,16 +28,15 @@ def run(
     import numpy as np
 
     from seismo3d._stages import StageClock, say_timings
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, open_told, print_json, write_record
     from seismo3d.cli.app import shown_progress
     from seismo3d.geometry.axis import unit_of
     from seismo3d.io._files import written_aside
-    from seismo3d.io.cubes import open_cube
     from seismo3d.io.segy import check_segy, write_segy
     from seismo3d.seismic.time_lapse import align_cubes
 
     check_run_folder(out, command="timelapse", inputs=[base, monitor], overwrite=overwrite)
-    first, second = (open_cube(path, domain=domain).load() for path in (base, monitor))
+    first, second = (open_told(path, domain=domain).load() for path in (base, monitor))
     check_segy(first)
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()

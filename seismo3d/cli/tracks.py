@@ -58,12 +58,19 @@ def run(
     crash the same command goes on where it was. Layer time is kept as Zarr then: layer_time.zarr.
     """
     from seismo3d._stages import StageClock, say_timings
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, kept_aside, print_json, write_record
+    from seismo3d.cli._run_folder import (
+        RECORD,
+        check_run_folder,
+        describe_run,
+        kept_aside,
+        open_told,
+        print_json,
+        write_record,
+    )
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
     from seismo3d.geometry.survey import SurveyGeometry
     from seismo3d.io._files import written_aside
-    from seismo3d.io.cubes import open_cube
     from seismo3d.io.horizons import read_horizon
     from seismo3d.plot.run_reports import tracks_page, write_page
     from seismo3d.plot.track_pictures import save_track_pictures
@@ -82,7 +89,7 @@ def run(
     picked = [read_horizon(file, columns=as_columns(columns)) for file in horizon]
     check_run_folder(out, command="tracks", inputs=[cube, *horizon, *([faults] if faults else [])], overwrite=overwrite)
     is_bounded = memory is not None or scheduler is not None
-    opened = open_cube(cube, **reading, lazy=True if is_bounded else None)
+    opened = open_told(cube, **reading, lazy=True if is_bounded else None)
     in_blocks = is_bounded and _asks_for_blocks(opened, memory, scheduler, out)
     if not in_blocks:
         opened = opened.load()

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from seismo3d._typing import AnyArray, IntArray
 from seismo3d._validate import as_number
-from seismo3d.errors import ParameterError
+from seismo3d.errors import FormatError, ParameterError
 from seismo3d.geometry.survey import Axis
 from seismo3d.io._segy_layout import SegyLayout, read_fields
 
@@ -41,6 +42,9 @@ _HINTS: tuple[tuple[str, int, str], ...] = (
 )
 _USUAL_INTERVAL_MS = 4.0
 _COARSE_MS = 10.0
+_N_STARTS = 4096
+# share of a sample by which starts may differ from a whole one and still be one
+_SAME = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,14 +135,9 @@ def _interval(layout: SegyLayout, notes: list[str]) -> float:
 
 
 def _start(layout: SegyLayout, notes: list[str]) -> float:
-    rows = np.unique(np.linspace(0, layout.n_traces - 1, min(layout.n_traces, 64)).astype(np.int64))
-    fields = read_fields(layout, rows, [109, 215])
-    scalar = fields[215]
-    odd = ~np.isin(np.abs(scalar), (0, 1, 10, 100, 1000, 10000))
-    if odd.any():
-        notes.append(f"time scalar {int(scalar[odd][0])} (trace header byte 215) is not a power of ten: taken as 1")
-    factor = np.where((scalar == 0) | odd, 1.0, np.abs(scalar).astype(np.float64))
-    starts = np.where((scalar < 0) & ~odd, fields[109] / factor, fields[109] * factor)
+    _, starts, odd = _starts(layout)
+    if odd is not None:
+        notes.append(f"time scalar {odd} (trace header byte 215) is not a power of ten: taken as 1")
     values, counts = np.unique(starts, return_counts=True)
     first = float(values[np.argmax(counts)])
     if values.size > 1:
@@ -147,3 +146,33 @@ def _start(layout: SegyLayout, notes: list[str]) -> float:
             f"took the commonest, {first:g}, for all"
         )
     return first
+
+
+def _starts(layout: SegyLayout) -> tuple[IntArray, AnyArray, int | None]:
+    """Return some thousand traces, where they start by their headers, and a time scalar among these that cannot be."""
+    rows = np.unique(np.linspace(0, layout.n_traces - 1, min(layout.n_traces, _N_STARTS)).astype(np.int64))
+    fields = read_fields(layout, rows, [109, 215])
+    scalar = fields[215]
+    odd = ~np.isin(np.abs(scalar), (0, 1, 10, 100, 1000, 10000))
+    factor = np.where((scalar == 0) | odd, 1.0, np.abs(scalar).astype(np.float64))
+    starts = np.where((scalar < 0) & ~odd, fields[109] / factor, fields[109] * factor)
+    return rows, starts, int(scalar[odd][0]) if odd.any() else None
+
+
+def refuse_other_starts(layout: SegyLayout, axis: Axis) -> None:
+    """Refuse a file whose traces with data start a sample or more apart: on one axis they would not lie side by side.
+
+    Raises
+    ------
+    FormatError
+        If a trace that is not all zero starts elsewhere than the axis.
+    """
+    rows, starts, _ = _starts(layout)
+    traces = layout.map_traces()
+    for k in np.flatnonzero(np.abs(starts - axis.first) >= (1.0 - _SAME) * axis.step):
+        if traces["data"][rows[k]].any():
+            raise FormatError(
+                f"{layout.path} has traces that start at {axis.first:g}, and trace {rows[k] + 1} starts at "
+                f"{starts[k]:g} (trace header byte 109); expected one start to within a sample, {axis.step:g}. Shift "
+                "the traces to one start, or give start to take them as if they had it."
+            )

@@ -55,7 +55,7 @@ def open_cube(
         given, and ``domain_reason`` says why.
     interval, start : float, optional
         Sample interval and first sample in ms, m or ft (a depth of a file in feet), in place of the headers' or a
-        store's.
+        store's. A start is taken for all traces, whatever their headers say.
     lazy : bool, optional
         True: backed by dask, in chunks of whole inlines, read when asked for. False: in memory. Without it, lazy
         above 2 GiB. Values are identical.
@@ -79,7 +79,7 @@ def open_cube(
     FileAccessError
         If the file cannot be read.
     FormatError
-        If it is cut short, not what its name says, or not stacked.
+        If it is cut short, not what its name says, not stacked, or its traces start a sample or more apart.
     ParameterError
         If an option has a value that cannot be, or does not serve files of this kind, such as header bytes for Zarr.
     """

@@ -10,7 +10,7 @@ import numpy as np
 
 from seismo3d.geometry.map_fit import OFF_BINS
 from seismo3d.geometry.survey import MapFit, SurveyGeometry, fit_map
-from seismo3d.io._segy_axis import SampleAxis, sample_axis
+from seismo3d.io._segy_axis import SampleAxis, refuse_other_starts, sample_axis
 from seismo3d.io._segy_find import Found, find_coordinates, find_grid
 from seismo3d.io._segy_layout import SegyLayout, read_fields, read_layout
 from seismo3d.io._segy_samples import SegyCube, SegyHeaders, read_places
@@ -43,6 +43,8 @@ def read_segy(
     found = find_grid(layout, inline_byte=inline_byte, crossline_byte=crossline_byte, scan_all=scan_all)
     xy_bytes = find_coordinates(layout, x_byte=x_byte, y_byte=y_byte)
     axis = sample_axis(layout, domain=domain, interval=interval, start=start)
+    if start is None:
+        refuse_other_starts(layout, axis.axis)
     if found.is_line:
         return _read_line(layout, found, axis, xy_bytes, is_lazy=is_lazy)
     return _read_cube(layout, found, axis, xy_bytes, lazy_above=lazy_above)

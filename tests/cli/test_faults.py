@@ -74,6 +74,18 @@ def test_run_writes_everything(demo: Path, capsys: pytest.CaptureFixture[str]) -
     assert "throw    16.0 mean    24.0 largest (ms)" in said.out
 
 
+def test_what_the_file_made_odd_is_told(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    content = bytearray(demo.read_bytes())
+    trace_bytes = 240 + 4 * make_cube().shape[2]
+    place = 3600 + 3 * trace_bytes + 108
+    content[place : place + 2] = (int.from_bytes(content[place : place + 2], "big") + 1).to_bytes(2, "big")
+    demo.write_bytes(content)
+    assert run("faults", "demo.sgy", "-o", "out", "--json") == 0
+    said = capsys.readouterr()
+    assert "seismo3d: demo.sgy: traces start at different times" in said.err
+    json.loads(said.out)
+
+
 def test_a_file_without_data_is_refused(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_segy(demo, 0.0 * make_cube(), like=None)
     assert run("faults", "demo.sgy", "-o", "out") == 2

@@ -248,14 +248,31 @@ def test_the_delay_is_the_first_sample(tmp_path, maker, delay, scalar, start):
     np.testing.assert_allclose(s3.open_cube(path, start=7.0, interval=2.0).time, 7 + 2 * np.arange(N_SAMPLES))
 
 
+@pytest.mark.parametrize("lazy", [False, True])
+def test_traces_with_data_that_start_a_sample_apart_are_refused(tmp_path, maker, lazy):
+    heads = [h | {109: 400} for h in maker.headers(INLINES, CROSSLINES)]
+    heads[20] |= {109: 404}
+    path = maker.write(tmp_path / "a.sgy", numbered(35), heads)
+    with pytest.raises(FormatError, match=r"start at 400, and trace 21 starts at 404.*Shift the traces"):
+        s3.open_cube(path, lazy=lazy)
+    taken = s3.open_cube(path, lazy=lazy, start=400.0)
+    assert float(taken.time[0]) == 400.0
+    # results lie as the input does
+    assert s3.write_segy(tmp_path / "b.sgy", taken).read_bytes() == path.read_bytes()
+    samples = numbered(35)
+    samples[20] = 0
+    dead = s3.open_cube(maker.write(tmp_path / "c.sgy", samples, heads), lazy=lazy)
+    assert "start at different times (400 to 404" in dead.attrs["notes"][0]
+
+
 def test_odd_sample_headers_are_decided_and_said(tmp_path, maker):
     heads = [h | {109: 8, 215: 77} for h in maker.headers(INLINES, CROSSLINES)]
-    heads[0][109] = 12
+    heads[0][109] = 9
     cube = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(35), heads, interval=0))
     np.testing.assert_allclose(cube.time[:2], [8, 12])
     notes = " ".join(cube.attrs["notes"])
     assert "no sample interval in the headers: took 4" in notes
-    assert "traces start at different times (8 to 12" in notes
+    assert "traces start at different times (8 to 9" in notes
     assert "77 (trace header byte 215) is not a power of ten" in notes
     from_trace = s3.open_cube(full(maker, tmp_path / "b.sgy", interval=0, b117=2000))
     np.testing.assert_allclose(from_trace.time[1], 2)
