@@ -93,7 +93,7 @@ def find_grid(
             "Name other header bytes."
         )
     if not given and verdict != "cube":
-        better = sample.best_pair(only_full=verdict == "line")
+        better = sample.best_pair(verdict)
         if better is not None:
             verdict, how = "cube", f"found by trial (the standard ones, 189 and 193, hold {sample.describe(STANDARD)})"
             pair = better
@@ -230,21 +230,24 @@ class _Sample:
             ranges.append(f"{low} throughout" if low == high else f"{low} to {high}")
         return f"{ranges[0]}, and {ranges[1]}"
 
-    def best_pair(self, *, only_full: bool = False) -> tuple[int, int] | None:
+    def best_pair(self, standard: str) -> tuple[int, int] | None:
         """Return the usual pair that spans the fullest grid, else, in a small file, any that spans one without a gap.
 
-        Pairs must agree with the map coordinates, where there are any.
+        Pairs must agree with the map coordinates, where there are any. `standard` is the verdict on the standard pair:
+        where that makes a line, another must span its grid without a gap; where it is torn, coordinates are not tried.
         """
         if self.n_offsets > 1:
             return None
+        only_full = standard == "line"
         least = 1.0 if only_full else _LEAST_SHARE
-        shares = {pair: self._share(pair) for pair in _USUAL_PAIRS if self.judge(pair) == "cube"}
+        tried = set(_ANY_FIELD) - ({byte for xy in XY_PAIRS for byte in xy} if standard == "torn" else set())
+        shares = {p: self._share(p) for p in _USUAL_PAIRS if tried.issuperset(p) and self.judge(p) == "cube"}
         usual = [pair for pair, share in shares.items() if share >= least and self._fits_map(pair)]
         if usual:
             return max(usual, key=shares.__getitem__)  # the first of equals
         if only_full or not self.is_whole:
             return None
-        varying = [byte for byte in _ANY_FIELD if self.varies(byte)]
+        varying = [byte for byte in _ANY_FIELD if byte in tried and self.varies(byte)]
         # the number that changes less often is the line that the file runs along
         for pair in permutations(varying, 2):
             slow, fast = (int((np.diff(self.fields[byte]) != 0).sum()) for byte in pair)

@@ -154,6 +154,18 @@ def test_line_numbers_that_span_far_too_much_are_refused_before_memory_is_taken(
         s3.open_cube(path, **given_bytes)
 
 
+def test_coordinates_are_not_taken_for_line_numbers_where_one_of_those_is_wrong(tmp_path, maker):
+    heads = [h | {181: 50000 + 25 * h[193], 185: 80000 - 30 * h[189]} for h in maker.headers(INLINES, CROSSLINES)]
+    heads[4] |= {189: 30000}
+    with pytest.raises(
+        FormatError, match=r"a grid far larger than its 35 traces\. Some headers are wrong: repair them"
+    ):
+        s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(35), heads))
+    # numbers at other bytes are
+    heads = [h | {9: 1 + k // 7, 21: 1 + k % 7} for k, h in enumerate(heads)]
+    assert s3.open_cube(maker.write(tmp_path / "b.sgy", numbered(35), heads)).attrs["inline_byte"] == 9
+
+
 def test_a_wrong_line_number_that_leaves_most_bins_empty_is_said(tmp_path, maker):
     heads = maker.headers(INLINES, CROSSLINES)
     heads[4] = {189: 140, 193: 30}
