@@ -28,6 +28,9 @@ YByte: TypeAlias = Annotated[
 Domain: TypeAlias = Annotated[
     str | None, typer.Option(help="time or depth, where the file does not tell. [default: judged from the file]")
 ]
+Variable: TypeAlias = Annotated[
+    str | None, typer.Option(help="The array to take from a Zarr folder or an NPZ file with several.", metavar="NAME")
+]
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the results as JSON.")]
 Overwrite: TypeAlias = Annotated[
     bool, typer.Option("--overwrite", help="Replace the results of an earlier run in the folder.")
@@ -42,6 +45,7 @@ _READING: dict[str, Any] = {
     "x_byte": XByte,
     "y_byte": YByte,
     "domain": Domain,
+    "variable": Variable,
 }
 
 

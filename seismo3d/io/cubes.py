@@ -63,7 +63,8 @@ def open_cube(
         Whether to read every trace header of a large SEG-Y file. "auto" derives the geometry of a regular file from a
         few hundred headers, and compares the headers of every trace as it is read.
     variable : str, optional
-        The array to take from a Zarr group or an NPZ file with several.
+        The array to take from a Zarr group or an NPZ file with several. Axes of a Zarr group named iline, xline and
+        twt, as segysak does, are taken for inline, crossline and time.
 
     Returns
     -------
@@ -261,6 +262,7 @@ def _from_npz(file: Path, variable: str | None) -> Any:
     cubes = [name for name in found if entries[name].ndim == 3] or found
     if len(cubes) != 1:
         raise FormatError(
-            f"{file} has {len(cubes)} arrays that could be the cube: {cubes}; expected one. Name it by variable."
+            f"{file} has {len(cubes)} arrays that could be the cube: {cubes}; expected one. Name it by "
+            "variable (--variable)."
         )
     return read_npz(file, cubes)[cubes[0]]

@@ -78,11 +78,8 @@ def read_zarr(path: Any, *, variable: str | None = None, lazy_above: int = 2 * 2
     with refuse_damage(store, "Zarr group"):
         is_mdio = _is_mdio(store)
         dataset = xr.open_zarr(store, chunks=None, consolidated=False, drop_variables=_MDIO_RECORDS)
-        names = [str(n) for n, v in dataset.data_vars.items() if v.ndim in (2, 3) and set(v.dims) & {"time", "depth"}]
-        chosen = variable or (names[0] if len(names) == 1 else None)
-        if chosen is None or chosen not in dataset.data_vars:
-            raise FormatError(f"{store} holds {names or 'no cube'}; expected one. Name it by variable.")
-        cube = dataset[chosen]
+        dataset = dataset.rename({name: usual for name, usual in _USUAL_NAMES.items() if name in dataset.dims})
+        cube = dataset[_choose(dataset, variable, store)]
         loaded = sum(c.nbytes for c in cube.coords.values()) + (cube.nbytes if cube.nbytes <= lazy_above else 0)
         if loaded > 0:
             check_declared(loaded, _stored_bytes(store, loaded), str(store))
@@ -95,6 +92,29 @@ def read_zarr(path: Any, *, variable: str | None = None, lazy_above: int = 2 * 2
         file_format = "MDIO" if is_mdio else "Zarr"
         made = as_cube(lazy, name=str(store)).assign_attrs(path=str(store), file_format=file_format)
     return made if made.nbytes > lazy_above else made.compute()
+
+
+# names of axes that segysak gives
+_USUAL_NAMES = {"iline": "inline", "xline": "crossline", "twt": "time"}
+
+
+def _choose(dataset: Any, variable: str | None, store: Path) -> str:
+    """Return the name of the array to take: the one asked for, or the only one that may be a cube or a section."""
+    held = {name: tuple(dataset[name].dims) for name in sorted(map(str, dataset.data_vars))}
+    if variable is not None:
+        if variable not in held:
+            raise ParameterError(f"{store} has no array {variable!r}; expected one of {list(held)}.")
+        return variable
+    names = [name for name, dims in held.items() if len(dims) in (2, 3) and {"time", "depth"} & {*dims}]
+    if not names:
+        listed = ", ".join(f"{name} ({', '.join(map(str, dims))})" for name, dims in held.items()) or "no array"
+        raise FormatError(
+            f"{store} holds {listed}; expected an array (inline, crossline, time or depth) or (trace, time or depth). "
+            "Rename its dimensions."
+        )
+    if len(names) > 1:
+        raise FormatError(f"{store} holds the arrays {names}; expected one. Name it by variable (--variable).")
+    return names[0]
 
 
 # trace and file headers of an MDIO store: records, which no cube needs

@@ -72,6 +72,16 @@ def test_info_of_a_line_and_of_numpy(run, tmp_path):
     assert "no map coordinates" in out
 
 
+def test_one_of_several_arrays_is_named(run, tmp_path):
+    np.savez(tmp_path / "a.npz", first=np.zeros((2, 3, 4)), second=np.full((2, 3, 5), 7.0))
+    code, _, err = run("info", tmp_path / "a.npz")
+    assert code == 2
+    assert "Name it by variable (--variable)." in err
+    assert "2 x 3 x 5" in run("info", tmp_path / "a.npz", "--variable", "second")[1]
+    assert run("convert", tmp_path / "a.npz", tmp_path / "b.npy", "--variable", "second")[0] == 0
+    assert np.load(tmp_path / "b.npy")[0, 0, 0] == 7.0
+
+
 def test_convert_there_and_back(run, segy, tmp_path):
     assert run("convert", segy, tmp_path / "a.zarr")[:2] == (0, f"{tmp_path / 'a.zarr'}\n")
     assert run("convert", tmp_path / "a.zarr", tmp_path / "b.sgy")[0] == 0

@@ -191,8 +191,29 @@ def test_broken_zarr(tmp_path):
     with pytest.raises(FormatError, match="is no Zarr group"):
         s3.open_cube(tmp_path / "bad.zarr")
     xr.Dataset({"a": ("x", [1, 2])}).to_zarr(tmp_path / "other.zarr", consolidated=False)
-    with pytest.raises(FormatError, match="holds no cube"):
+    with pytest.raises(FormatError, match=r"holds a \(x\); expected an array \(inline, crossline, time or depth\)"):
         s3.open_cube(tmp_path / "other.zarr")
+
+
+def test_zarr_of_several_arrays_and_of_other_names(tmp_path, rng):
+    values = rng.normal(size=(3, 4, 5))
+    axes = {"iline": [7, 8, 9], "xline": [1, 2, 3, 4], "twt": 4.0 * np.arange(5)}
+    places = {"cdp_x": (("iline", "xline"), rng.normal(size=(3, 4)))}
+    arrays = {"data": (tuple(axes), values), "envelope": (tuple(axes), -values)}
+    xr.Dataset({"data": arrays["data"]}, coords=axes | places).to_zarr(tmp_path / "a.zarr", consolidated=False)
+    cube = s3.open_cube(tmp_path / "a.zarr")
+    assert cube.dims == ("inline", "crossline", "time")
+    assert (cube.inline.values[-1], cube.time.values[-1], cube.attrs["sample_unit"]) == (9, 16.0, "ms")
+    np.testing.assert_array_equal(cube.values, values)
+    np.testing.assert_array_equal(cube.cdp_x.values, places["cdp_x"][1])
+    xr.Dataset(arrays, coords=axes).to_zarr(tmp_path / "b.zarr", consolidated=False)
+    with pytest.raises(
+        FormatError, match=r"holds the arrays \['data', 'envelope'\].*Name it by variable \(--variable\)"
+    ):
+        s3.open_cube(tmp_path / "b.zarr")
+    np.testing.assert_array_equal(s3.open_cube(tmp_path / "b.zarr", variable="envelope").values, -values)
+    with pytest.raises(ParameterError, match="has no array 'amp'; expected one of"):
+        s3.open_cube(tmp_path / "b.zarr", variable="amp")
 
 
 def test_folders_that_are_no_zarr_are_not_overwritten(segy, tmp_path):
