@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, ArrayLike, Float64Array
+from seismo3d._typing import AnyArray, ArrayLike, Float32Array, Float64Array
 from seismo3d.errors import ParameterError, ShapeError
 
 _Settings = TypeVar("_Settings")
@@ -24,6 +24,20 @@ def as_settings(settings: _Settings | None, kind: type[_Settings]) -> _Settings:
             f"Give {kind.__name__}({names}), or leave it out."
         )
     return settings
+
+
+def as_single(values: AnyArray, name: str) -> Float32Array:
+    """Convert to single precision, a copy, or refuse finite numbers that it cannot hold."""
+    with np.errstate(over="ignore"):
+        single = np.array(values, np.float32, order="C")
+    if values.dtype.kind == "f" and values.dtype.itemsize > single.itemsize:
+        largest = float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
+        if largest > float(np.finfo(np.float32).max):
+            raise ParameterError(
+                f"{name} has samples up to {largest:.3g}; expected at most 3.4e+38, all that single precision holds. "
+                "Scale them down."
+            )
+    return single
 
 
 def as_number(value: Any, name: str, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:

@@ -204,7 +204,7 @@ def trace_faults(
     usual = FaultSettings.for_section() if is_section else FaultSettings()
     settings = _with_evidence(usual if settings is None else as_settings(settings, FaultSettings), evidence)
     volume, valid, *_ = clean_volume(amplitudes)
-    check_live(valid, geometry)
+    check_live(np.asarray(valid.any(axis=2)), is_section=geometry is None)
     report("dip", 0.0)
     slopes = estimate_slopes(volume, valid, settings=settings.dip)
     report("misfit", 0.0)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
+from seismo3d._validate import as_single
 from seismo3d.errors import Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import unit_of
 from seismo3d.geometry.survey import SurveyGeometry
@@ -51,13 +52,15 @@ def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[flo
     ------
     ShapeError
         If the elements are no real numbers, or the array has other axes or is too small to compare traces in.
+    ParameterError
+        If amplitudes are too large for single precision.
     """
     values = cube if hasattr(cube, "dims") else np.asarray(cube)
     sampling = describe_volume(values)
-    values = np.asarray(getattr(values, "values", values))
-    if values.ndim == 2:
-        return values[None].astype(np.float32), None, sampling
-    return values.astype(np.float32), SurveyGeometry.from_cube(cube), sampling
+    amplitudes = as_single(np.asarray(getattr(values, "values", values)), "cube")
+    if amplitudes.ndim == 2:
+        return amplitudes[None], None, sampling
+    return amplitudes, SurveyGeometry.from_cube(cube), sampling
 
 
 def describe_volume(cube: Any) -> tuple[float, str]:
@@ -112,13 +115,12 @@ def clean_volume(
     return white, valid, whitening.spectrum, scale.level
 
 
-def check_live(valid: BoolArray, geometry: SurveyGeometry | None) -> None:
-    """Refuse a cube or section without any data, and warn where too few of its traces have live neighbours."""
-    name = "section" if geometry is None else "cube"
-    live: BoolArray = np.asarray(valid.any(axis=2))
+def check_live(live: BoolArray, *, is_section: bool = False) -> None:
+    """Refuse a cube or section without any data, and warn where too few of its live traces have live neighbours."""
+    name = "section" if is_section else "cube"
     if not live.any():
         raise ShapeError(f"{name} has no live trace. Give a {name} with data.")
-    for axis, lines in enumerate(("inline", "trace" if geometry is None else "crossline")):
+    for axis, lines in enumerate(("inline", "trace" if is_section else "crossline")):
         along = np.moveaxis(live, axis, 0)
         share = float((along[1:] & along[:-1]).sum() / live.sum())
         if len(along) > 1 and share < _LEAST_NEIGHBOURS:

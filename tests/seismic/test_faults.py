@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from scipy import ndimage
 
-from seismo3d.errors import Seismo3dWarning, ShapeError
+from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings
 from seismo3d.seismic.faults import FaultSettings, largest_first, to_likelihood, trace_faults
@@ -233,6 +233,11 @@ def test_two_crossing_planes_are_two_surfaces():
 def test_what_has_no_live_trace_is_refused(value, shape, name):
     with pytest.raises(ShapeError, match=f"{name} has no live trace"):
         trace_faults(np.full(shape, value))
+
+
+def test_amplitudes_beyond_single_precision_are_refused():
+    with pytest.raises(ParameterError, match=r"samples up to 1e\+200; expected at most 3.4e\+38.*Scale them down"):
+        trace_faults(np.full(SHAPE, 1e200))
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array
+from seismo3d._validate import as_single
 from seismo3d.seismic.blocks.plan import RAW_REACH, Box
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.preparing import (
     Scale,
+    check_live,
     find_scale,
     leave_out,
     mark_data,
@@ -64,6 +66,8 @@ def survey_facts(run: BlockRun) -> None:
     if not repeats:
         sample = sample[~of_repeated]
     n_valid = _count_valid(counts, repeated, repeats)
+    if run.kind == "faults":
+        check_live(n_valid > 0)
     pairs = choose_pairs(find_complete(n_valid))
     run.write_fact("survey", scale=find_scale(sample), pairs=pairs, n_valid=int(n_valid.sum()), repeats=repeats)
 
@@ -150,7 +154,7 @@ def _read(piece: Any) -> Float32Array:
     """Return a piece of the input as amplitudes of its own; read by this process alone."""
     if hasattr(piece, "dask"):
         piece = piece.compute(scheduler="synchronous")
-    return np.array(piece, np.float32, order="C")
+    return as_single(piece, "cube")
 
 
 def _scaled(run: BlockRun, piece: Any) -> tuple[Float32Array, AnyArray]:

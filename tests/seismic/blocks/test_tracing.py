@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 import seismo3d as s3
-from seismo3d.errors import FileAccessError, ParameterError
+from seismo3d.errors import FileAccessError, ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.io.cubes import write_npy
 from seismo3d.io.zarr_store import write_zarr
 from seismo3d.seismic.blocks.plan import plan_blocks
@@ -275,3 +275,14 @@ def test_what_was_done_to_a_cube_of_a_file_is_noticed(cube, tmp_path):
             assert other.attrs["path"] == str(path)
             assert describe_source(other) != own
         assert "file" not in describe_source(stored.compute() * 2.0)
+
+
+def test_what_cannot_be_traced_is_refused_as_in_one_piece(tmp_path):
+    refused = {7.0: "cube has no live trace", np.nan: "cube has no live trace", 1e200: "samples up to"}
+    for number, (value, words) in enumerate(refused.items()):
+        with pytest.raises((ShapeError, ParameterError), match=words):
+            trace(np.full(SHAPE, value), tmp_path / str(number))
+    lines = np.random.default_rng(0).normal(size=SHAPE)
+    lines[::2] = 0.0
+    with pytest.warns(Seismo3dWarning, match="0 % of the live traces have a live one on the next inline"):
+        trace(lines, tmp_path / "lines")
