@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import AnyArray, Int64Array
-from seismo3d.errors import GeometryError
+from seismo3d._validate import as_single
+from seismo3d.errors import GeometryError, Seismo3dWarning
 from seismo3d.geometry.axis import METRES, Axis, check_downwards, length_unit_of, unit_of
 from seismo3d.geometry.survey import usual_spacing
 from seismo3d.io._segy_layout import set_header_field
 
 _MAX_SHORT = 32767
+# whole numbers up to which single precision holds all, and double precision does
+_ALL_EXACT, _STILL_WHOLE = 2**24, 2**53
 _MAX_LONG = 2**31 - 1
 # what a number may be off a whole one
 _OFF_WHOLE = 1e-6
@@ -21,12 +25,34 @@ _OFF = 0.05
 
 
 def encode(values: AnyArray, code: int, fill: float) -> AnyArray:
-    """Encode amplitudes to the 4-byte words of format 5 (IEEE) or 1 (IBM); what is not finite becomes ``fill``."""
-    real = np.ascontiguousarray(values, dtype=np.float32)
+    """Encode amplitudes to the 4-byte words of format 5 (IEEE) or 1 (IBM); what is not finite becomes ``fill``.
+
+    Raises
+    ------
+    ParameterError
+        If finite amplitudes are too large for single precision.
+    """
+    real = as_single(values, "cube")
+    _tell_rounded(values, real)
     finite = np.isfinite(real)
     if not finite.all():
         real = np.where(finite, real, np.float32(fill))
     return real.view(np.uint32) if code == 5 else ibm_words(real)
+
+
+def _tell_rounded(values: AnyArray, real: AnyArray) -> None:
+    """Warn of whole numbers that single precision rounds: the samples of a file of integers come back changed."""
+    if values.dtype.itemsize < real.itemsize or values.dtype == real.dtype:
+        return
+    size = np.abs(values.astype(np.float64))
+    whole = (size > _ALL_EXACT) & (size <= _STILL_WHOLE) & (values == np.rint(values))
+    if (whole & (real != values)).any():
+        warnings.warn(
+            f"cube has whole numbers beyond {_ALL_EXACT}, which SEG-Y's 4-byte floats round to 7 digits. Write Zarr to "
+            "keep them.",
+            Seismo3dWarning,
+            stacklevel=2,
+        )
 
 
 def ibm_words(values: AnyArray) -> AnyArray:

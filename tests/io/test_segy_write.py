@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import resource
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import seismo3d as s3
-from seismo3d.errors import FileAccessError, GeometryError, ParameterError
+from seismo3d.errors import FileAccessError, GeometryError, ParameterError, Seismo3dWarning
 from seismo3d.geometry.axis import unit_of
 from seismo3d.io._segy_encode import encode, ibm_words
 from seismo3d.io._segy_layout import read_layout
@@ -247,6 +248,25 @@ def test_what_is_not_finite_becomes_the_fill(tmp_path, awkward):
         back = s3.open_cube(s3.write_segy(tmp_path / "t.sgy", throw, like=like, fill=-9.0))
         assert (back.values[0, 0] == np.where(cube.values[0, 0] > 0, cube.values[0, 0], -9.0)).all()
         np.testing.assert_array_equal(back.values[cube.live.values], throw.fillna(-9.0).values[cube.live.values])
+
+
+@pytest.mark.parametrize("lazy", [False, True])
+@pytest.mark.parametrize("like", ["input", None])
+def test_samples_too_large_for_single_precision_are_refused(tmp_path, maker, lazy, like):
+    source = maker.write(tmp_path / "in.sgy", np.full((6, 4), 1e60), maker.headers([1, 2], [1, 2, 3]), code=6)
+    with pytest.raises(ParameterError, match=r"samples up to 1e\+60; expected at most 3.4e\+38"):
+        s3.write_segy(tmp_path / "out.sgy", s3.open_cube(source, lazy=lazy), like=like)
+    assert [path.name for path in tmp_path.iterdir()] == ["in.sgy"]
+
+
+@pytest.mark.parametrize(
+    ("value", "is_told"), [(2**24 + 1, True), (2**24, False), (2**30, False), (2**24 + 1.5, False)]
+)
+def test_whole_numbers_that_are_rounded_are_told(tmp_path, value, is_told):
+    cube = s3.as_cube(np.full((2, 3, 4), value), interval=4.0)
+    with pytest.warns(Seismo3dWarning, match="whole numbers beyond 16777216") if is_told else nullcontext():
+        back = s3.open_cube(s3.write_segy(tmp_path / "a.sgy", cube))
+    assert (back == np.float32(value)).all()
 
 
 @given(
