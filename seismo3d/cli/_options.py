@@ -28,6 +28,13 @@ YByte: TypeAlias = Annotated[
 Domain: TypeAlias = Annotated[
     str | None, typer.Option(help="time or depth, where the file does not tell. [default: judged from the file]")
 ]
+Interval: TypeAlias = Annotated[
+    float | None, typer.Option(help="Sample interval in ms, m or ft. [default: the file's]", metavar="STEP")
+]
+Start: TypeAlias = Annotated[
+    float | None,
+    typer.Option(help="First sample in ms, m or ft, of all traces. [default: the file's]", metavar="FIRST"),
+]
 Variable: TypeAlias = Annotated[
     str | None, typer.Option(help="The array to take from a Zarr folder or an NPZ file with several.", metavar="NAME")
 ]
@@ -45,6 +52,8 @@ _READING: dict[str, Any] = {
     "x_byte": XByte,
     "y_byte": YByte,
     "domain": Domain,
+    "interval": Interval,
+    "start": Start,
     "variable": Variable,
 }
 

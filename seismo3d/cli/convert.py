@@ -12,6 +12,7 @@ EXAMPLES = (
     "seismo3d convert f3.sgy f3.zarr",
     "seismo3d convert f3.zarr f3-again.sgy",
     "seismo3d convert migrated.sgy migrated.zarr --domain depth",
+    "seismo3d convert cube.npy cube.sgy --interval 4 --start 400",
 )
 
 

@@ -174,5 +174,5 @@ def refuse_other_starts(layout: SegyLayout, axis: Axis) -> None:
             raise FormatError(
                 f"{layout.path} has traces that start at {axis.first:g}, and trace {rows[k] + 1} starts at "
                 f"{starts[k]:g} (trace header byte 109); expected one start to within a sample, {axis.step:g}. Shift "
-                "the traces to one start, or give start to take them as if they had it."
+                "the traces to one start, or give start (--start) to take them as they lie."
             )

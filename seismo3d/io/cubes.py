@@ -172,7 +172,8 @@ def convert_cube(
     Raises
     ------
     ParameterError
-        If the target's suffix is another, or the target is the source, holds it or lies in it.
+        If the target's suffix is another, or the target is the source, holds it or lies in it, or is SEG-Y and neither
+        the source nor the options tell the sample interval.
     FileAccessError
         If the target is there and is not to be replaced, or a file cannot be read or written.
     """
@@ -186,6 +187,11 @@ def convert_cube(
     if out.exists() and not overwrite:
         raise FileAccessError(f"{out} exists already. Choose another name, or overwrite it (--overwrite).")
     cube = open_cube(source, **({"lazy": True} | options))
+    if suffix in _SEGY_SUFFIXES and unit_of(cube) == "samples":
+        raise ParameterError(
+            f"{source} states no sample interval; expected one, which SEG-Y needs. Give interval (--interval) and start "
+            "(--start) in ms, or in m with domain (--domain) depth."
+        )
     if suffix == ".zarr":
         from seismo3d.io.zarr_store import write_zarr
 

@@ -44,7 +44,7 @@ def test_what_is_written_is_named_alike(name):
 
 @pytest.mark.parametrize(
     ("line", "wanted"),
-    [("seismo3d fa", {"faults"}), ("seismo3d co", {"compare", "convert"}), ("seismo3d info --in", {"--inline-byte"})],
+    [("seismo3d fa", {"faults"}), ("seismo3d co", {"compare", "convert"}), ("seismo3d info --inl", {"--inline-byte"})],
 )
 def test_the_shell_completes(line, wanted):
     words = line.split()

@@ -82,6 +82,24 @@ def test_one_of_several_arrays_is_named(run, tmp_path):
     assert np.load(tmp_path / "b.npy")[0, 0, 0] == 7.0
 
 
+@pytest.mark.parametrize("name", ["a.npy", "a.zarr"])
+def test_segy_of_a_file_without_an_interval_needs_one(run, tmp_path, name):
+    values = np.arange(24.0).reshape(2, 3, 4)
+    np.save(tmp_path / "a.npy", values)
+    if name == "a.zarr":
+        assert run("convert", tmp_path / "a.npy", tmp_path / "a.zarr")[0] == 0
+    code, _, err = run("convert", tmp_path / name, tmp_path / "b.sgy")
+    assert code == 2
+    assert f"{name} states no sample interval; expected one, which SEG-Y needs. Give interval (--interval)" in err
+    assert not (tmp_path / "b.sgy").exists()
+    asked = ("--interval", "5", "--start", "100", "--domain", "depth")
+    assert run("convert", tmp_path / name, tmp_path / "b.sgy", *asked)[0] == 0
+    back = s3.open_cube(tmp_path / "b.sgy")
+    np.testing.assert_array_equal(back.values, values)
+    np.testing.assert_array_equal(back.depth.values, [100.0, 105.0, 110.0, 115.0])
+    assert back.attrs["sample_unit"] == "m"
+
+
 def test_convert_there_and_back(run, segy, tmp_path):
     assert run("convert", segy, tmp_path / "a.zarr")[:2] == (0, f"{tmp_path / 'a.zarr'}\n")
     assert run("convert", tmp_path / "a.zarr", tmp_path / "b.sgy")[0] == 0

@@ -255,7 +255,7 @@ def test_what_is_there_is_replaced_only_on_request(segy, tmp_path, suffix):
     with pytest.raises(FileAccessError, match="exists already"):
         convert_cube(tmp_path / "other.npy", target)
     np.testing.assert_array_equal(s3.open_cube(target).values, before)
-    convert_cube(tmp_path / "other.npy", target, overwrite=True)
+    convert_cube(tmp_path / "other.npy", target, overwrite=True, interval=4.0)
     assert (s3.open_cube(target).values == 1.0).all()
 
 
