@@ -10,7 +10,7 @@ import numpy as np
 from seismo3d._typing import Int64Array, IntArray
 from seismo3d.errors import FormatError, ParameterError
 from seismo3d.geometry.survey import fit_map
-from seismo3d.io._segy_grid import TraceGrid, line_axis, line_grid, padding, regular_grid, scanned_grid
+from seismo3d.io._segy_grid import TraceGrid, line_axis, line_grid, padding, regular_grid, scanned_grid, take_live
 from seismo3d.io._segy_layout import SegyLayout, read_fields
 
 STANDARD = (189, 193)
@@ -110,7 +110,7 @@ def find_grid(
     grid = scanned_grid(lines[pair[0]], lines[pair[1]], *pair, path=layout.path)
     if grid.n_duplicates > 0.5 * (grid.n_traces - grid.n_duplicates):
         raise _not_stacked(layout, pair, grid.n_traces / (grid.n_traces - grid.n_duplicates))
-    return Found(grid, False, how, pair, notes=_grid_notes(grid))
+    return Found(take_live(grid, layout), False, how, pair, notes=_grid_notes(grid))
 
 
 def find_coordinates(layout: SegyLayout, *, x_byte: int | None, y_byte: int | None) -> tuple[int, int] | None:
@@ -164,7 +164,7 @@ def _as_line(layout: SegyLayout, pair: tuple[int, int] | None, how: str) -> Foun
 def _grid_notes(grid: TraceGrid) -> tuple[str, ...]:
     notes = []
     if grid.n_duplicates:
-        notes.append(f"{grid.n_duplicates} duplicate traces: the first one in the file at each place was taken")
+        notes.append(f"{grid.n_duplicates} duplicate traces: the first live one in the file at each place was taken")
     n_bins = grid.inline.n * grid.crossline.n
     if grid.n_missing > 0.5 * n_bins:
         notes.append(f"{grid.n_missing} of {n_bins} bins have no trace: line numbers may be wrong in some headers")

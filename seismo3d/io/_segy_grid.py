@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,7 +35,7 @@ class TraceGrid:
     strides : (int, int, int) or None
         Of a regular file.
     table : ndarray of shape (n_inlines, n_crosslines), int64, or None
-        First trace of each bin, -1 where none is.
+        First trace of each bin, or its first live one, -1 where none is.
     bin_of : ndarray of shape (n_traces,), int64, or None
         Bin number (inline index * n_crosslines + crossline index) of each trace, -1 where it has no place.
     n_duplicates, n_unplaced : int
@@ -169,6 +169,19 @@ def scanned_grid(il: IntArray, xl: IntArray, inline_byte: int, crossline_byte: i
         n_duplicates=int(placed.sum()) - n_filled,
         n_unplaced=int(il.size - placed.sum()),
     )
+
+
+def take_live(grid: TraceGrid, layout: SegyLayout) -> TraceGrid:
+    """Give places whose first trace is dead, all zero, their first live one; only traces of shared places are read."""
+    if grid.table is None or grid.bin_of is None or not grid.n_duplicates:
+        return grid
+    samples = layout.map_traces()["data"]
+    table = grid.table.ravel().copy()
+    for row in np.flatnonzero((grid.bin_of >= 0) & (table[grid.bin_of] != np.arange(grid.n_traces))):
+        place = grid.bin_of[row]
+        if samples[row].any() and not samples[table[place]].any():
+            table[place] = row
+    return replace(grid, table=table.reshape(grid.table.shape))
 
 
 def line_grid(layout: SegyLayout) -> TraceGrid:

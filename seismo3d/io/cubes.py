@@ -189,8 +189,8 @@ def convert_cube(
     cube = open_cube(source, **({"lazy": True} | options))
     if suffix in _SEGY_SUFFIXES and unit_of(cube) == "samples":
         raise ParameterError(
-            f"{source} states no sample interval; expected one, which SEG-Y needs. Give interval (--interval) and start "
-            "(--start) in ms, or in m with domain (--domain) depth."
+            f"{source} states no sample interval; expected one, which SEG-Y needs. Give interval (--interval) and "
+            "start (--start) in ms, or in m with domain (--domain) depth."
         )
     if suffix == ".zarr":
         from seismo3d.io.zarr_store import write_zarr

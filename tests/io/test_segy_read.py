@@ -141,8 +141,25 @@ def test_missing_duplicate_dead_and_padding_traces(tmp_path, maker):
     np.testing.assert_array_equal(cube.live, expected)
     assert (cube.attrs["n_missing"], cube.attrs["n_duplicates"]) == (1, 1)
     notes = " ".join(cube.attrs["notes"])
-    assert "1 duplicate traces: the first one" in notes
+    assert "1 duplicate traces: the first live one" in notes
     assert "1 traces numbered inline 0, crossline 0" in notes
+
+
+@pytest.mark.parametrize("lazy", [False, True])
+def test_of_traces_in_one_place_the_first_live_one_is_taken(tmp_path, maker, lazy):
+    heads, values = maker.headers(INLINES, CROSSLINES), numbered(35)
+    values[:2] = 0
+    heads = [*heads, heads[0], heads[1], heads[0], heads[0], heads[20]]
+    values = np.vstack([values, np.full((2, N_SAMPLES), 0), np.arange(2 * N_SAMPLES).reshape(2, -1) + 1, values[:1]])
+    path = maker.write(tmp_path / "a.sgy", values, heads)
+    cube = s3.open_cube(path, lazy=lazy)
+    np.testing.assert_array_equal(cube[0, 0].values, values[37])
+    np.testing.assert_array_equal(cube[2, 6].values, values[20])
+    assert not cube.live[0, 1]
+    assert (~cube.live).sum() == 1
+    # written to every trace of the place
+    back = s3.open_cube(s3.write_segy(tmp_path / "b.sgy", cube))
+    np.testing.assert_array_equal(back.values, cube.values)
 
 
 @pytest.mark.parametrize("given_bytes", [{}, {"inline_byte": 189, "crossline_byte": 193}])
