@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -43,12 +44,15 @@ def refuse_os_errors(path: Path, verb: str) -> Iterator[None]:
         raise FileAccessError(f"{path} cannot be {_PARTICIPLE[verb]}: {reason}.") from error
 
 
+_ASIDE = ".part"
 _PARTICIPLE = {"read": "read", "write": "written"}
 
 
 @contextmanager
 def written_aside(path: str | os.PathLike[str], *, folder: bool = False) -> Iterator[Path]:
     """Give a name beside ``path`` to write to, and move it into place at the end; on any error, leave no trace.
+
+    What processes that are gone left half-written of it goes first.
 
     Parameters
     ----------
@@ -60,18 +64,63 @@ def written_aside(path: str | os.PathLike[str], *, folder: bool = False) -> Iter
     Raises
     ------
     FileAccessError
-        If it cannot be written: no such folder, no permission, no space left.
+        If it cannot be written: no such folder, no permission, no space left; or if it is a folder that another process
+        is writing, or has made meanwhile.
     """
     final = Path(path)
     _check_place(final, folder=folder)
-    aside = final.parent / f".{final.name}.{os.getpid()}.part"
+    _clear_beside(final, folder=folder)
+    aside = final.parent / f"{_aside_of(final)}{os.getpid()}{_ASIDE}"
+    was_there = final.exists()
     try:
         with refuse_os_errors(final, "write"):
             yield aside
+            if folder and not was_there:
+                _refuse_made_meanwhile(final)
             replace_path(aside, final, folder=folder)
     except BaseException:
         (_remove_for_good if aside.is_dir() else _remove)(aside)
         raise
+
+
+def _refuse_made_meanwhile(final: Path) -> None:
+    if final.exists():
+        raise FileAccessError(
+            f"{final} was made by another run meanwhile; it is not replaced. Give the command again with another name."
+        )
+
+
+def _aside_of(final: Path) -> str:
+    """Return how names beside `final` begin that processes of this machine write to; a number and an ending follow."""
+    return f".{final.name}.{platform.node()}."
+
+
+def _clear_beside(final: Path, *, folder: bool) -> None:
+    """Remove what processes of this machine that are gone left of `final`; refuse a folder that one is writing."""
+    with refuse_os_errors(final, "write"), os.scandir(final.parent) as entries:
+        names = [entry.name for entry in entries if entry.name.startswith(_aside_of(final))]
+    for name in names:
+        process = name.removeprefix(_aside_of(final)).removesuffix(_ASIDE)
+        if not process.isdecimal() or int(process) == os.getpid():
+            continue
+        if not _is_running(int(process)):
+            _remove(final.parent / name)
+        elif folder:
+            raise FileAccessError(
+                f"{final} is being written by process {process}. Wait for it, or choose another name."
+            )
+
+
+def _is_running(process: int) -> bool:
+    if os.name != "posix":  # a signal of 0 would end it
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def _check_place(final: Path, *, folder: bool) -> None:

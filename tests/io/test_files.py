@@ -1,5 +1,9 @@
 """What is written aside leaves nothing when it fails, even where a library's threads go on writing."""
 
+import platform
+import subprocess
+import sys
+
 import pytest
 
 from seismo3d.errors import FileAccessError, ParameterError
@@ -16,6 +20,10 @@ def write_and_fail(path, *, folder):
         raise OSError(28, "no room")
 
 
+def aside(folder, process):
+    return folder / f".out.zarr.{platform.node()}.{process}.part"
+
+
 @pytest.mark.parametrize("folder", [False, True])
 def test_a_write_that_fails_leaves_nothing_and_says_why(tmp_path, folder):
     with pytest.raises(FileAccessError, match=r"out\.zarr cannot be written: no room"):
@@ -29,7 +37,7 @@ def test_a_folder_that_a_thread_still_writes_into_goes_too(tmp_path, monkeypatch
     def write_once_more(_seconds):
         if left[0] and not list(tmp_path.iterdir()):
             left[0] -= 1
-            folder = tmp_path / f".out.zarr.{_files.os.getpid()}.part" / "amplitude"
+            folder = aside(tmp_path, _files.os.getpid()) / "amplitude"
             folder.mkdir(parents=True)
             (folder / "zarr.json").write_text("{}")
 
@@ -42,7 +50,7 @@ def test_a_folder_that_a_thread_still_writes_into_goes_too(tmp_path, monkeypatch
 
 def test_a_folder_that_does_not_go_is_not_passed_over(tmp_path, monkeypatch):
     def write_again(_seconds):
-        (tmp_path / f".out.zarr.{_files.os.getpid()}.part" / "c").mkdir(parents=True, exist_ok=True)
+        (aside(tmp_path, _files.os.getpid()) / "c").mkdir(parents=True, exist_ok=True)
 
     monkeypatch.setattr(_files.time, "sleep", write_again)
     monkeypatch.setattr(_files.shutil, "rmtree", lambda path, **how: None if how else _refuse(path))
@@ -68,3 +76,45 @@ def test_outputs_are_refused_by_their_names_and_places(tmp_path):
     with pytest.raises(FileAccessError, match="is not a folder"):
         _files.check_output(tmp_path / "none" / "c.png", endings=(".png",))
     assert _files.check_output(tmp_path / "c.PNG", endings=(".png",)) == tmp_path / "c.PNG"
+
+
+def write(path, *, meanwhile=lambda: None):
+    with _files.written_aside(path, folder=True) as made:
+        made.mkdir()
+        (made / "mine").touch()
+        meanwhile()
+
+
+@pytest.mark.parametrize("folder", [False, True])
+def test_what_a_killed_process_left_goes(tmp_path, folder):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    aside(tmp_path, gone.pid).mkdir()
+    (aside(tmp_path, gone.pid) / "half").touch()
+    others = [tmp_path / f".out.zarr.another-machine.{gone.pid}.part", tmp_path / f".in.zarr.{gone.pid}.part"]
+    for other in others:
+        other.touch()
+    with pytest.raises(FileAccessError, match="no room"):
+        write_and_fail(tmp_path / "out.zarr", folder=folder)
+    assert sorted(tmp_path.iterdir()) == sorted(others)
+
+
+def test_a_folder_that_another_process_writes_is_left_to_it(tmp_path):
+    aside(tmp_path, _files.os.getppid()).mkdir()
+    with pytest.raises(FileAccessError, match=f"is being written by process {_files.os.getppid()}"):
+        write(tmp_path / "out.zarr")
+    assert list(tmp_path.iterdir()) == [aside(tmp_path, _files.os.getppid())]
+
+
+def test_a_folder_that_has_come_meanwhile_is_not_replaced(tmp_path):
+    final = tmp_path / "out.zarr"
+
+    def write_meanwhile():
+        final.mkdir()
+        (final / "theirs").touch()
+
+    with pytest.raises(FileAccessError, match=r"out\.zarr was made by another run meanwhile; it is not replaced"):
+        write(final, meanwhile=write_meanwhile)
+    assert [path.name for path in tmp_path.rglob("*")] == ["out.zarr", "theirs"]
+    write(final)
+    assert [path.name for path in final.iterdir()] == ["mine"]
