@@ -20,6 +20,8 @@ __all__ = ["check_segy", "read_segy", "write_segy"]
 
 _CHUNK_BYTES = 32 * 2**20
 _SCANNED_BELOW = 100_000
+_N_UNITS = 64
+_ANGLES = {2: "seconds of arc", 3: "degrees", 4: "degrees, minutes and seconds"}
 
 
 def read_segy(
@@ -139,6 +141,11 @@ def _attributes(layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tu
         attrs["inline_byte"], attrs["crossline_byte"] = found.line_bytes
     if xy_bytes is not None:
         attrs["x_byte"], attrs["y_byte"] = xy_bytes
+        attrs["notes"] += [
+            f"trace headers say that coordinates are in {unit} (byte 89): they are taken for lengths: strikes and "
+            "distances on the map are wrong; project them to metres"
+            for unit in _angle_units(layout)
+        ]
     if layout.in_feet:
         attrs["notes"].append("the binary header says feet: map coordinates, and depths, are in feet")
     if found.is_sampled:
@@ -146,6 +153,12 @@ def _attributes(layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tu
             "a regular file: geometry read from a sample of the trace headers, checked as traces are read"
         )
     return attrs
+
+
+def _angle_units(layout: SegyLayout) -> list[str]:
+    """Return the units of angles that trace headers say their coordinates are in."""
+    rows = np.unique(np.linspace(0, layout.n_traces - 1, min(layout.n_traces, _N_UNITS)).astype(np.int64))
+    return [_ANGLES[code] for code in np.unique(read_fields(layout, rows, [89])[89]).tolist() if code in _ANGLES]
 
 
 def _fit_map(layout: SegyLayout, found: Found, xy_bytes: tuple[int, int] | None) -> tuple[MapFit | None, list[str]]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 STORED = {1: "u4", 2: "i4", 3: "i2", 5: "f4", 6: "f8", 8: "i1", 10: "u4", 11: "u2", 16: "u1"}
-SHORT = {29, 31, 33, 35, 69, 71, 109, 115, 117, 215}
+SHORT = {29, 31, 33, 35, 69, 71, 89, 109, 115, 117, 215}
 
 
 def field(buffer: bytearray, byte: int, value: int, *, width: int, order: str) -> None:

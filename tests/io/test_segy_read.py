@@ -265,6 +265,13 @@ def test_wrong_coordinates_are_left_out_of_the_map_and_said(tmp_path, maker, laz
     assert any("off any map of evenly spaced lines" in note for note in told)
 
 
+@pytest.mark.parametrize(("code", "unit"), [(1, None), (2, "seconds of arc"), (3, "degrees")])
+def test_coordinates_that_are_angles_are_told(tmp_path, maker, code, unit):
+    heads = [h | {181: 25 * h[193], 185: 30 * h[189], 89: code} for h in maker.headers(INLINES, CROSSLINES)]
+    notes = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(35), heads)).attrs["notes"]
+    assert [f"coordinates are in {unit} (byte 89)" in note for note in notes] == [True] * (unit is not None)
+
+
 def test_constant_coordinates_are_none(tmp_path, maker):
     cube = s3.open_cube(full(maker, tmp_path / "a.sgy", b181=6000, b185=65536))
     assert "cdp_x" not in cube.coords
