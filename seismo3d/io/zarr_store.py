@@ -91,6 +91,8 @@ def read_zarr(path: Any, *, variable: str | None = None, lazy_above: int = 2 * 2
         lazy = xr.DataArray(_as_dask(cube, store), dims=cube.dims, coords=coords, name=cube.name, attrs=attrs)
         file_format = "MDIO" if is_mdio else "Zarr"
         made = as_cube(lazy, name=str(store)).assign_attrs(path=str(store), file_format=file_format)
+        if (note := _doubt_unit(lazy)) is not None:
+            made = made.assign_attrs(notes=[*made.attrs.get("notes", ()), note])
     return made if made.nbytes > lazy_above else made.compute()
 
 
@@ -115,6 +117,24 @@ def _choose(dataset: Any, variable: str | None, store: Path) -> str:
     if len(names) > 1:
         raise FormatError(f"{store} holds the arrays {names}; expected one. Name it by variable (--variable).")
     return names[0]
+
+
+# least sample interval of a time in ms
+_FINEST_MS = 0.1
+
+
+def _doubt_unit(cube: Any) -> str | None:
+    """Say so where a time without a unit has steps that are hardly ms."""
+    time = cube.coords.get("time")
+    if time is None or time.size < 2 or "units" in time.attrs or "sample_unit" in cube.attrs:
+        return None
+    step = float(time[1] - time[0])
+    if abs(step) >= _FINEST_MS:
+        return None
+    return (
+        f"time has steps of {step:g} and no unit: taken as ms; if they are seconds, set its attribute units, or "
+        "give interval and start in ms"
+    )
 
 
 # trace and file headers of an MDIO store: records, which no cube needs

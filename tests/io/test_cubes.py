@@ -216,6 +216,16 @@ def test_zarr_of_several_arrays_and_of_other_names(tmp_path, rng):
         s3.open_cube(tmp_path / "b.zarr", variable="amp")
 
 
+@pytest.mark.parametrize(("scale", "units", "is_told"), [(0.001, None, True), (0.001, "s", False), (1.0, None, False)])
+def test_a_time_without_a_unit_that_is_hardly_in_ms_is_told(tmp_path, scale, units, is_told):
+    time = ("time", scale * (400.0 + 4.0 * np.arange(5)), {} if units is None else {"units": units})
+    axes = {"inline": np.arange(3), "crossline": np.arange(4), "time": time}
+    made = xr.DataArray(np.ones((3, 4, 5)), dims=("inline", "crossline", "time"), coords=axes, name="amplitude")
+    made.to_dataset().to_zarr(tmp_path / "a.zarr", consolidated=False)
+    notes = s3.open_cube(tmp_path / "a.zarr").attrs.get("notes", [])
+    assert ["steps of 0.004 and no unit: taken as ms" in note for note in notes] == [True] * is_told
+
+
 def test_folders_that_are_no_zarr_are_not_overwritten(segy, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "precious").write_text("x")
