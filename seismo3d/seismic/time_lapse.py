@@ -70,7 +70,7 @@ class CubeAlignment:
     inline_std, crossline_std : arrays of the same shape, float32
         Their standard deviations: as large as the prior's where layers are level and nothing is to be told.
     aligned : array of the same shape, float32
-        The monitor carried to the base; 0 where it has no data for a place.
+        The monitor carried to the base; 0 where it has no data for a place, NaN there on traces that it lacks.
     coarse : Registration
         What :func:`seismo3d.register` found for the whole.
     start : tuple of float
@@ -356,6 +356,7 @@ def _pack(
     values = np.asarray(getattr(monitor, "values", monitor), dtype=np.float32)
     aligned, weight = _carry(np.where(np.isfinite(values), values, np.float32(0.0)), known[1], shift)
     aligned[weight == 0.0] = 0.0
+    aligned[(weight == 0.0) & ~np.isfinite(values).any(axis=2, keepdims=True)] = np.nan
     lost = ~(known[0] | known[1]).any(axis=2)
 
     def like(array: AnyArray, name: str, scale: float = 1.0) -> Any:
