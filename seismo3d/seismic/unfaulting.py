@@ -11,7 +11,7 @@ from scipy import fft, ndimage
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
-from seismo3d._validate import as_settings, freeze
+from seismo3d._validate import as_settings, as_single, freeze
 from seismo3d.seismic.cube_checks import check_cube, placing_cube
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_points
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
@@ -424,7 +424,10 @@ def carry_amplitudes(values: AnyArray, displacement: Float32Array) -> Float32Arr
     """
     known = np.isfinite(values)
     missing = ~known.any(axis=2)
-    filled = np.where(known, values, 0.0).astype(np.float32)
+    filled = as_single(np.where(known, values, 0.0), "cube")
+    # by a power of two, which changes no digit: near the largest numbers the spline's weights would not be finite
+    power = int(np.frexp(np.abs(filled).max(initial=0.0))[1])
+    filled = np.ldexp(filled, -power)
     weights = ndimage.spline_filter(filled, order=3, output=np.float32, mode="mirror")
     holes = None if known.all() else known.astype(np.float32)
     out = np.empty(filled.shape, np.float32)
@@ -436,5 +439,8 @@ def carry_amplitudes(values: AnyArray, displacement: Float32Array) -> Float32Arr
         if holes is not None:
             inside &= ndimage.map_coordinates(holes, at, order=1, mode="nearest") > 0.99
         out[i][~inside] = 0.0
+    most = np.finfo(np.float32).max
+    with np.errstate(over="ignore"):
+        out = np.clip(np.ldexp(out, power), -most, most)
     out[missing] = np.nan
     return freeze(out)

@@ -259,3 +259,13 @@ def test_places_in_the_cells_of_outer_traces_have_their_amplitudes(rng: np.rando
             assert (found[n_lost:] != 0.0).all()
             if n_lost == 0:
                 np.testing.assert_allclose(found[0], wanted[0], atol=1e-5)
+
+
+@pytest.mark.parametrize("power", [-100, 40, 125])
+def test_amplitudes_of_any_size_are_carried_alike(rng: np.random.Generator, power: int) -> None:
+    values = rng.uniform(-1.0, 1.0, size=(6, 7, 20)).astype(np.float32)
+    shift = rng.normal(scale=0.7, size=(3, *values.shape)).astype(np.float32)
+    carried = carry_amplitudes(np.ldexp(values, power), shift)
+    np.testing.assert_array_equal(carried, np.ldexp(carry_amplitudes(values, shift), power))
+    largest = carry_amplitudes(np.sign(values) * np.finfo(np.float32).max, shift)
+    assert np.isfinite(largest).all()
