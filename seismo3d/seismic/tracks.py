@@ -18,6 +18,7 @@ from seismo3d.geometry.axis import Axis
 from seismo3d.seismic._kernels_tracks import lies_in_data
 from seismo3d.seismic.cube_checks import check_order
 from seismo3d.seismic.layer_time import LayerModel, model_layers
+from seismo3d.seismic.preparing import describe_volume
 from seismo3d.seismic.track_events import check_event, seed_events, snap_to_events
 from seismo3d.seismic.track_fitting import fit_track
 from seismo3d.seismic.track_refining import TrackSettings
@@ -115,7 +116,7 @@ def trace_tracks(
     Raises
     ------
     ShapeError
-        If the cube has neither two nor three axes, or a seed not as many numbers.
+        If the cube has neither two nor three axes or is too small, or a seed has not as many numbers.
     ParameterError
         If a seed lies outside the cube, on a trace without data, in a mute or a gap, or far from any `event`, `event`
         is not known, seeds of one track lie on one trace, apart, `layers` is given for a section or beside what it
@@ -126,6 +127,7 @@ def trace_tracks(
     """
     settings = as_settings(settings, TrackSettings)
     check_event(event)
+    describe_volume(cube if hasattr(cube, "dtype") else np.asarray(cube))
     is_volume = np.ndim(cube) == 3
     groups = index_seeds(cube, seeds) if is_volume and seeds is not None else []
     is_bounded = memory is not None or folder is not None or scheduler is not None

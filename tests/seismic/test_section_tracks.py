@@ -126,5 +126,8 @@ def test_a_section_keeps_its_unit_and_is_spoken_of_as_it_was_given() -> None:
         trace_tracks(section, [[(11, 40.0), (11, 60.0)]])
     with pytest.raises(ShapeError, match=r"section has shape \(2, 50\); expected at least \(8, 16\)"):
         trace_tracks(section[:2], [(1, 40.0)])
+    for shape in ((0, 0), (0, 0, 0)):
+        with pytest.raises(ShapeError, match="expected at least"):
+            trace_tracks(np.zeros(shape), [(0.0,) * len(shape)])
     with pytest.raises(ShapeError, match="section has no live trace"):
         find_horizons(section * 0.0, 1)
