@@ -11,7 +11,6 @@ import numpy as np
 from seismo3d._stages import no_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
 from seismo3d._validate import as_settings
-from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_increasing, make_runs_increasing
 from seismo3d.seismic.cube_checks import check_cube
 from seismo3d.seismic.dip import estimate_slopes
@@ -19,7 +18,7 @@ from seismo3d.seismic.fault_links import SurfaceGrid, cut_grid, grid_surface, ma
 from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, solve_graph
 from seismo3d.seismic.layer_levels import find_level_moves, join_levels, mend_times
 from seismo3d.seismic.loop_closure import LoopClosure, close_fields
-from seismo3d.seismic.preparing import as_volume, clean_volume
+from seismo3d.seismic.preparing import as_volume, clean_volume, refuse_dead
 from seismo3d.seismic.shifts import measure_shifts
 
 
@@ -164,8 +163,7 @@ def model_layers(
         cut_grid(grid, cuts)
     times, rejected, closure = _solve_times(volume, valid, cuts, grids, settings, report)
     live: BoolArray = np.asarray(valid.any(axis=2))
-    if not live.any():
-        raise ShapeError("cube has no live trace. Give a cube with data.")
+    refuse_dead(live)
     times += _datum(times, live)
     layers = LayerModel(times, cuts, volume, valid, live, unit, rejected, closure, spectrum, level)
     if grids:

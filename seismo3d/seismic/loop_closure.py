@@ -14,7 +14,7 @@ from seismo3d.seismic.cube_checks import check_cube
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_links import cut_grid, grid_surface
 from seismo3d.seismic.layer_graph import LayerTimeSettings
-from seismo3d.seismic.preparing import as_volume, clean_volume
+from seismo3d.seismic.preparing import as_volume, clean_volume, refuse_dead
 from seismo3d.seismic.shifts import ShiftField, measure_shifts
 
 
@@ -70,7 +70,7 @@ def loop_closure(
     Raises
     ------
     ShapeError
-        If the cube has not three axes, is too small, or the faults are of a cube of another shape.
+        If the cube has not three axes, is too small, has no live trace, or the faults are of a cube of another shape.
     ParameterError
         If `faults` is no FaultSet, or `settings` are no LayerTimeSettings.
     GeometryError
@@ -79,6 +79,7 @@ def loop_closure(
     settings = as_settings(settings, LayerTimeSettings)
     check_cube(cube, faults)
     volume, valid, *_ = clean_volume(as_volume(cube)[0], carried=True)
+    refuse_dead(valid)
     cuts = np.zeros(volume.shape, np.uint8)
     for surface in faults.surfaces if faults is not None else ():
         cut_grid(grid_surface(surface, beyond=settings.links.beyond), cuts)

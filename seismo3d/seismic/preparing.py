@@ -115,11 +115,15 @@ def clean_volume(
     return white, valid, whitening.spectrum, scale.level
 
 
-def check_live(live: BoolArray, *, is_section: bool = False) -> None:
-    """Refuse a cube or section without any data, and warn where too few of its live traces have live neighbours."""
-    name = "section" if is_section else "cube"
+def refuse_dead(live: BoolArray, name: str = "cube") -> None:
+    """Refuse a cube or section without any data."""
     if not live.any():
         raise ShapeError(f"{name} has no live trace. Give a {name} with data.")
+
+
+def check_live(live: BoolArray, *, is_section: bool = False) -> None:
+    """Refuse a cube or section without any data, and warn where too few of its live traces have live neighbours."""
+    refuse_dead(live, "section" if is_section else "cube")
     for axis, lines in enumerate(("inline", "trace" if is_section else "crossline")):
         along = np.moveaxis(live, axis, 0)
         share = float((along[1:] & along[:-1]).sum() / live.sum())

@@ -9,11 +9,10 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import freeze
-from seismo3d.errors import ShapeError
 from seismo3d.geometry.axis import unit_of
 from seismo3d.seismic.cube_checks import check_faults_of
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
-from seismo3d.seismic.preparing import describe_volume, find_valid
+from seismo3d.seismic.preparing import describe_volume, find_valid, refuse_dead
 
 _THICK = 9
 _MIDDLE = _THICK // 2
@@ -65,8 +64,7 @@ def _without_padding(values: AnyArray) -> AnyArray:
     """Return a section with NaN on its traces without data: nine equal lines would not show that they are padding."""
     live = find_valid(values[None].astype(np.float32)).any(axis=2)
     lost = ~np.asarray(live)[0]
-    if lost.all():
-        raise ShapeError("section has no live trace. Give a section with data.")
+    refuse_dead(~lost, "section")
     return np.where(lost[:, None], np.float32(np.nan), values) if lost.any() else values
 
 

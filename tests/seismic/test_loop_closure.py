@@ -137,6 +137,8 @@ def test_layer_model_has_the_same_figure():
 def test_refusals():
     with pytest.raises(ShapeError, match="expected \\(inline, crossline, sample\\)"):
         loop_closure(np.zeros((20, 40)))
+    with pytest.raises(ShapeError, match="cube has no live trace"):
+        loop_closure(np.zeros(SHAPE))
     other = SimpleNamespace(labels=np.zeros((3, 3, 3)), surfaces=())
     with pytest.raises(ShapeError, match="faults are of a cube of shape"):
         loop_closure(np.zeros(SHAPE), faults=other)

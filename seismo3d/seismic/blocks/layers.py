@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array
-from seismo3d.errors import ShapeError
 from seismo3d.seismic._kernels_cuts import read_side
 from seismo3d.seismic._kernels_layers import find_breaks
 from seismo3d.seismic.blocks.cleaning import live_traces, read_clean
@@ -18,6 +17,7 @@ from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_surface, match_known
 from seismo3d.seismic.faultset import FaultSurface
+from seismo3d.seismic.preparing import refuse_dead
 from seismo3d.seismic.shifts import ShiftField, judge_misfits, match_lengths, matching_floor, shift_reach
 
 _KINDS = ("shift", "variance", "misfit")
@@ -47,8 +47,7 @@ def slopes(run: BlockRun, number: int) -> None:
 
 def slopes_facts(run: BlockRun) -> None:
     """Find below which derivative nothing is to be matched."""
-    if not live_traces(run).any():
-        raise ShapeError("cube has no live trace. Give a cube with data.")
+    refuse_dead(live_traces(run))
     parts = [run.read_part("slopes", number)[0]["power"] for number in range(len(run.plan.tiling("dip")))]
     total, n = sum(float(part.sum()) for part in parts), sum(part.size for part in parts) * run.plan.shape[2]
     run.write_fact("slopes", floor=float(matching_floor(total / n, run.settings.shifts)))
