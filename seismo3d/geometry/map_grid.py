@@ -21,11 +21,10 @@ import numpy as np
 from seismo3d._typing import ArrayLike, Float64Array
 from seismo3d._validate import as_points, as_real_array
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.geometry.reference_systems import WEB_MERCATOR, same_system, short_name, unit_of
 
 METRES_PER_DEGREE = 111_195.0
 """Length of a degree on the sphere of the Earth's mean radius."""
-WEB_MERCATOR = "EPSG:3857"
-"""The system of web maps, whose metres are true at the equator alone: at 60 degrees two are one on the ground."""
 MERCATOR_RADIUS = 6_378_137.0
 """Of the sphere that web maps are drawn from, metres."""
 
@@ -61,7 +60,7 @@ class MapGrid:
         rows, columns = int(shape[0]), int(shape[1])
         if "transform" in attrs:
             crs = str(attrs.get("crs") or "")
-            unit = str(attrs.get("crs_unit") or ("degree" if is_geographic(crs) else "metre"))
+            unit = str(attrs.get("crs_unit") or unit_of(crs, "elevation"))
             return cls((rows, columns), as_six(attrs["transform"]), crs, unit)
         return cls((rows, columns), (1.0, 0.0, -0.5, 0.0, 1.0, -0.5))
 
@@ -135,14 +134,6 @@ def as_six(transform: Any) -> tuple[float, float, float, float, float, float]:
     return a, b, c, d, e, f
 
 
-def is_geographic(crs: str) -> bool:
-    """Whether a reference system measures in degrees: well-known text says so, EPSG codes 4000 to 4999 stand for it."""
-    if crs.upper().startswith(("GEOGCS", "GEOGCRS", "GEODCRS")):
-        return True
-    code = crs.upper().removeprefix("EPSG:")
-    return code.isdigit() and 4000 <= int(code) <= 4999 and code != "4978"
-
-
 def elevation_values(elevation: Any, name: str = "elevation", *, least: int = 8) -> Float64Array:
     """Return elevations as float64 with NaN where there is none, or refuse a map that cannot be worked on.
 
@@ -203,25 +194,3 @@ def _extent(grid: MapGrid) -> tuple[Float64Array, Float64Array]:
     corners = [[x, y] for x in (-0.5, columns - 0.5) for y in (-0.5, rows - 0.5)]
     points = grid.to_map(corners)
     return points.min(axis=0), points.max(axis=0)
-
-
-def same_system(first: str, second: str) -> bool:
-    """Whether two reference systems are the same: by their text, else by rasterio where it is installed."""
-    if first.strip().upper() == second.strip().upper():
-        return True
-    try:
-        from rasterio.crs import CRS
-        from rasterio.errors import CRSError
-    except ImportError:
-        return False
-    try:
-        return bool(CRS.from_string(first) == CRS.from_string(second))
-    except CRSError:
-        return False
-
-
-def short_name(crs: str) -> str:
-    """Return the name of a reference system for a message."""
-    if len(crs) <= 40:
-        return crs
-    return crs.split('"')[1] if crs.count('"') >= 2 else f"{crs[:37]}..."

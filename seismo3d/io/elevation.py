@@ -8,8 +8,16 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray
-from seismo3d.errors import FileAccessError, FormatError, GeometryError, MissingDependencyError, Seismo3dWarning
-from seismo3d.geometry.map_grid import MapGrid, as_six, elevation_values, is_geographic, short_name
+from seismo3d.errors import (
+    FileAccessError,
+    FormatError,
+    GeometryError,
+    MissingDependencyError,
+    ParameterError,
+    Seismo3dWarning,
+)
+from seismo3d.geometry.map_grid import MapGrid, as_six, elevation_values
+from seismo3d.geometry.reference_systems import unit_of
 from seismo3d.io._files import as_readable_file, check_output, refuse_os_errors, written_aside
 from seismo3d.io.numpy_files import check_declared, list_npz, read_npy, read_npz
 
@@ -34,8 +42,9 @@ def read_elevation(path: str | Path, *, band: int = 1) -> Any:
     path : str or Path
         GeoTIFF or ESRI ASCII grid (with the extra ``terrain``, which brings rasterio); ``.npz`` with an array
         ``elevation`` and either ``transform`` (six numbers, see :mod:`seismo3d.geometry.map_grid`) or the outer edges
-        ``xmin, xmax, ymin, ymax``, perhaps ``crs`` and ``nodata`` (without ``crs``, edges that fit the globe and cells
-        below 0.02 are taken as degrees, EPSG:4326); ``.npy``, without georeference.
+        ``xmin, xmax, ymin, ymax``, perhaps ``crs``, ``crs_unit`` ("metre" or "degree") and ``nodata`` (without ``crs``
+        and ``crs_unit``, edges that fit the globe and cells below 0.02 are taken as degrees, EPSG:4326); ``.npy``,
+        without georeference.
     band : int
         Band of a raster file, from 1.
 
@@ -44,7 +53,8 @@ def read_elevation(path: str | Path, *, band: int = 1) -> Any:
     DataArray
         Elevation (row, column) as float32, dims ("y", "x"), NaN where the file has nodata or masks its cells; where a
         band states a scale and an offset, they are applied. ``attrs``: ``transform`` and ``crs`` (a string, empty where
-        the file names none) and ``crs_unit`` where the file says where it lies, ``nodata`` (the file's own value, or
+        the file names none) and ``crs_unit``, "metre" or "degree" as rasterio knows the system, where the file says
+        where it lies, ``nodata`` (the file's own value, or
         None; None too where it was scaled). A usual value for nothing that no nodata value declares is taken for one
         where it lies far below all other elevations, and a warning says so. Coordinates ``x`` and ``y`` of the cells'
         centres, except on grids that are turned against them.
@@ -54,9 +64,10 @@ def read_elevation(path: str | Path, *, band: int = 1) -> Any:
     FileAccessError
         If the file cannot be read.
     FormatError
-        If it is not what its ending says, has no such band, or is in feet.
+        If it is not what its ending says, has no such band, lies in no known reference system, or is in feet.
     MissingDependencyError
-        If rasterio is needed and not installed.
+        If rasterio is needed and not installed: for rasters, and for an ``.npz`` without ``crs_unit`` whose system is
+        other than EPSG:4326, EPSG:3857 and the zones of UTM on WGS 84.
     GeometryError
         If every cell is nodata.
 
@@ -113,7 +124,13 @@ def write_elevation(path: str | Path, elevation: Any) -> Path:
 
 
 def make_elevation(
-    values: AnyArray, transform: Any = None, *, crs: str = "", nodata: float | None = None, name: str = "elevation"
+    values: AnyArray,
+    transform: Any = None,
+    *,
+    crs: str = "",
+    crs_unit: str = "",
+    nodata: float | None = None,
+    name: str = "elevation",
 ) -> Any:
     """Return a map as the DataArray that :func:`read_elevation` gives; without ``transform``, one without a place.
 
@@ -125,6 +142,8 @@ def make_elevation(
         See :mod:`seismo3d.geometry.map_grid`.
     crs : str
         Reference system.
+    crs_unit : {"", "metre", "degree"}
+        What ``x`` and ``y`` are in. Empty: what ``crs`` is in, metres where that is empty too.
     nodata : float, optional
         The value that stands for nothing.
     name : str
@@ -141,7 +160,7 @@ def make_elevation(
     coords: dict[str, Any] = {}
     if transform is not None:
         six = as_six(transform)
-        attrs |= {"transform": six, "crs": crs, "crs_unit": "degree" if is_geographic(crs) else "metre"}
+        attrs |= {"transform": six, "crs": crs, "crs_unit": crs_unit or unit_of(crs, name)}
         a, b, c, d, e, f = six
         if b == 0.0 and d == 0.0:
             coords = {"y": f + e * (np.arange(z.shape[0]) + 0.5), "x": c + a * (np.arange(z.shape[1]) + 0.5)}
@@ -187,27 +206,29 @@ def _read_raster(path: Path, band: int) -> Any:
                     raise FormatError(f"{path.name} holds values of type {file.dtypes[band - 1]}; expected elevations.")
                 declared = file.width * file.height * np.dtype(file.dtypes[band - 1]).itemsize
                 check_declared(declared, path.stat().st_size, f"{path.name}, of {file.height} x {file.width} cells,")
+                crs = _name_of(file.crs)
+                unit = _unit_of_file(path, crs)
                 _refuse_feet(file, band, path.name)
                 values, nodata = _scaled(file, band)
-                crs = _name_of(file.crs)
                 placed = file.crs is not None or not file.transform.is_identity
                 transform = tuple(file.transform)[:6] if placed else None
-                made = make_elevation(values, transform, crs=crs, nodata=nodata)
+                made = make_elevation(values, transform, crs=crs, crs_unit=unit, nodata=nodata)
     except rasterio.errors.RasterioError as error:
         said = str(error.__cause__ or error).rstrip(".")
         raise FormatError(f"{path.name} cannot be read as a raster: {said}. It may be cut short.") from error
     return _with_data(made, path)
 
 
+def _unit_of_file(path: Path, crs: str, stated: str = "") -> str:
+    """Return what a file's reference system is in, or refuse a file that lies in none, or in feet."""
+    try:
+        return unit_of(crs, path.name, stated=stated)
+    except ParameterError as error:
+        raise FormatError(str(error)) from error
+
+
 def _refuse_feet(file: Any, band: int, name: str) -> None:
-    """Refuse places or elevations that are told in another unit of length: all that is measured here is in metres."""
-    if file.crs is not None and file.crs.is_projected:
-        unit, metres = file.crs.linear_units_factor
-        if abs(metres - 1.0) > 1e-9:
-            raise FormatError(
-                f"{name} is in {short_name(_name_of(file.crs))}, whose unit is the {unit}; expected metres or degrees. "
-                "Reproject it, as with gdalwarp -t_srs, and give elevations in metres too."
-            )
+    """Refuse elevations that a band tells in another unit of length: all that is measured here is in metres."""
     unit = (file.units[band - 1] or "").strip()
     if any(word in unit.lower() for word in ("ft", "foot", "feet")):
         raise FormatError(f"{name} has elevations in {unit!r}; expected metres. Convert them first.")
@@ -250,10 +271,11 @@ def _read_numpy(path: Path) -> Any:
         rows, columns = values.shape
         transform = ((right - left) / columns, 0.0, left, 0.0, (bottom - top) / rows, top)
     nodata = float(arrays["nodata"]) if "nodata" in arrays and np.isfinite(arrays["nodata"]) else None
-    crs = str(arrays["crs"]) if "crs" in arrays else ""
-    if not crs and transform is not None and _looks_like_degrees(transform, values.shape):
+    crs, stated = (str(arrays[key]) if key in arrays else "" for key in ("crs", "crs_unit"))
+    if not (crs or stated) and transform is not None and _looks_like_degrees(transform, values.shape):
         crs = "EPSG:4326"
-    return _with_data(make_elevation(values, transform, crs=crs, nodata=nodata), path)
+    unit = _unit_of_file(path, crs, stated)
+    return _with_data(make_elevation(values, transform, crs=crs, crs_unit=unit, nodata=nodata), path)
 
 
 def _looks_like_degrees(transform: Any, shape: tuple[int, ...]) -> bool:
@@ -294,7 +316,9 @@ def _empty_voids(made: Any, path: Path) -> None:
 
 
 def _write_numpy(path: Path, values: AnyArray, grid: MapGrid) -> None:
-    place: dict[str, Any] = {"transform": np.array(grid.transform), "crs": np.array(grid.crs)} if grid.has_place else {}
+    place: dict[str, Any] = {}
+    if grid.has_place:
+        place = {"transform": np.array(grid.transform), "crs": np.array(grid.crs), "crs_unit": np.array(grid.unit)}
     with path.open("wb") as file:
         np.savez_compressed(file, elevation=values, **place)
 

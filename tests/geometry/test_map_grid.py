@@ -8,7 +8,6 @@ from seismo3d.geometry.map_grid import (
     MapGrid,
     as_six,
     elevation_values,
-    is_geographic,
     refuse_apart,
     refuse_other_systems,
 )
@@ -29,8 +28,6 @@ def test_blocks_cover_the_same_ground():
 def test_degrees_have_metres():
     grid = MapGrid((10, 10), (0.001, 0.0, 10.0, 0.0, -0.001, 60.005), "EPSG:4326", "degree")
     assert grid.metres_per_unit[0] == pytest.approx(0.5 * grid.metres_per_unit[1], rel=1e-3)
-    assert is_geographic("EPSG:4326")
-    assert not is_geographic("EPSG:32611")
 
 
 def test_metres_of_web_maps_are_those_on_the_ground():

@@ -13,6 +13,7 @@ from seismo3d.errors import (
     ParameterError,
     Seismo3dWarning,
 )
+from seismo3d.geometry.map_grid import MapGrid
 from seismo3d.io.elevation import holds_elevation, make_elevation, read_elevation, write_elevation
 
 PLACE = (30.0, 0.0, 376_313.5, 0.0, -30.0, 3_807_917.75)
@@ -115,6 +116,32 @@ def test_feet_are_not_taken_for_metres(tmp_path, map_with_holes, crs, unit, word
         file.units = (unit,)
     with pytest.raises(FormatError, match=words):
         read_elevation(path)
+    if not unit:
+        with pytest.raises(FormatError, match=words):
+            read_elevation(write_elevation(tmp_path / "a.npz", map_with_holes.assign_attrs(crs=crs)))
+
+
+@pytest.mark.parametrize("ending", ["tif", "npz"])
+@pytest.mark.parametrize(
+    ("crs", "unit"), [("EPSG:7844", "degree"), ("EPSG:4326+5773", "degree"), ("EPSG:4471", "metre")]
+)
+def test_degrees_and_metres_are_those_of_the_system(tmp_path, crs, unit, ending):
+    place = (1e-4, 0.0, 149.0, 0.0, -1e-4, -35.0) if unit == "degree" else (10.0, 0.0, 5e5, 0.0, -10.0, 8.6e6)
+    path = write_elevation(tmp_path / f"a.{ending}", make_elevation(np.ones((9, 9)), place, crs=crs))
+    read = read_elevation(path)
+    assert read.attrs["crs_unit"] == unit
+    cell = (9.1, 11.1) if unit == "degree" else (10.0, 10.0)
+    np.testing.assert_allclose(np.abs(np.diag(MapGrid.from_elevation(read).steps_m)), cell, rtol=0.01)
+
+
+def test_an_archive_without_rasterio_says_what_it_is_in(tmp_path, monkeypatch):
+    made = make_elevation(np.ones((9, 9)), (1e-4, 0.0, 149.0, 0.0, -1e-4, -35.0), crs="EPSG:7844")
+    path = write_elevation(tmp_path / "a.npz", made)
+    np.savez(tmp_path / "b.npz", elevation=np.ones((9, 9)), transform=made.attrs["transform"], crs="EPSG:7844")
+    monkeypatch.setitem(sys.modules, "rasterio", None)
+    assert read_elevation(path).attrs["crs_unit"] == "degree"
+    with pytest.raises(MissingDependencyError, match=r"b\.npz is in EPSG:7844, and rasterio"):
+        read_elevation(tmp_path / "b.npz")
 
 
 def test_a_map_cut_short_says_what_failed(tmp_path, map_with_holes):
@@ -150,6 +177,9 @@ def test_refusals(tmp_path, map_with_holes, monkeypatch):
     np.savez(tmp_path / "c.npz", one=np.ones(3), two=np.ones(3))
     with pytest.raises(FormatError, match="expected a map of numbers"):
         read_elevation(tmp_path / "c.npz")
+    np.savez(tmp_path / "f.npz", elevation=np.ones((9, 9)), transform=PLACE, crs="EPSG:foo")
+    with pytest.raises(FormatError, match=r"f\.npz is in 'EPSG:foo', which is no known reference system"):
+        read_elevation(tmp_path / "f.npz")
     np.savez(tmp_path / "d.npz", elevation=np.full((4, 4), np.nan))
     with pytest.raises(GeometryError, match=r"d\.npz holds no elevation: every cell is nodata"):
         read_elevation(tmp_path / "d.npz")
