@@ -33,7 +33,7 @@ GOOD_FIT = 0.25
 """Residual over relief below which the answer from the maps' own places is taken without a global search."""
 POOR_FIT = 0.7
 LEAST_OVERLAP = 0.02
-"""Share of the smaller map that must lie on the other."""
+"""Share of the smaller map's known ground that must lie on the other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +62,8 @@ class ElevationRegistration:
     overlap : float
         Share of the target's cells at which both maps are known, after the alignment.
     state : str
-        ``"converged"``, ``"not_converged"``, or ``"poor_fit"``: the source explains little of the target's relief.
+        ``"converged"``, ``"not_converged"``, or ``"poor_fit"``: the source explains little of the target's relief
+        where both are known.
     stage : str
         ``"local"``, from the maps' own places, or ``"global"``, from matched features.
     model, vertical : str
@@ -163,16 +164,15 @@ def register(
     local = _down(levels, Pose(), free)
     if local is not None:
         fits.append((local, "local"))
-    scale = relief(levels[0])
-    if local is None or local.spread > GOOD_FIT * scale:
+    if local is None or local.spread > GOOD_FIT * relief(levels[0], local):
         start = match_pose(levels, model, matches)
         led = None if start is None else _down(levels, start, free)
         if led is not None:
             fits.append((led, "global"))
     if not fits:
         raise GeometryError("target and source have no common area with elevations. Check their georeference.")
-    found, stage = min(fits, key=lambda pair: pair[0].spread / max(pair[0].overlap, 1e-3) ** 0.25)
-    return _assemble(levels[0], found, here, scale, stage=stage, model=model, vertical=vertical, free=free)
+    found, stage = min(fits, key=lambda pair: pair[0].spread / max(pair[0].share, 1e-3) ** 0.25)
+    return _assemble(levels[0], found, here, stage=stage, model=model, vertical=vertical, free=free)
 
 
 def _down(levels: list[Level], start: Pose, free: tuple[int, ...]) -> Fit | None:
@@ -187,14 +187,13 @@ def _down(levels: list[Level], start: Pose, free: tuple[int, ...]) -> Fit | None
             if fit is None:
                 return None
             pose = fit.pose
-    return fit if fit is not None and fit.overlap >= LEAST_OVERLAP else None
+    return fit if fit is not None and fit.share >= LEAST_OVERLAP else None
 
 
 def _assemble(
     level: Level,
     found: Fit,
     here: MapGrid,
-    scale: float,
     *,
     stage: str,
     model: str,
@@ -217,7 +216,7 @@ def _assemble(
     T[2, 3] = c0 + slope @ (flat[:2, 2] - to_map[:2, 2])
     before = fit_pose(level, Pose(), (4,), tolerance=1e-2, most=1)
     state = "converged" if found.settled else "not_converged"
-    if found.spread > POOR_FIT * scale:
+    if found.spread > POOR_FIT * relief(level, found):
         state = "poor_fit"
     # what elevation the source's own surface gains at the middle
     gained = c0 + (k - 1.0) * found.middle

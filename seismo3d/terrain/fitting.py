@@ -52,6 +52,13 @@ class Level:
         """Side of a square of a cell's area, in metres."""
         return float(np.sqrt(abs(np.linalg.det(self.steps))))
 
+    @property
+    def smaller(self) -> float:
+        """How many of the target's cells the known ground of the smaller map fills."""
+        source_cell = 1.0 / abs(np.linalg.det(self.to_source[:2, :2]))
+        source = np.isfinite(self.source).sum() * source_cell / self.cell**2
+        return float(min(np.isfinite(self.target).sum(), source))
+
     def places_in_source(self, motion: Float64Array) -> Float64Array:
         """Return the map (2, 3) from the target's places to the source's, the source moved by `motion`."""
         to_frame = np.eye(3)
@@ -87,6 +94,8 @@ class Fit:
         Normalised median absolute deviation of the residuals at the end and at the start.
     overlap : float
         Share of the target's cells with a residual, of those with a slope.
+    share : float
+        The same cells, as a share of the smaller map's known ground.
     settled : bool
         Whether the steps became smaller than the tolerance.
     residuals : ndarray of the target's shape, float64
@@ -100,6 +109,7 @@ class Fit:
     spread: float
     first_spread: float
     overlap: float
+    share: float
     settled: bool
     residuals: Float64Array
     matrix: Float64Array
@@ -165,12 +175,13 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
     back = np.array(
         [vertical[0] - vertical[3] * middle, vertical[1] / level.half, vertical[2] / level.half, vertical[3]]
     )
-    return Fit(Pose(motion, back), spread, first, count / known, settled, residuals, matrix, middle)
+    share = count / max(level.smaller, 1.0)
+    return Fit(Pose(motion, back), spread, first, count / known, share, settled, residuals, matrix, middle)
 
 
-def relief(level: Level) -> float:
-    """Return the spread of the target's elevations about their plane: what a source could explain."""
-    rows, columns = np.nonzero(np.isfinite(level.target))
+def relief(level: Level, found: Fit) -> float:
+    """Return the spread about their plane of the target's elevations that a fit saw: what the source could explain."""
+    rows, columns = np.nonzero(np.isfinite(found.residuals))
     step = max(1, len(rows) // 20_000)
     rows, columns = rows[::step], columns[::step]
     z = level.target[rows, columns]

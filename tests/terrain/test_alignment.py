@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fake_terrain import CELL, place, shift
+from fake_terrain import CELL, make_hills, place, shift
 from scipy import ndimage
 
 from seismo3d.errors import GeometryError, ParameterError
@@ -55,6 +55,19 @@ def test_far_maps_are_found(hills):
     np.testing.assert_allclose(found.shift[:2] / CELL, [90.0, 0.0], atol=TOLERANCE)
 
 
+@pytest.mark.parametrize("side", [24, 30])
+def test_a_small_map_within_a_large_one_is_found(hills, rng, side):
+    noise = rng.normal(0.0, 1.0, hills.shape)
+    moved = place(shift(hills, 0.4, -0.3) + noise)
+    patch = moved[100 : 100 + side, 120 : 120 + side]  # from 0.8 % of the large map
+    a, b, c, d, e, f = moved.attrs["transform"]
+    patch.attrs["transform"] = (a, b, c + 120 * a, d, e, f + 100 * e)
+    found = register(place(hills), patch)
+    # with noise of 1 m, a few hundred cells tell the shift to some 0.02 cells
+    np.testing.assert_allclose(found.shift[:2] / CELL, [-0.4, -0.3], atol=0.1)
+    assert found.overlap == pytest.approx(side**2 / hills.size, rel=0.15)
+
+
 def test_features_lead_maps_that_are_turned_far(hills):
     a = np.radians(70.0)
     i, j = np.mgrid[:160, :160] - 79.5
@@ -100,6 +113,11 @@ def test_the_covariance_is_honest(hills):
 def test_unlike_maps_are_a_poor_fit(rng):
     noise = rng.normal(size=(2, 100, 100))
     assert register(noise[0], noise[1]).state == "poor_fit"
+
+
+def test_a_small_unlike_map_is_a_poor_fit_within_a_large_one(hills):
+    other = place(make_hills((60, 60), seed=9))
+    assert register(place(hills), other).state == "poor_fit"
 
 
 def test_slopes_are_those_of_a_plane(rng):
