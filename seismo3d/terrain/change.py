@@ -119,9 +119,16 @@ def compare(
     Raises
     ------
     GeometryError
-        If the reference systems differ, only one map has a georeference, or the maps have no common area.
+        If the reference systems differ, only one map has a georeference, the maps have no common area, or the
+        registration is a poor fit.
     """
     level = as_number(confidence, "confidence", low=0.0, high=1.0, strict=True)
+    if registration is not None and registration.state == "poor_fit":
+        x, y, _ = registration.shift
+        raise GeometryError(
+            f"the registration of after on before is a poor fit, which moves it by {x:.5g}, {y:.5g}; expected one that "
+            "explains the relief. Compare the maps as they lie, without it (--no-align), or register them from matches."
+        )
     here, there = MapGrid.from_elevation(before), MapGrid.from_elevation(after)
     refuse_other_systems(here, there, ("before", "after"))
     z = elevation_values(before, "before")

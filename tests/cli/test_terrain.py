@@ -50,6 +50,14 @@ def test_compare_aligns_first(tmp_path, maps, capsys):
     assert (tmp_path / "out" / "change.png").stat().st_size > 5000
 
 
+def test_compare_writes_nothing_where_maps_do_not_match(tmp_path, maps, capsys):
+    other = write_elevation(tmp_path / "other.tif", place(make_hills((240, 300), seed=9)))
+    assert run("compare", maps[0], other, "-o", tmp_path / "out") == 2
+    assert "is a poor fit" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    assert run("compare", maps[0], other, "-o", tmp_path / "out", "--no-align") == 0
+
+
 def test_register_on_maps(tmp_path, maps, capsys):
     assert run("register", *maps, "--json", "-o", tmp_path / "moved.tif") == 0
     found = json.loads(capsys.readouterr().out)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fake_terrain import CELL, place, shift
+from fake_terrain import CELL, make_hills, place, shift
 
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.terrain import compare, compare_points, register
@@ -65,5 +65,8 @@ def test_refusals(hills):
         compare(place(hills), far)
     with pytest.raises(GeometryError, match="after holds no elevation"):
         compare(hills, np.full_like(hills, np.nan))
+    other = make_hills(hills.shape, seed=9)
+    with pytest.raises(GeometryError, match=r"is a poor fit, which moves it by .* \(--no-align\)"):
+        compare(hills, other, registration=register(hills, other))
     with pytest.raises(GeometryError, match="no place with a surface"):
         compare_points(np.eye(3), np.eye(3), spacing=0.1)
