@@ -98,3 +98,12 @@ def as_columns(text: str | None) -> tuple[int, ...] | None:
         return tuple(int(word) for word in text.split(","))
     except ValueError as error:
         raise ParameterError(f"--columns is {text!r}; expected three whole numbers, such as 1,2,5.") from error
+
+
+def refuse_unused(kind: str, given: dict[str, Any]) -> None:
+    """Refuse options that do not serve the kind of input, or another option."""
+    from seismo3d.errors import ParameterError
+
+    for name, value in given.items():
+        if value is not None:
+            raise ParameterError(f"{name} is {str(value)!r}; expected none with {kind}, which it does not serve.")

@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import Json, Overwrite
+from seismo3d.cli._options import Json, Overwrite, refuse_unused
 
 EXAMPLES = (
     "seismo3d compare before.tif after.tif -o change",
@@ -20,7 +20,9 @@ def run(
     after: Path = typer.Argument(help="The later one, in the same reference system.", show_default=False),
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
     align: bool = typer.Option(True, help="Register the later map on the earlier one first."),
-    vertical: str = typer.Option("offset", help="What the registration may do to elevations: offset, tilt or scaled."),
+    vertical: str | None = typer.Option(
+        None, help="What the registration may do to elevations: offset, tilt or scaled. [default: offset]"
+    ),
     sigma_before: float | None = typer.Option(
         None, help="Noise of the earlier map (m). [default: from the difference]"
     ),
@@ -47,6 +49,10 @@ def run(
     from seismo3d.terrain.alignment import register
     from seismo3d.terrain.change import compare
 
+    if not align:
+        refuse_unused("--no-align", {"--vertical": vertical})
+    elif vertical is None:
+        vertical = "offset"
     check_run_folder(out, command="compare", inputs=[before, after], overwrite=overwrite)
     first, second = read_elevation(before), read_elevation(after)
     ending = "tif" if find_spec("rasterio") is not None else "npz"
@@ -54,7 +60,7 @@ def run(
         aside.mkdir()
         clock = StageClock(show)
         clock("align", 0.0)
-        registration = register(first, second, vertical=vertical) if align else None
+        registration = None if vertical is None else register(first, second, vertical=vertical)
         clock("compare", 0.0)
         change = compare(
             first, second, registration=registration, sigma_before=sigma_before, sigma_after=sigma_after,

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from seismo3d.cli._options import refuse_unused
+
 if TYPE_CHECKING:
     from seismo3d.registration.result import Registration
 
@@ -63,11 +65,11 @@ def run(
             "map of the points, or points of the map."
         )
     if all(are_maps):
-        _refuse_unused("two maps", {"--start": start, "--stages": stages, "--voxel-size": voxel_size})
+        refuse_unused("two maps", {"--start": start, "--stages": stages, "--voxel-size": voxel_size})
         _register_maps(target, source, out, model or "translation", vertical or "offset", json)
         return
 
-    _refuse_unused("points", {"--vertical": vertical})
+    refuse_unused("points", {"--vertical": vertical})
     read = [target, source] if start is None else [target, source, start]
     if out is not None:
         check_output(out, endings=WRITTEN_SUFFIXES, inputs=read)
@@ -91,15 +93,6 @@ def run(
         typer.echo(" ".join(f"{value:.12g}" for value in row))
     for name, value in _lines(found):
         typer.echo(f"# {name:<14}{value}")
-
-
-def _refuse_unused(kind: str, given: dict[str, Any]) -> None:
-    """Refuse options that do not serve the kind of input."""
-    from seismo3d.errors import ParameterError
-
-    for name, value in given.items():
-        if value is not None:
-            raise ParameterError(f"{name} is {str(value)!r}; expected none with {kind}, which it does not serve.")
 
 
 def _register_maps(target: Path, source: Path, out: Path | None, model: str, vertical: str, json: bool) -> None:

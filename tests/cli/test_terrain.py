@@ -55,7 +55,11 @@ def test_compare_writes_nothing_where_maps_do_not_match(tmp_path, maps, capsys):
     assert run("compare", maps[0], other, "-o", tmp_path / "out") == 2
     assert "is a poor fit" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+    assert run("compare", maps[0], other, "-o", tmp_path / "out", "--no-align", "--vertical", "tilt") == 2
+    assert "--vertical is 'tilt'; expected none with --no-align" in capsys.readouterr().err
     assert run("compare", maps[0], other, "-o", tmp_path / "out", "--no-align") == 0
+    record = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert record["options"] == {"align": False, "confidence": 0.95}
 
 
 def test_register_on_maps(tmp_path, maps, capsys):
