@@ -33,8 +33,9 @@ def run(
 ) -> None:
     """Subtract two elevation maps; tell change from noise.
 
-    The folder gets difference.tif, detection.tif and significant.tif on the earlier map's grid (.npz where rasterio is
-    not installed), change.png and run.json.
+    The folder gets difference.tif, detection.tif and significant.tif (1 where the change is significant, 0 where not,
+    255, as nodata, where a map is unknown) on the earlier map's grid (.npz where rasterio is not installed), change.png
+    and run.json.
     """
     from importlib.util import find_spec
 
@@ -67,8 +68,9 @@ def run(
             confidence=confidence,
         )  # fmt: skip
         clock("export", 0.0)
-        for name in ("difference", "detection", "significant"):
-            write_elevation(aside / f"{name}.{ending}", getattr(change, name))
+        written = {"difference": change.difference, "detection": change.detection, "significant": change.codes}
+        for name, values in written.items():
+            write_elevation(aside / f"{name}.{ending}", values)
         ax = change_map(change)
         ax.figure.savefig(aside / "change.png", dpi=130)
         plt.close(ax.figure)

@@ -93,7 +93,8 @@ def write_elevation(path: str | Path, elevation: Any) -> Path:
     path : str or Path
         Ends in ``.tif``, ``.asc`` or ``.npz``.
     elevation : DataArray or array_like of shape (rows, columns)
-        NaN is written as nodata: NaN in a GeoTIFF, whatever ``nodata`` it was read with, -9999 in ESRI ASCII.
+        NaN is written as nodata: NaN in a GeoTIFF, whatever ``nodata`` it was read with, -9999 in ESRI ASCII. Of whole
+        numbers, ``nodata`` among the attributes is written as such.
 
     Returns
     -------
@@ -112,14 +113,15 @@ def write_elevation(path: str | Path, elevation: Any) -> Path:
     path = check_output(path, endings=WRITTEN_SUFFIXES)
     grid = MapGrid.from_elevation(elevation)
     values = np.asarray(getattr(elevation, "values", elevation))
+    nodata = getattr(elevation, "attrs", {}).get("nodata") if values.dtype.kind in "iu" else None
     suffix = path.suffix.lower()
     with written_aside(path) as aside, refuse_os_errors(path, "write"):
         if suffix == ".npz":
-            _write_numpy(aside, values, grid)
+            _write_numpy(aside, values, grid, nodata)
         elif suffix == ".asc":
-            _write_ascii(aside, values, grid)
+            _write_ascii(aside, values, grid, nodata)
         else:
-            _write_raster(aside, values, grid)
+            _write_raster(aside, values, grid, nodata)
     return path
 
 
@@ -315,29 +317,27 @@ def _empty_voids(made: Any, path: Path) -> None:
     )
 
 
-def _write_numpy(path: Path, values: AnyArray, grid: MapGrid) -> None:
-    place: dict[str, Any] = {}
+def _write_numpy(path: Path, values: AnyArray, grid: MapGrid, nodata: float | None) -> None:
+    place: dict[str, Any] = {} if nodata is None else {"nodata": np.array(nodata)}
     if grid.has_place:
-        place = {"transform": np.array(grid.transform), "crs": np.array(grid.crs), "crs_unit": np.array(grid.unit)}
+        place |= {"transform": np.array(grid.transform), "crs": np.array(grid.crs), "crs_unit": np.array(grid.unit)}
     with path.open("wb") as file:
         np.savez_compressed(file, elevation=values, **place)
 
 
-def _write_raster(path: Path, values: AnyArray, grid: MapGrid) -> None:
+def _write_raster(path: Path, values: AnyArray, grid: MapGrid, nodata: float | None) -> None:
     import warnings
 
     rasterio = import_rasterio("writing a GeoTIFF")
     if values.dtype.kind == "b":
         values = values.astype(np.uint8)
     elif values.dtype.kind == "f":
-        values = values.astype(np.float32)
-    place: dict[str, Any] = {}
+        values, nodata = values.astype(np.float32), float("nan")
+    place: dict[str, Any] = {} if nodata is None else {"nodata": nodata}
     if grid.has_place:
         place["transform"] = rasterio.Affine(*grid.transform)
         if grid.crs:
             place["crs"] = rasterio.crs.CRS.from_string(grid.crs)
-    if values.dtype.kind == "f":
-        place["nodata"] = float("nan")
     rows, columns = values.shape
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
@@ -348,13 +348,13 @@ def _write_raster(path: Path, values: AnyArray, grid: MapGrid) -> None:
             file.write(values, 1)
 
 
-def _write_ascii(path: Path, values: AnyArray, grid: MapGrid) -> None:
+def _write_ascii(path: Path, values: AnyArray, grid: MapGrid, nodata: float | None) -> None:
     a, b, c, d, e, f = grid.transform if grid.has_place else (1.0, 0.0, 0.0, 0.0, -1.0, float(values.shape[0]))
     if b != 0.0 or d != 0.0 or not np.isclose(a, -e) or a <= 0.0:
         raise GeometryError("an ESRI ASCII grid has square cells and rows from north to south; write a .tif instead.")
     rows, columns = values.shape
     head = f"ncols {columns}\nnrows {rows}\nxllcorner {c!r}\nyllcorner {f + e * rows!r}\ncellsize {a!r}\n"
-    filled = np.where(np.isfinite(values), values, -9999.0)
+    filled = np.where(np.isfinite(values) & (values != nodata), values, -9999.0)
     with path.open("w", encoding="ascii") as file:
         file.write(head + "NODATA_value -9999\n")
         np.savetxt(file, filled, fmt="%.9g")

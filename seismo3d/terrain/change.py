@@ -28,6 +28,8 @@ from seismo3d.geometry.voxels import downsample_points
 from seismo3d.terrain._kernels_align import slopes_with_holes
 from seismo3d.terrain.alignment import ElevationRegistration
 
+UNKNOWN = 255
+"""What stands for nothing among :attr:`Change.codes`."""
 _SLOPE_CLASSES = 8
 _LEAST_CLASS = 50
 
@@ -60,6 +62,13 @@ class Change:
     gained_sigma: float
     lost_sigma: float
     confidence: float
+
+    @property
+    def codes(self) -> Any:
+        """What a file of the significant change holds: 1 where it is, 0 where not, 255, as nodata, where unknown."""
+        unknown = np.isnan(np.asarray(self.difference))
+        values = np.where(unknown, np.uint8(UNKNOWN), np.asarray(self.significant, np.uint8))
+        return _like(self.difference, values, "significant", nodata=UNKNOWN)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -354,9 +363,9 @@ def _in_cylinders(
     return mean, square
 
 
-def _like(elevation: Any, values: Any, name: str) -> Any:
+def _like(elevation: Any, values: Any, name: str, *, nodata: int | None = None) -> Any:
     if not hasattr(elevation, "dims"):
         return freeze(values)
     made = elevation.copy(data=values).rename(name)
-    made.attrs = {**elevation.attrs, "nodata": None}
+    made.attrs = {**elevation.attrs, "nodata": nodata}
     return made

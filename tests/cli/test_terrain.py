@@ -46,7 +46,13 @@ def test_compare_aligns_first(tmp_path, maps, capsys):
     np.testing.assert_allclose(moved, [-15.0, -5.0, 0.0], atol=0.1)
     record = json.loads((tmp_path / "out" / "run.json").read_text())
     assert record["gained_m3"] == pytest.approx(12.0 * 900 * 100.0, rel=0.1)
-    assert read_elevation(tmp_path / "out" / "difference.tif").shape == read_elevation(maps[0]).shape
+    difference, marks = (read_elevation(tmp_path / "out" / f"{name}.tif") for name in ("difference", "significant"))
+    assert difference.shape == read_elevation(maps[0]).shape
+    # carried off the map, a cell is unknown, not without change
+    np.testing.assert_array_equal(np.isnan(marks.values), np.isnan(difference.values))
+    assert np.isnan(difference.values).any()
+    assert marks.attrs["nodata"] == 255
+    assert set(np.unique(marks.values[np.isfinite(marks.values)])) == {0.0, 1.0}
     assert (tmp_path / "out" / "change.png").stat().st_size > 5000
 
 

@@ -37,6 +37,14 @@ def test_what_is_written_is_read(tmp_path, map_with_holes, ending):
     np.testing.assert_allclose(read.y.values[:2], [3_807_902.75, 3_807_872.75])
 
 
+@pytest.mark.parametrize("ending", ["tif", "asc", "npz"])
+def test_nodata_of_whole_numbers_is_written_and_read(tmp_path, map_with_holes, ending):
+    codes = np.where(np.isnan(map_with_holes.values), 255, map_with_holes.values > 500.0).astype(np.uint8)
+    made = map_with_holes.copy(data=codes).assign_attrs(nodata=255)
+    read = read_elevation(write_elevation(tmp_path / f"a.{ending}", made))
+    np.testing.assert_array_equal(read.values, np.where(codes == 255, np.float32(np.nan), codes))
+
+
 def test_integers_with_nodata_become_nan(tmp_path):
     import rasterio
 
