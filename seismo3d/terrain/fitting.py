@@ -14,6 +14,8 @@ TUKEY = 4.685
 LEAST_CELLS = 30
 PATCH = 16
 """Side, in cells, of the patches whose residuals are taken as independent of each other."""
+NEAR = 1e-2
+"""Step, in cells, from which on the robust weights' cutoff holds still."""
 SAMPLE = 200_000
 """Most residuals that a spread is taken from."""
 
@@ -98,6 +100,8 @@ class Fit:
         The same cells, as a share of the smaller map's known ground.
     settled : bool
         Whether the steps became smaller than the tolerance.
+    cutoff : float
+        Residual at which the robust weights reach zero.
     residuals : ndarray of the target's shape, float64
     matrix : ndarray of shape (8, 8), float64
         Of the last step.
@@ -111,6 +115,7 @@ class Fit:
     overlap: float
     share: float
     settled: bool
+    cutoff: float
     residuals: Float64Array
     matrix: Float64Array
     middle: float
@@ -139,7 +144,7 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
     motion, cutoff, first, spread = start.motion, np.inf, np.nan, np.nan
     residuals = np.empty(level.target.shape)
     sums = np.empty((level.target.shape[0], kernels.N_SUMS))
-    matrix, settled, count = np.zeros((8, 8)), False, 0
+    matrix, settled, is_near, count = np.zeros((8, 8)), False, False, 0
     E = level.steps / level.half
     for step in range(most + 1):
         M = level.places_in_source(motion)
@@ -157,7 +162,8 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
             vertical = vertical + np.array([offset, 0.0, 0.0, 0.0])
         if settled or step == most:
             break
-        cutoff = max(TUKEY * spread, 1e-9)
+        if not is_near:
+            cutoff = max(TUKEY * spread, 1e-9)
         if step == 0:
             continue
         matrix, vector = _form(sums)
@@ -171,12 +177,14 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
         motion = _moved(x[:4]) @ motion
         vertical = vertical + x[4:]
         reach = np.abs([x[0], x[1], x[2] * level.half, x[3] * level.half]).max() / level.cell
+        # the spread of whole metres jumps; a cutoff that followed it would lead the pose round and round
+        is_near = is_near or bool(reach < NEAR)
         settled = bool(reach < tolerance and step >= 2)
     back = np.array(
         [vertical[0] - vertical[3] * middle, vertical[1] / level.half, vertical[2] / level.half, vertical[3]]
     )
     share = count / max(level.smaller, 1.0)
-    return Fit(Pose(motion, back), spread, first, count / known, share, settled, residuals, matrix, middle)
+    return Fit(Pose(motion, back), spread, first, count / known, share, settled, cutoff, residuals, matrix, middle)
 
 
 def relief(level: Level, found: Fit) -> float:
@@ -196,10 +204,9 @@ def measure_covariance(level: Level, found: Fit, free: tuple[int, ...]) -> Float
     scores = np.zeros((n_patches, 8))
     values = np.empty(level.target.shape)
     kernels.resample(level.source - found.middle, level.places_in_source(found.pose.motion), values)
-    cutoff = max(TUKEY * found.spread, 1e-9)
     kernels.patch_scores(
-        level.gx, level.gy, values, found.residuals, level.centre, level.steps / level.half, level.half, cutoff, PATCH,
-        scores,
+        level.gx, level.gy, values, found.residuals, level.centre, level.steps / level.half, level.half, found.cutoff,
+        PATCH, scores,
     )  # fmt: skip
     chosen = np.array(free)
     bread = np.linalg.pinv(found.matrix[np.ix_(chosen, chosen)], rcond=1e-14, hermitian=True)

@@ -84,6 +84,15 @@ def test_features_lead_maps_that_are_turned_far(hills):
     assert found.turn == pytest.approx(np.radians(turn), abs=0.02)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_maps_of_whole_metres_converge(hills, seed):
+    rng = np.random.default_rng(seed)
+    low = [0.05 * z + rng.normal(0.0, 0.3, z.shape) for z in (hills, shift(hills, 3.3, -4.6))]
+    found = register(*(place(np.round(z)) for z in low), model="rigid")
+    assert found.converged
+    np.testing.assert_allclose(found.shift[:2] / CELL, [-3.3, -4.6], atol=0.1)  # relief of two metres
+
+
 def test_other_grids_of_one_system(hills):
     coarse = ndimage.uniform_filter(hills, 2, origin=-1, mode="wrap")[::2, ::2]
     found = register(place(hills), place(coarse, cell=2.0 * CELL))
