@@ -91,6 +91,19 @@ def resample(z, M, out):  # type: ignore[no-untyped-def]
             out[i, j] = bilinear(z, u, v)
 
 
+@njit(cache=True, nogil=True)
+def _derivatives(slope_x, slope_y, U, V, other, half, x):  # type: ignore[no-untyped-def]
+    """Write what the moved source gains at a place with a step of each parameter."""
+    x[0] = -slope_x
+    x[1] = -slope_y
+    x[2] = half * (slope_x * V - slope_y * U)
+    x[3] = -half * (slope_x * U + slope_y * V)
+    x[4] = 1.0
+    x[5] = U
+    x[6] = V
+    x[7] = other
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def alignment_sums(target, gx, gy, source, M, vertical, centre, E, half, cutoff, residuals, sums):  # type: ignore[no-untyped-def]
     """Write residuals, and for every row of the target the sums of one Gauss-Newton step.
@@ -125,14 +138,7 @@ def alignment_sums(target, gx, gy, source, M, vertical, centre, E, half, cutoff,
             if abs(ratio) >= 1.0:
                 continue
             w = (1.0 - ratio * ratio) ** 2
-            x[0] = -slope_x
-            x[1] = -slope_y
-            x[2] = half * (slope_x * V - slope_y * U)
-            x[3] = -half * (slope_x * U + slope_y * V)
-            x[4] = 1.0
-            x[5] = U
-            x[6] = V
-            x[7] = other
+            _derivatives(slope_x, slope_y, U, V, other, half, x)
             for a in range(N_PARAMETERS):
                 wa = w * x[a]
                 for b in range(a, N_PARAMETERS):
@@ -143,29 +149,33 @@ def alignment_sums(target, gx, gy, source, M, vertical, centre, E, half, cutoff,
 
 
 @njit(cache=True, nogil=True)
-def patch_scores(gx, gy, source_values, residuals, centre, E, half, cutoff, patch, scores):  # type: ignore[no-untyped-def]
-    """Add up weighted residuals times derivatives over square patches of `patch` cells: (patches, parameters)."""
+def patch_scores(slopes, source_slopes, source_values, residuals, centre, E, half, cutoff, patch, scores, change):  # type: ignore[no-untyped-def]
+    """Add up scores over square patches of `patch` cells, and what they all change by with a step.
+
+    A score is a weighted residual times derivatives by `slopes` (x, y) of the target; `scores` is (patches,
+    parameters). Row a of `change` tells how the sum of score a falls with a step of each parameter, by
+    `source_slopes`, for the source is what moves; noise is in the slopes of both maps, but not the same.
+    """
     rows, columns = residuals.shape
     across = (columns + patch - 1) // patch
+    x, y = np.empty(N_PARAMETERS), np.empty(N_PARAMETERS)
     for i in range(rows):
         for j in range(columns):
             r = np.float64(residuals[i, j])
-            if math.isnan(r) or abs(r) >= cutoff:
+            if math.isnan(r) or abs(r) >= cutoff or math.isnan(source_slopes[0, i, j]):
                 continue
-            ratio = r / cutoff
-            wr = (1.0 - ratio * ratio) ** 2 * r
+            square = (r / cutoff) ** 2
             U = E[0, 0] * (j - centre[0]) + E[0, 1] * (i - centre[1])
             V = E[1, 0] * (j - centre[0]) + E[1, 1] * (i - centre[1])
-            slope_x, slope_y = np.float64(gx[i, j]), np.float64(gy[i, j])
+            other = source_values[i, j]
+            _derivatives(slopes[0, i, j], slopes[1, i, j], U, V, other, half, x)
+            _derivatives(source_slopes[0, i, j], source_slopes[1, i, j], U, V, other, half, y)
+            score, by_residual = (1.0 - square) ** 2 * r, (1.0 - square) * (1.0 - 5.0 * square)
             row = scores[(i // patch) * across + j // patch]
-            row[0] -= wr * slope_x
-            row[1] -= wr * slope_y
-            row[2] += wr * half * (slope_x * V - slope_y * U)
-            row[3] -= wr * half * (slope_x * U + slope_y * V)
-            row[4] += wr
-            row[5] += wr * U
-            row[6] += wr * V
-            row[7] += wr * source_values[i, j]
+            for a in range(N_PARAMETERS):
+                row[a] += score * x[a]
+                for b in range(N_PARAMETERS):
+                    change[a, b] += by_residual * x[a] * y[b]
 
 
 @njit(cache=True, nogil=True, parallel=True)

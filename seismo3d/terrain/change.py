@@ -25,8 +25,8 @@ from seismo3d._validate import as_number, as_points, freeze
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values, refuse_apart, refuse_other_systems
 from seismo3d.geometry.voxels import downsample_points
-from seismo3d.terrain._kernels_align import slopes_with_holes
 from seismo3d.terrain.alignment import ElevationRegistration
+from seismo3d.terrain.fitting import measure_slopes
 
 UNKNOWN = 255
 """What stands for nothing among :attr:`Change.codes`."""
@@ -259,11 +259,7 @@ def _slope_and_registration(
     z: Float64Array, grid: MapGrid, registration: ElevationRegistration | None
 ) -> tuple[Float64Array, Float64Array]:
     """Return the slope's size, and the variance of elevation that the registration's covariance makes, at each cell."""
-    gu, gv = np.empty_like(z), np.empty_like(z)
-    slopes_with_holes(z, gu, gv)
-    back = np.linalg.inv(grid.steps_m)
-    gx, gy = back[0, 0] * gu + back[1, 0] * gv, back[0, 1] * gu + back[1, 1] * gv
-    gx, gy = np.nan_to_num(gx), np.nan_to_num(gy)
+    gx, gy = (np.nan_to_num(part) for part in measure_slopes(z, grid.steps_m))
     slope = np.hypot(gx, gy)
     if registration is None:
         return slope, np.zeros_like(z)

@@ -103,8 +103,6 @@ class Fit:
     cutoff : float
         Residual at which the robust weights reach zero.
     residuals : ndarray of the target's shape, float64
-    matrix : ndarray of shape (8, 8), float64
-        Of the last step.
     middle : float
         Median of the source's elevations.
     """
@@ -117,7 +115,6 @@ class Fit:
     settled: bool
     cutoff: float
     residuals: Float64Array
-    matrix: Float64Array
     middle: float
 
 
@@ -144,7 +141,7 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
     motion, cutoff, first, spread = start.motion, np.inf, np.nan, np.nan
     residuals = np.empty(level.target.shape)
     sums = np.empty((level.target.shape[0], kernels.N_SUMS))
-    matrix, settled, is_near, count = np.zeros((8, 8)), False, False, 0
+    settled, is_near, count = False, False, 0
     E = level.steps / level.half
     for step in range(most + 1):
         M = level.places_in_source(motion)
@@ -184,7 +181,7 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
         [vertical[0] - vertical[3] * middle, vertical[1] / level.half, vertical[2] / level.half, vertical[3]]
     )
     share = count / max(level.smaller, 1.0)
-    return Fit(Pose(motion, back), spread, first, count / known, share, settled, cutoff, residuals, matrix, middle)
+    return Fit(Pose(motion, back), spread, first, count / known, share, settled, cutoff, residuals, middle)
 
 
 def relief(level: Level, found: Fit) -> float:
@@ -198,23 +195,40 @@ def relief(level: Level, found: Fit) -> float:
 
 
 def measure_covariance(level: Level, found: Fit, free: tuple[int, ...]) -> Float64Array:
-    """Return the covariance of the eight parameters: the sandwich of the last step's matrix and sums over patches."""
+    """Return the covariance of the eight parameters: a sandwich of sums over patches.
+
+    What a step changes is told by products of the slopes of both maps: in squares of one map's slopes its noise would
+    count as relief, which on flat ground is most of it.
+    """
     rows, columns = level.target.shape
     n_patches = -(-rows // PATCH) * -(-columns // PATCH)
-    scores = np.zeros((n_patches, 8))
-    values = np.empty(level.target.shape)
-    kernels.resample(level.source - found.middle, level.places_in_source(found.pose.motion), values)
+    scores, change = np.zeros((n_patches, 8)), np.zeros((8, 8))
+    turned = np.linalg.inv((level.to_source @ np.linalg.inv(found.pose.motion))[:2, :2])
+    # on the source's own cells, where a hole does not take its neighbours with it
+    slopes = measure_slopes(found.pose.vertical[3] * level.source, turned)
+    M, moved = level.places_in_source(found.pose.motion), np.empty((3, rows, columns))
+    for part, out in zip((*slopes, level.source - found.middle), moved, strict=True):
+        kernels.resample(part, M, out)
     kernels.patch_scores(
-        level.gx, level.gy, values, found.residuals, level.centre, level.steps / level.half, level.half, found.cutoff,
-        PATCH, scores,
+        np.stack([level.gx, level.gy]), moved[:2], moved[2], found.residuals, level.centre, level.steps / level.half,
+        level.half, found.cutoff, PATCH, scores, change,
     )  # fmt: skip
     chosen = np.array(free)
-    bread = np.linalg.pinv(found.matrix[np.ix_(chosen, chosen)], rcond=1e-14, hermitian=True)
-    part = scores[:, chosen]
-    out = np.zeros((8, 8))
-    out[np.ix_(chosen, chosen)] = bread @ (part.T @ part) @ bread
+    bread = np.linalg.pinv(change[np.ix_(chosen, chosen)], rcond=1e-14)
+    sums = scores[:, chosen]
+    covariance = np.zeros((8, 8))
+    covariance[np.ix_(chosen, chosen)] = bread @ (sums.T @ sums) @ bread.T
     unit = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0 / level.half, 1.0 / level.half, 1.0])
-    return out * unit[:, None] * unit[None, :]
+    return covariance * unit[:, None] * unit[None, :]
+
+
+def measure_slopes(z: Float64Array, steps: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Return the slopes of a map along x and y, whose columns and rows are `steps` (2, 2) apart; NaN where unknown."""
+    gu, gv = np.empty_like(z), np.empty_like(z)
+    kernels.slopes_with_holes(z, gu, gv)
+    # slopes are covectors: per cell -> per metre
+    back = np.linalg.inv(steps)
+    return back[0, 0] * gu + back[1, 0] * gv, back[0, 1] * gu + back[1, 1] * gv
 
 
 def _spread(values: Float64Array) -> tuple[float, float]:

@@ -7,8 +7,8 @@ import numpy as np
 from seismo3d._typing import Float64Array
 from seismo3d.errors import GeometryError
 from seismo3d.geometry.map_grid import MapGrid
-from seismo3d.terrain._kernels_align import block_means, slopes_with_holes
-from seismo3d.terrain.fitting import Level
+from seismo3d.terrain._kernels_align import block_means
+from seismo3d.terrain.fitting import Level, measure_slopes
 
 LEAST_SIDE = 24
 """Rows or columns below which a map is not halved again."""
@@ -55,12 +55,8 @@ def reduce_map(z: Float64Array, grid: MapGrid, factor: int) -> tuple[Float64Arra
 def _make_level(
     target: Float64Array, here: MapGrid, source: Float64Array, there: MapGrid, origin: Float64Array
 ) -> Level:
-    gu, gv = np.empty_like(target), np.empty_like(target)
-    slopes_with_holes(target, gu, gv)
     steps = here.steps_m
-    # slopes are covectors: per cell -> per metre
-    back = np.linalg.inv(steps)
-    gx, gy = back[0, 0] * gu + back[1, 0] * gv, back[0, 1] * gu + back[1, 1] * gv
+    gx, gy = measure_slopes(target, steps)
     centre = here.to_places([origin])[0]
     metres = np.array(here.metres_per_unit)
     corners = there.to_places(origin + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]) / metres)

@@ -108,15 +108,20 @@ def test_the_transform_carries_points(hills):
     np.testing.assert_allclose(T @ point - point, [-50.0, -20.0, -3.0, 0.0], atol=0.05)
 
 
-def test_the_covariance_is_honest(hills):
+@pytest.mark.parametrize(
+    ("relief", "noise", "holes"), [(40.0, 4.0, 0.0), (2.0, 0.2, 0.3), (1.0, 0.5, 0.0), (0.5, 0.25, 0.0)]
+)
+def test_the_covariance_is_honest(hills, relief, noise, holes):
     errors, sigmas = [], []
-    for seed in range(12):
+    for seed in range(16):
         rng = np.random.default_rng(seed)
-        found = register(hills[:120, :120], hills[:120, :120] + rng.normal(0.0, 4.0, (120, 120)))
-        errors.append(found.shift[0])
-        sigmas.append(found.sigma[0])
-    # twelve trials tell a standard deviation to a fifth
-    assert 0.5 < np.std(errors) / np.mean(sigmas) < 1.8
+        pair = relief / 40.0 * hills[:120, :120] + rng.normal(0.0, noise, (2, 120, 120))
+        pair[rng.random(pair.shape) < holes] = np.nan
+        found = register(*pair)
+        errors.append(found.shift[:2])
+        sigmas.append(found.sigma[:2])
+    # thirty-two errors tell a standard deviation to an eighth
+    assert 0.6 < np.sqrt(np.mean(np.square(errors)) / np.mean(np.square(sigmas))) < 1.6
 
 
 def test_unlike_maps_are_a_poor_fit(rng):
