@@ -16,6 +16,8 @@ PATCH = 16
 """Side, in cells, of the patches whose residuals are taken as independent of each other."""
 NEAR = 1e-2
 """Step, in cells, from which on the robust weights' cutoff holds still."""
+MOST_PACE = 4.0
+"""Factor by which horizontal steps are lengthened at most."""
 SAMPLE = 200_000
 """Most residuals that a spread is taken from."""
 
@@ -142,6 +144,7 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
     residuals = np.empty(level.target.shape)
     sums = np.empty((level.target.shape[0], kernels.N_SUMS))
     settled, is_near, count = False, False, 0
+    pace, gone, lengths = 1.0, np.zeros(4), np.array([1.0, 1.0, level.half, level.half]) / level.cell
     E = level.steps / level.half
     for step in range(most + 1):
         M = level.places_in_source(motion)
@@ -167,13 +170,20 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
         x = np.zeros(8)
         chosen = np.array(free)
         x[chosen] = _solve(matrix[np.ix_(chosen, chosen)], vector[chosen])
+        # noise in the slopes makes steps too short; where cells join and leave at edges and holes, they turn back
+        if (x[:4] * lengths) @ gone < 0.0:
+            pace *= 0.5
+        elif is_near:
+            pace = min(1.5 * pace, MOST_PACE)
+        x[:4] *= pace
         # a step beyond the slopes' reach is cut
         length = float(np.hypot(x[0], x[1]))
         if length > 4.0 * level.cell:
             x[:4] *= 4.0 * level.cell / length
         motion = _moved(x[:4]) @ motion
         vertical = vertical + x[4:]
-        reach = np.abs([x[0], x[1], x[2] * level.half, x[3] * level.half]).max() / level.cell
+        gone = x[:4] * lengths
+        reach = np.abs(gone).max()
         # the spread of whole metres jumps; a cutoff that followed it would lead the pose round and round
         is_near = is_near or bool(reach < NEAR)
         settled = bool(reach < tolerance and step >= 2)

@@ -93,6 +93,16 @@ def test_maps_of_whole_metres_converge(hills, seed):
     np.testing.assert_allclose(found.shift[:2] / CELL, [-3.3, -4.6], atol=0.1)  # relief of two metres
 
 
+@pytest.mark.parametrize(("relief", "noise", "model"), [(2.0, 0.02, "rigid"), (1.0, 0.3, "translation")])
+def test_noisy_maps_of_the_same_cells_converge(hills, relief, noise, model):
+    # at no shift a row of cells joins or leaves with every step, and noise in the slopes makes steps short
+    states = []
+    for seed in range(8):
+        noises = np.random.default_rng(seed).normal(0.0, noise, (2, 120, 120))
+        states.append(register(*(relief / 40.0 * hills[:120, :120] + noises), model=model).state)
+    assert states.count("converged") >= 7
+
+
 def test_other_grids_of_one_system(hills):
     coarse = ndimage.uniform_filter(hills, 2, origin=-1, mode="wrap")[::2, ::2]
     found = register(place(hills), place(coarse, cell=2.0 * CELL))
