@@ -178,7 +178,8 @@ def clear_of_mutes(valid: BoolArray) -> BoolArray:
     What is left of reflections there ends where the mute does, not where layers break. Traces are independent of each
     other; without mutes `valid` itself is returned.
     """
-    ends = ~valid[:, :, [0, -1]] & valid.any(axis=2)[:, :, None]
+    live: BoolArray = np.asarray(valid.any(axis=2))
+    ends = ~valid[:, :, [0, -1]] & live[:, :, None]
     if not ends.any():
         return valid
     out = valid.copy()
