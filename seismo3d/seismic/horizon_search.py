@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
+from scipy import ndimage
 
 from seismo3d._typing import Float64Array, Progress
-from seismo3d._validate import as_settings, as_whole_number
+from seismo3d._validate import as_settings, as_whole_number, freeze
 from seismo3d.errors import ParameterError, Seismo3dWarning
 from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
 from seismo3d.seismic.layer_pieces import layer_pieces
@@ -35,7 +38,8 @@ def find_horizons(
     Strong continuous events all over the cube are traced, three for each horizon asked for. Those count most that are
     strong and were followed over a large share of the traces with a high correlation. They are spread over the cube:
     first those are taken that keep half the distance that all would have if they were spread evenly, then others that
-    do not run along one taken.
+    do not run along one taken. Layers do not cross: where two horizons meet or pass each other, that which matches
+    worse there is left out.
 
     Parameters
     ----------
@@ -87,7 +91,7 @@ def find_horizons(
         warnings.simplefilter("ignore", Seismo3dWarning)
         tracks = trace_tracks(thick, list(axis_points(axes_of(thick), seeds)), faults=surfaces, **more)
     axis = axes_of(thick)[2]
-    best = _choose(tracks, strengths, wanted, spread=abs(axis.step) * axis.n / wanted)
+    best = _part(_choose(tracks, strengths, wanted, spread=abs(axis.step) * axis.n / wanted), least=abs(axis.step))
     if not is_section:
         return best
     return [cut_middle(track) for track in best]
@@ -157,6 +161,25 @@ def _choose(tracks: list[Track], strengths: Float64Array, count: int, *, spread:
             if len(chosen) < count and not taken and all(_apart(track, other) > gap * spread for other in chosen):
                 chosen.append(track)
     return chosen
+
+
+def _part(tracks: list[Track], *, least: float) -> list[Track]:
+    """Leave out of two horizons that come nearer than `least`, or pass each other, what of one matches worse there."""
+    depths, sure = ([getattr(track, name).copy() for track in tracks] for name in ("depth", "confidence"))
+    for a, b in combinations(range(len(tracks)), 2):
+        below = depths[b] - depths[a]
+        known = np.isfinite(below)
+        if not known.any():
+            continue
+        meeting, n_places = ndimage.label(known & (np.sign(np.median(below[known])) * below < least))
+        for place in range(1, n_places + 1):
+            there = meeting == place
+            worse = a if sure[a][there].mean() < sure[b][there].mean() else b
+            depths[worse][there] = sure[worse][there] = np.nan
+    return [
+        replace(track, depth=freeze(depth), confidence=freeze(confidence))
+        for track, depth, confidence in zip(tracks, depths, sure, strict=True)
+    ]
 
 
 def _followed(track: Track) -> float:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seismo3d.seismic.horizon_search import _choose, _rank_seeds, find_seeds
+from seismo3d.seismic.horizon_search import _choose, _part, _rank_seeds, find_seeds
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.loop_closure import LoopClosure
 from seismo3d.seismic.tracks import Track
@@ -51,6 +51,27 @@ def test_horizons_spread_first_and_fill_up_then() -> None:
     depths = [float(one.depth[0, 0]) for one in _choose(tracks, strengths, 4, spread=24.0)]
     assert depths == [10.0, 60.0, 16.0]
     assert _choose([], np.zeros(0), 3, spread=24.0) == []
+
+
+@pytest.mark.parametrize("worse", [0, 1])
+def test_horizons_do_not_cross(worse: int) -> None:
+    upper, lower = track(30.0, confidence=0.8), track(50.0, confidence=0.8)
+    depth, confidence = upper.depth.copy(), upper.confidence.copy()
+    depth[2:4, 3:6], depth[7, 7], depth[9, :2] = 50.5, 60.0, 49.0
+    confidence[:5] = 0.9 if worse else 0.7
+    parted = _part([replace(upper, depth=depth, confidence=confidence), lower], least=1.0)
+    left_out = np.zeros((2, 10, 10), bool)
+    left_out[worse, 2:4, 3:6] = left_out[1, 7, 7] = True  # alike: the later one
+    for one, whole, out in zip(parted, (depth, lower.depth), left_out, strict=True):
+        np.testing.assert_array_equal(one.depth, np.where(out, np.nan, whole))
+        np.testing.assert_array_equal(np.isfinite(one.confidence), ~out)
+
+
+def test_horizons_without_a_common_trace_stay() -> None:
+    one, other = track(30.0), track(30.0)
+    one.depth[:5], other.depth[5:] = np.nan, np.nan
+    parted = _part([one, other], least=1.0)
+    np.testing.assert_array_equal([x.depth for x in parted], [one.depth, other.depth])
 
 
 def test_a_horizon_that_was_followed_nowhere_is_not_chosen() -> None:
