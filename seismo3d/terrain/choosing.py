@@ -14,6 +14,7 @@ from seismo3d.terrain.contours import follows_contour
 from seismo3d.terrain.evidence import REGION, SCALE, TerrainEvidence
 from seismo3d.terrain.extending import extend_line
 from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines, part_from, runs_beside
+from seismo3d.terrain.offsets import parts_even_ground
 from seismo3d.terrain.placing import snap_line
 from seismo3d.terrain.prominence import measure_prominence
 from seismo3d.terrain.support import LineSupport
@@ -88,7 +89,7 @@ def choose_lines(
             line.length >= settings.least_length * settings.length
             and line.strength >= settings.least_strength
             and _stands_out(line, judge(line), settings)
-            and share_along(line.places, slope) < settings.drainage
+            and is_not_drained(line, filled, slope, settings)
             and not follows_contour(ground, line.places)
         )
 
@@ -146,6 +147,15 @@ def regional_slope(filled: Float64Array, width: float) -> tuple[Float64Array, Fl
     smooth = ndimage.gaussian_filter(filled, width, mode="nearest")
     along_rows, along_columns = np.gradient(smooth)
     return np.asarray(along_rows), np.asarray(along_columns)
+
+
+def is_not_drained(
+    line: TracedLine, filled: Float64Array, slope: tuple[Float64Array, Float64Array], settings: LineamentSettings
+) -> bool:
+    """Return whether a line does not run along the slope around it, or is a step that water does not make."""
+    if share_along(line.places, slope) < settings.drainage:
+        return True
+    return line.kind != "trough" and parts_even_ground(filled, line.places)
 
 
 def share_along(places: Float64Array, slope: tuple[Float64Array, Float64Array]) -> float:

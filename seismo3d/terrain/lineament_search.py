@@ -13,7 +13,7 @@ from seismo3d._typing import Float64Array, Progress
 from seismo3d._validate import as_number, as_settings, freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
-from seismo3d.terrain.choosing import choose_lines, regional_slope, share_along
+from seismo3d.terrain.choosing import choose_lines, is_not_drained, regional_slope
 from seismo3d.terrain.evidence import TerrainEvidence, fill_smoothly, measure_levels, square_map
 from seismo3d.terrain.support import LineSupport, scan_lines
 from seismo3d.terrain.tracing import TracedLine, trace_lines
@@ -61,7 +61,8 @@ class LineamentSettings:
         Rivers' own valleys, pieced together, reach 16 in mountains that nothing but water has shaped.
     drainage : float
         Largest share of the surrounding slope that may run along a lineament: what runs down the slope is a valley or a
-        spur between valleys, which running water makes straight by itself.
+        spur between valleys, which running water makes straight by itself. Steps between two even grounds are kept,
+        see :mod:`seismo3d.terrain.offsets`.
     """
 
     length: float = 24.0
@@ -177,9 +178,10 @@ def lineaments(
     -----
     The line scan is that of :mod:`seismo3d.seismic` in two dimensions, in the manner of [1]_ for steps: there the
     signal-to-noise of a template along a scarp, here the signed mean against its own scatter. What runs along the slope
-    is water's, unless it is a valley that goes on over divides (:mod:`seismo3d.terrain.valleys`); what keeps to one
-    height where the ground beside it does not is the edge of a terrace (:mod:`seismo3d.terrain.contours`). A fault that
-    only runs down the slope, or bends within its window, is not found; some edges of terraces, dunes and roads are
+    is water's, unless it is a valley that goes on over divides (:mod:`seismo3d.terrain.valleys`) or a step between two
+    even grounds (:mod:`seismo3d.terrain.offsets`); what keeps to one height where the ground beside it does not is the
+    edge of a terrace (:mod:`seismo3d.terrain.contours`). A fault whose valley only runs down the slope, or that bends
+    within its window, is not found; some edges of terraces, dunes and roads are
     lines too. A straight scarp is placed on its steepest part.
 
     References
@@ -234,7 +236,7 @@ def _search(
                 least_length=settings.least_piece * settings.length,
             )
             if number < settings.n_levels:
-                pieces += [line for line in found if share_along(line.places, slope) < settings.drainage]
+                pieces += [line for line in found if is_not_drained(line, filled, slope, settings)]
             if number < settings.n_valley_levels and support.kind != "step":
                 troughs += found
     report("scan", 1.0)
