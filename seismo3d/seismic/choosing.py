@@ -14,6 +14,9 @@ from seismo3d.seismic.misfit import NOISES
 from seismo3d.seismic.sheet_distances import SheetNodes
 from seismo3d.seismic.throw import SheetSides, SheetThrow, every_sample
 
+# samples from the edge of a mute within which a sheet lies beside it, and how far off its sides are read
+_BESIDE, _WITHIN = 8, 16
+
 
 @dataclass(frozen=True, slots=True)
 class ChoiceSettings:
@@ -203,7 +206,7 @@ def end_where_still(
     return sheet.only(inside), replace(throw, throw=np.where(inside, throw.throw, np.float32(np.nan)))
 
 
-def end_in_mutes(sheet: Sheet, sides: SheetSides) -> Sheet:
+def end_in_mutes(sheet: Sheet, sides: SheetSides, shape: tuple[int, ...]) -> Sheet:
     """End a sheet where traces beside it begin and end; gaps in them, and dead traces, it passes.
 
     Parameters
@@ -212,15 +215,25 @@ def end_in_mutes(sheet: Sheet, sides: SheetSides) -> Sheet:
         A sheet.
     sides : SheetSides
         What was read on its two sides.
+    shape : tuple of int
+        Inlines, crosslines and samples of the cube.
 
     Returns
     -------
     Sheet
-        Without what lies above the first and below the last data on either side.
+        Without what lies above the first and below the last data on either side. None of its nodes where it runs along
+        a mute that slopes, whose edge breaks all layers as a fault would.
     """
-    told: BoolArray = np.asarray((sides.known > 0.0).any(axis=0))[:, :: sheet.step]
-    begun, still = np.maximum.accumulate(told, axis=1), np.maximum.accumulate(told[:, ::-1], axis=1)[:, ::-1]
-    return sheet.only(sheet.inside & ((begun & still) | ~told.any(axis=1, keepdims=True)))
+    told = (sides.known > 0.0)[:, :, :: sheet.step]
+    begun, still = np.maximum.accumulate(told, axis=2), np.maximum.accumulate(told[..., ::-1], axis=2)[..., ::-1]
+    dead: BoolArray = np.asarray(~told.any(axis=(0, 2)))[:, None]
+    ended = sheet.only(sheet.inside & ((begun.any(axis=0) & still.any(axis=0)) | dead))
+    muted = ended.inside & ~(begun & still).all(axis=0) & ~dead
+    # what is read beyond the cube is none of a mute
+    points, last = ended.nodes(), np.array(shape) - 1
+    told_of = np.all((last < 2 * _WITHIN) | ((points >= _WITHIN) & (points <= last - _WITHIN)), axis=1)
+    along = ndimage.maximum_filter1d(muted, 2 * (_BESIDE // sheet.step) + 1, axis=1)[ended.inside][told_of]
+    return sheet.only(np.zeros(sheet.w.shape, bool)) if 2 * along.sum() > along.size else ended
 
 
 def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) -> Sheet:

@@ -8,7 +8,6 @@ from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.errors import ParameterError
 from seismo3d.seismic._kernels_registration import registered_misfit
 from seismo3d.seismic.misfit import Compare, Evidence, MisfitSettings, compare_along, fuse_misfits
-from seismo3d.seismic.preparing import clear_of_mutes
 from seismo3d.seismic.side_shifts import RegistrationSettings, SideShifts, carry_sides, register_slices
 
 EVIDENCE = ("semblance", "registration", "both")
@@ -100,23 +99,21 @@ def compare_registered(
     callable
         As :func:`~seismo3d.seismic.misfit.compare_along` returns it.
     """
-    known: list[Compare] = []
+    sides: list[SideShifts] = []
 
     def compare(axis: int, reach: int, corner: tuple[int, int], difference: Float32Array, energy: Float32Array) -> None:
-        if not known:
-            found = register_slices(volume, valid, settings=settings)
-            known.append(compare_sides(volume, valid, [carry_sides(f, settings=settings) for f in found]))
-        known[0](axis, reach, corner, difference, energy)
+        if not sides:
+            sides.extend(carry_sides(f, settings=settings) for f in register_slices(volume, valid, settings=settings))
+        compare_sides(volume, valid, sides)(axis, reach, corner, difference, energy)
 
     return compare
 
 
 def compare_sides(volume: Float32Array, valid: BoolArray, sides: Sequence[SideShifts]) -> Compare:
     """Return what :func:`compare_registered` does, for sides that are known, one of each axis."""
-    clear = clear_of_mutes(valid)
 
     def compare(axis: int, reach: int, corner: tuple[int, int], difference: Float32Array, energy: Float32Array) -> None:
         side = sides[axis]
-        registered_misfit(volume, clear, side.behind, side.ahead, axis, reach, side.step, corner, difference, energy)
+        registered_misfit(volume, valid, side.behind, side.ahead, axis, reach, side.step, corner, difference, energy)
 
     return compare

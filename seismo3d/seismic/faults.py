@@ -239,7 +239,7 @@ def trace_faults(
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
         sides = gather_sides(volume, valid, slopes, sheet, settings=settings.throw)
-        moving.append(measure_moving(sheet, sides, found.noise, settings))
+        moving.append(measure_moving(sheet, sides, volume.shape, found.noise, settings))
     report("surfaces", 0.0)
     numbers = choose_faults(moving, settings.choice)
     chosen = [sheets[number] for number in numbers]
@@ -324,10 +324,12 @@ def find_candidates(
     )
 
 
-def measure_moving(sheet: Sheet, sides: SheetSides, noise: float, settings: FaultSettings) -> tuple[Sheet, SheetThrow]:
-    """Return what of a sheet moves its two sides, across their layers, and its throw, given the cube's noise."""
+def measure_moving(
+    sheet: Sheet, sides: SheetSides, shape: tuple[int, ...], noise: float, settings: FaultSettings
+) -> tuple[Sheet, SheetThrow]:
+    """Return what of a sheet moves its two sides, across their layers, and its throw, in a cube so large and noisy."""
     measured = match_sides(sheet, sides.both, sides.known, settings=settings.throw)
-    crossing = end_along_layers(end_in_mutes(sheet, sides), sides, settings.choice)
+    crossing = end_along_layers(end_in_mutes(sheet, sides, shape), sides, settings.choice)
     return end_where_still(crossing, measured, settings.choice, noise=noise)
 
 

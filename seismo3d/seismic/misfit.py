@@ -21,7 +21,6 @@ from seismo3d.seismic._kernels_filters import (
     spread_traces,
 )
 from seismo3d.seismic._kernels_misfit import clear_unknown, divide_known, log_ratio, side_misfit
-from seismo3d.seismic.preparing import clear_of_mutes
 
 Compare = Callable[[int, int, tuple[int, int], Float32Array, Float32Array], None]
 
@@ -167,10 +166,9 @@ def compare_along(volume: Float32Array, valid: BoolArray, slopes: tuple[Float32A
         Takes the axis, the number of traces a side, the inline and crossline to begin at, and arrays for
         :math:`(L - R)^2` and :math:`L^2 + R^2`, -1 where a side is empty, of as many traces as are asked for.
     """
-    clear = clear_of_mutes(valid)
 
     def compare(axis: int, reach: int, corner: tuple[int, int], difference: Float32Array, energy: Float32Array) -> None:
-        side_misfit(volume, clear, slopes[axis], axis, reach, corner, difference, energy)
+        side_misfit(volume, valid, slopes[axis], axis, reach, corner, difference, energy)
 
     return compare
 

@@ -25,8 +25,6 @@ _LEAST_REPEATS = 4
 _LEAST_UNLIKE = 0.5
 # share of the live traces with a live next one, along an axis, below which there is too little to compare
 _LEAST_NEIGHBOURS = 0.5
-# samples from where a mute ends within which it shapes what is left
-_RIM = 12
 # how many times their own strength amplitudes must lie off zero for that to be a level of theirs
 _SHIFTED = 1.0
 
@@ -170,24 +168,6 @@ def print_traces(amplitudes: Float32Array) -> Int64Array:
 def repeats_itself(prints: Int64Array, live: AnyArray) -> bool:
     """Tell from all traces of a cube whether they repeat by themselves, so that repeated ones are no padding."""
     return len(np.unique(prints[live])) < _LEAST_UNLIKE * int(np.count_nonzero(live))
-
-
-def clear_of_mutes(valid: BoolArray) -> BoolArray:
-    """Return where there are data a wavelet or more from where a trace begins or ends short of the cube's.
-
-    What is left of reflections there ends where the mute does, not where layers break. Traces are independent of each
-    other; without mutes `valid` itself is returned.
-    """
-    live: BoolArray = np.asarray(valid.any(axis=2))
-    ends = ~valid[:, :, [0, -1]] & live[:, :, None]
-    if not ends.any():
-        return valid
-    out = valid.copy()
-    for line, muted in zip(out, ends, strict=True):
-        for traces, rows in ((line, muted[:, 0]), (line[:, ::-1], muted[:, 1])):
-            begun = np.maximum.accumulate(traces[rows], axis=1)
-            traces[rows] &= np.pad(begun, ((0, 0), (_RIM, 0)))[:, : line.shape[1]]
-    return out
 
 
 def sampling_step(size: int) -> int:

@@ -164,10 +164,33 @@ def test_a_sheet_ends_in_mutes_but_passes_gaps_and_dead_traces():
     known[:, :, 30:36] = 0.0
     known[:, 5:7] = 0.0
     known[:, :, 51:] = 0.0
-    ended = end_in_mutes(sheet, SheetSides(np.zeros_like(known), known, np.zeros_like(known)))
+    ended = end_in_mutes(sheet, SheetSides(np.zeros_like(known), known, np.zeros_like(known)), (20, 20, 59))
     expected = np.zeros((20, 30), bool)
     expected[:, 5:26] = expected[5:7] = True
     np.testing.assert_array_equal(ended.inside, expected)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+@pytest.mark.parametrize(("begins", "is_left"), [(36, False), (28, False), (24, True)])
+def test_a_sheet_along_a_mute_is_none(begins, is_left, turn):
+    sheet = candidate(rows=20, columns=30)[0].only(np.tile((np.arange(30) > 12) & (np.arange(30) < 17), (20, 1)))
+    known = np.ones((2, 20, 59), np.float32)
+    known[0, :, :begins] = 0.0  # the sheet is at samples 26 to 32
+    known = known[..., ::turn]
+    sides = SheetSides(np.zeros_like(known), known, np.zeros_like(known))
+    assert end_in_mutes(sheet, sides, (20, 20, 59)).inside.any() == is_left
+
+
+def test_a_sheet_with_data_on_one_side_alone_is_none_but_at_the_border():
+    sheet = candidate(rows=20, columns=30)[0]
+    known = np.ones((2, 20, 59), np.float32)
+    known[1, :12] = 0.0
+    sides = SheetSides(np.zeros_like(known), known, np.zeros_like(known))
+    assert not end_in_mutes(sheet, sides, (20, 20, 59)).inside.any()
+    # what is read lies beyond a cube whose first line the sheet is at
+    np.testing.assert_array_equal(end_in_mutes(sheet, sides, (60, 20, 59)).inside, sheet.inside)
+    known[1, 8:12] = 1.0
+    np.testing.assert_array_equal(end_in_mutes(sheet, sides, (20, 20, 59)).inside, sheet.inside)
 
 
 def test_a_sheet_ends_where_its_sides_fit_unmoved():

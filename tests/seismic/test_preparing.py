@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 import seismo3d as s3
-from seismo3d.seismic.preparing import clear_of_mutes, find_valid, mark_data, print_traces, repeats_itself
+from seismo3d.seismic.preparing import find_valid, mark_data, print_traces, repeats_itself
 from seismo3d.seismic.section_tracks import thicken
 
 SHAPE = (64, 48, 64)
@@ -48,16 +48,6 @@ def test_zeros_at_the_ends_of_traces_are_no_data_however_few(rng: np.random.Gene
     cube[~data] = 0.0
     cube[:, :, 30:33] = 0.0  # as they come in coarse amplitudes
     np.testing.assert_array_equal(find_valid(cube), data)
-
-
-def test_what_lies_near_the_edge_of_a_mute_is_left_out() -> None:
-    valid = np.ones((3, 4, 64), bool)
-    assert clear_of_mutes(valid) is valid
-    for part in (np.s_[0], np.s_[1, 1, :20], np.s_[1, 2, 30:40], np.s_[2, 3, 50:], np.s_[2, 3, :1]):
-        valid[part] = False
-    clear = valid.copy()
-    clear[1, 1, :32] = clear[2, 3, 38:] = clear[2, 3, :13] = False
-    np.testing.assert_array_equal(clear_of_mutes(valid), clear)
 
 
 def framed(rng: np.random.Generator, width: int) -> NDArray[np.float32]:

@@ -125,7 +125,7 @@ def throw(run: BlockRun, number: int) -> None:
     """Find the throw of a sheet, and where it ends."""
     sheet = placed_sheets(run)[number]
     ratio, _ = final_noise(run)
-    moving, measured = measure_moving(sheet, _joined_sides(run, sheet, number), ratio, run.settings)
+    moving, measured = measure_moving(sheet, _joined_sides(run, sheet, number), run.plan.shape, ratio, run.settings)
     run.write_part("throw", number, {**pack("sheet", [moving]), **pack("throw", [measured])})
 
 
