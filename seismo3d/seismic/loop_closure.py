@@ -15,7 +15,7 @@ from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_links import cut_grid, grid_surface
 from seismo3d.seismic.layer_graph import LayerTimeSettings
 from seismo3d.seismic.preparing import as_volume, clean_volume, refuse_dead
-from seismo3d.seismic.shifts import ShiftField, measure_shifts
+from seismo3d.seismic.shifts import ShiftField, are_measured, measure_shifts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,8 +131,7 @@ def loop_errors(fields: list[ShiftField], cuts: AnyArray, settings: LayerTimeSet
     length, step = fields[-1].length, settings.shifts.step
     n0, n1, m = fields[-1].shift.shape
     errors = np.empty((max(0, n0 - length), max(0, n1 - length), m), np.float32)
-    most = np.float32(settings.shifts.most * length)
-    first, second = (np.where(f.variance < most, f.shift, np.float32(np.nan)) for f in fields[-2:])
+    first, second = (np.where(are_measured(f, settings.shifts), f.shift, np.float32(np.nan)) for f in fields[-2:])
     close_loops(first, second, fields[0].shift, fields[1].shift, cuts, length, step, errors)
     return np.asarray(np.abs(errors))
 

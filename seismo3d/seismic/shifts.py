@@ -156,10 +156,20 @@ def judge_misfits(found: ShiftField, usual: float, settings: ShiftSettings) -> S
 
     A misfit far above the cube's `usual` one is no match: a fault that was not found, or noise.
     """
-    found.variance[...] *= 1.0 + (found.misfit / np.float32(settings.noisy)) ** 4
+    found.variance[...] *= _noise_factor(found.misfit, settings)
     found.misfit[...] /= np.float32(2.0 * usual + settings.misfit)
     found.variance[...] *= 1.0 + found.misfit**4
     return replace(found, usual=usual)
+
+
+def are_measured(found: ShiftField, settings: ShiftSettings) -> BoolArray:
+    """Tell which judged shifts are more than carried over from the slopes, and not doubtful, however noisy they are."""
+    noise = _noise_factor(found.misfit * np.float32(2.0 * found.usual + settings.misfit), settings)
+    return np.asarray(found.variance < np.float32(settings.most * found.length) * noise)
+
+
+def _noise_factor(ratio: Float32Array, settings: ShiftSettings) -> Float32Array:
+    return np.asarray(1.0 + (ratio / np.float32(settings.noisy)) ** 4, np.float32)
 
 
 def _refine(

@@ -118,7 +118,8 @@ def plain_valid(trace, longest_run):
             low -= 1
         while high < len(trace) - 1 and trace[high + 1] == trace[k]:
             high += 1
-        valid[k] = np.isfinite(trace[k]) and high - low + 1 < longest_run
+        is_muted = trace[k] == 0.0 and (low == 0 or high == len(trace) - 1)
+        valid[k] = np.isfinite(trace[k]) and high - low + 1 < longest_run and not is_muted
     return valid
 
 

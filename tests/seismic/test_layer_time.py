@@ -17,7 +17,7 @@ from seismo3d.seismic.horizon_search import find_seeds
 from seismo3d.seismic.layer_graph import LayerGraph, LayerTimeSettings, list_rounds, solve_graph, thickness_variance
 from seismo3d.seismic.layer_parts import stretched
 from seismo3d.seismic.layer_time import LayerModel, model_layers
-from seismo3d.seismic.shifts import ShiftField, ShiftSettings, judge_misfits
+from seismo3d.seismic.shifts import ShiftField, ShiftSettings, are_measured, judge_misfits
 from seismo3d.synthetic import SyntheticCube, SyntheticFault, make_cube, recipe_of
 
 SHAPE = (48, 48, 80)
@@ -307,6 +307,8 @@ def test_shifts_count_less_the_noisier_they_are() -> None:
     found = ShiftField(0, 1, np.zeros_like(ratio), np.full_like(ratio, 0.01), ratio.copy())
     judged = judge_misfits(found, 0.5, ShiftSettings(noisy=0.2, misfit=0.0))
     np.testing.assert_allclose(judged.misfit, ratio, rtol=1e-6)
+    assert are_measured(judged, ShiftSettings(noisy=0.2, misfit=0.0, most=0.01 * 1.03)).all()
+    assert not are_measured(judged, ShiftSettings(noisy=0.2, misfit=0.0, most=0.01)).any()
     noisy, doubtful = np.array([1.0, 1.0625, 2.0, 17.0]), 1.0 + ratio.ravel() ** 4
     np.testing.assert_allclose(judged.variance.ravel(), 0.01 * noisy * doubtful, rtol=1e-5)
 
