@@ -25,6 +25,7 @@ from seismo3d._validate import as_number, as_points, freeze
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values, refuse_apart, refuse_other_systems
 from seismo3d.geometry.voxels import downsample_points
+from seismo3d.registration.robust import robust_scale
 from seismo3d.terrain.alignment import ElevationRegistration
 from seismo3d.terrain.fitting import measure_slopes
 
@@ -298,8 +299,7 @@ def _noise(
     for k in range(max(len(edges) - 1, 1)):
         part = values[number == k]
         if len(part) >= _LEAST_CLASS:
-            middle = np.median(part)
-            sigmas.append(1.4826 * float(np.median(np.abs(part - middle))))
+            sigmas.append(robust_scale(part - np.median(part)))
             places.append(float(np.median(steep[number == k])))
     if not sigmas:
         sigmas, places = [float(values.std())], [0.0]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d.registration.robust import robust_scale
 from seismo3d.terrain import _kernels_align as kernels
 
 TUKEY = 4.685
@@ -245,7 +246,7 @@ def _spread(values: Float64Array) -> tuple[float, float]:
     """Return the median and the normalised median absolute deviation, of an even sample of many values."""
     some = values[:: max(1, len(values) // SAMPLE)]
     middle = float(np.median(some))
-    return middle, 1.4826 * float(np.median(np.abs(some - middle)))
+    return middle, robust_scale(some - middle)
 
 
 def _form(sums: Float64Array) -> tuple[Float64Array, Float64Array]:

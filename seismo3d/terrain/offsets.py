@@ -11,6 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import Float64Array
+from seismo3d.registration.robust import robust_scale
 from seismo3d.terrain.prominence import paths_beside
 
 _BESIDE = 8.0
@@ -67,4 +68,4 @@ def parts_even_ground(z: Float64Array, places: Float64Array) -> bool:
         return False
     middle = float(np.median(steps))
     good = (steps * np.sign(middle) > _STANDS_OUT * uneven).mean() >= _LEAST_SHARE
-    return bool(good and abs(middle) >= _STEADY * 1.4826 * float(np.median(np.abs(steps - middle))))
+    return bool(good and abs(middle) >= _STEADY * robust_scale(steps - middle))
