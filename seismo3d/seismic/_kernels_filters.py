@@ -71,6 +71,54 @@ def filter_samples(volume, taps, out):  # type: ignore[no-untyped-def]
                     out[i, j, k] += weight * row[k + t]
 
 
+@njit(cache=True, nogil=True)
+def _bridge(own, there, row):  # type: ignore[no-untyped-def]
+    """Write a trace, with straight lines over its gaps, from its first to its last valid sample; return these two.
+
+    The first is behind the last where there is none. What is put in for a gap must not be a step: a filter rings at it.
+    """
+    n = len(own)
+    first, last = 0, n - 1
+    while first < n and not there[first]:
+        first += 1
+    while last > first and not there[last]:
+        last -= 1
+    before = first
+    for k in range(first, last + 1):
+        if there[k]:
+            row[k] = own[k]
+            for gap in range(before + 1, k):
+                share = np.float32(gap - before) / np.float32(k - before)
+                row[gap] = own[before] + share * (own[k] - own[before])
+            before = k
+    return first, last
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def filter_known(volume, valid, taps, out):  # type: ignore[no-untyped-def]
+    """Correlate traces with the taps; 0 where they are not valid. The first and the last valid sample repeat."""
+    n0, n1, n2 = volume.shape
+    half = len(taps) // 2
+    zero = np.float32(0.0)
+    for i in prange(n0):
+        row = np.empty(n2 + 2 * half, np.float32)
+        for j in range(n1):
+            there = valid[i, j]
+            out[i, j] = zero
+            first, last = _bridge(volume[i, j], there, row[half : half + n2])
+            if first > last:
+                continue
+            row[: half + first] = row[half + first]
+            row[half + last + 1 :] = row[half + last]
+            for t in range(2 * half + 1):
+                weight = taps[t]
+                for k in range(n2):
+                    out[i, j, k] += weight * row[k + t]
+            for k in range(n2):
+                if not there[k]:
+                    out[i, j, k] = zero
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def filter_carried(volume, valid, taps, beyond, out):  # type: ignore[no-untyped-def]
     """Correlate traces with the taps from their first to their last valid sample; 0 where they are not valid.
@@ -83,18 +131,12 @@ def filter_carried(volume, valid, taps, beyond, out):  # type: ignore[no-untyped
     for i in prange(n0):
         row = np.empty(n2 + 2 * half, np.float32)
         for j in range(n1):
-            own, there = volume[i, j], valid[i, j]
+            there = valid[i, j]
             out[i, j] = zero
-            first, last = 0, n2 - 1
-            while first < n2 and not there[first]:
-                first += 1
-            while last > first and not there[last]:
-                last -= 1
-            if first == n2:
-                continue
             row[:] = zero
-            for k in range(first, last + 1):
-                row[k + half] = own[k] if there[k] else zero
+            first, last = _bridge(volume[i, j], there, row[half : half + n2])
+            if first > last:
+                continue
             for t in range(half):
                 above, below = zero, zero
                 for k in range(min(n, last - first + 1)):

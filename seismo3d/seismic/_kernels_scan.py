@@ -67,38 +67,58 @@ def sum_strike_lines(first, second, w_first, w_second, shear, taps, pad, corner,
                 values[k] *= scale
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _add_half(flat, i, shear, taps, part, start, n0, into):  # type: ignore[no-untyped-def]
+    """Add to `into` the sums down a dip, above line i (part 0) or below it (part 1), of lines laid end to end.
+
+    Two steps at a time: the sums are read and written half as often.
+    """
+    half = len(taps) // 2
+    length = len(into)
+    end = part * half
+    for t in range(end - half, end + 1, 2):
+        a, b, u0, u1 = _between_lines(i, shear * t, taps[t + half], n0)
+        after = min(t + 1, end)
+        tap = taps[after + half] if after > t else np.float32(0.0)
+        d, e, v0, v1 = _between_lines(i, shear * after, tap, n0)
+        if u0 + u1 + v0 + v1 <= np.float32(0.0):
+            continue
+        from_t, to_t = start + t, start + t + length
+        from_after, to_after = start + after, start + after + length
+        row0, row1 = flat[a, from_t:to_t], flat[b, from_t:to_t]
+        row2, row3 = flat[d, from_after:to_after], flat[e, from_after:to_after]
+        for m in range(length):
+            one = multiply_add(u0, row0[m], multiply_add(u1, row1[m], into[m]))
+            into[m] = multiply_add(v0, row2[m], multiply_add(v1, row3[m], one))
+
+
 @njit(cache=True, nogil=True, parallel=True)
-def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, code, best, arg):  # type: ignore[no-untyped-def]
+def keep_best_dip(lines, shares, first, shears, taps, prior, prior_weight, evenness, code, best, arg):  # type: ignore[no-untyped-def]
     """Sum the lines down every dip; keep the largest mean and the number of its orientation.
 
     A plane's mean is drawn towards that of its poorer half, above or below, by `evenness`: a bright patch beside an
-    empty one is no plane. What lies outside the cube counts as the prior, with a small weight. Rows are worked on in
-    batches, laid end to end with their padding between them, so that one shift serves them all. The first row of `best`
-    is that of `lines` at `first`.
+    empty one is no plane. What lies outside the cube counts as the prior, with a small weight. `shares` tells how much
+    of each line is known, with zeros in its padding, and lines are sums over that; no lines of shares: all is known.
+    Rows are worked on in batches, laid end to end with their padding between them, so that one shift serves them all.
+    The first row of `best` is that of `lines` at `first`.
     """
     n1, n2 = best.shape[1], best.shape[2]
     n0 = lines.shape[0]
     half = len(taps) // 2
     width = n2 + 2 * half
-    flat = lines.reshape(n0, n1 * width)
+    flat, flat_shares = lines.reshape(n0, n1 * width), shares.reshape(len(shares), n1 * width)
+    whole = len(shares) == 0
     # sums and what is added to them stay in the nearest cache
     batch = max(1, _BATCH // width)
     for line in prange(best.shape[0]):
         r = np.int64(line)
         i = r + first
         sums = np.empty((2, batch * width), np.float32)
+        counted = np.empty((2, 0 if whole else batch * width), np.float32)
         top, number = np.empty((batch, n2), np.float32), np.empty((batch, n2), np.int32)
         weights = np.empty((len(shears), 2, n2), np.float32)
         for c in range(len(shears)):
-            weights[c] = prior_weight
-            for t in range(-half, half + 1):
-                _, _, w0, w1 = _between_lines(i, shears[c] * t, taps[t + half], n0)
-                weight = w0 + w1
-                if weight > np.float32(0.0):
-                    for part in range(0 if t <= 0 else 1, 2 if t >= 0 else 1):
-                        counted = weights[c, part]
-                        for k in range(max(0, -t), min(n2, n2 - t)):
-                            counted[k] += weight
+            _weigh_halves(i, shears[c], taps, prior_weight, n0, weights[c])
         for j0 in range(0, n1, batch):
             n_rows = min(batch, n1 - j0)
             # the outermost padding of the batch is never read: shifts stay within `half`
@@ -110,33 +130,39 @@ def keep_best_dip(lines, first, shears, taps, prior, prior_weight, evenness, cod
                     number[row, k] = arg[r, j0 + row, k]
             for c in range(len(shears)):
                 sums[:] = prior_weight * prior
+                counted[:] = prior_weight
                 for part in range(2):
-                    into = sums[part, :length]
-                    end = part * half
-                    # two at a time: the sums are read and written half as often
-                    for t in range(end - half, end + 1, 2):
-                        a, b, u0, u1 = _between_lines(i, shears[c] * t, taps[t + half], n0)
-                        after = min(t + 1, end)
-                        tap = taps[after + half] if after > t else np.float32(0.0)
-                        d, e, v0, v1 = _between_lines(i, shears[c] * after, tap, n0)
-                        if u0 + u1 + v0 + v1 <= np.float32(0.0):
-                            continue
-                        from_t, to_t = start + t, start + t + length
-                        from_after, to_after = start + after, start + after + length
-                        row0, row1 = flat[a, from_t:to_t], flat[b, from_t:to_t]
-                        row2, row3 = flat[d, from_after:to_after], flat[e, from_after:to_after]
-                        for m in range(length):
-                            one = multiply_add(u0, row0[m], multiply_add(u1, row1[m], into[m]))
-                            into[m] = multiply_add(v0, row2[m], multiply_add(v1, row3[m], one))
+                    _add_half(flat, i, shears[c], taps, part, start, n0, sums[part, :length])
+                    if not whole:
+                        _add_half(flat_shares, i, shears[c], taps, part, start, n0, counted[part, :length])
                 for row in range(n_rows):
-                    above = sums[0, row * width : row * width + n2]
-                    below = sums[1, row * width : row * width + n2]
-                    _even_means(above, below, weights[c, 0], weights[c, 1], evenness)
+                    own = slice(row * width, row * width + n2)
+                    above, below = sums[0, own], sums[1, own]
+                    if whole:
+                        _even_means(above, below, weights[c, 0], weights[c, 1], evenness)
+                    else:
+                        _even_means(above, below, counted[0, own], counted[1, own], evenness)
                     _keep_larger(above, np.int32(code + c), top[row], number[row])
             for row in range(n_rows):
                 best[r, j0 + row] = top[row]
                 for k in range(n2):
                     arg[r, j0 + row, k] = number[row, k]
+
+
+@njit(cache=True, nogil=True)
+def _weigh_halves(i, shear, taps, prior_weight, n0, weights):  # type: ignore[no-untyped-def]
+    """Write the weights of what of a dip lies within the cube, above line i and below it, at every sample."""
+    n2 = weights.shape[1]
+    half = len(taps) // 2
+    weights[:] = prior_weight
+    for t in range(-half, half + 1):
+        _, _, w0, w1 = _between_lines(i, shear * t, taps[t + half], n0)
+        weight = w0 + w1
+        if weight > np.float32(0.0):
+            for part in range(0 if t <= 0 else 1, 2 if t >= 0 else 1):
+                counted = weights[part]
+                for k in range(max(0, -t), min(n2, n2 - t)):
+                    counted[k] += weight
 
 
 @njit(cache=True, nogil=True, inline="always")

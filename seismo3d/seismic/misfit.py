@@ -97,7 +97,8 @@ class Evidence:
     Attributes
     ----------
     along_inlines, along_crosslines : ndarray of shape (inline, crossline, ceil(sample / step)), float32
-        log(1 + misfit ratio / softness); the background's median where nothing is known.
+        log(1 + misfit ratio / softness); bridged where little is unknown, the mean of its axis where nothing near is
+        known.
     known : ndarray of the same shape, float32
         0 where the misfit could not be measured, up to 1.
     noise : float
@@ -109,6 +110,8 @@ class Evidence:
         Mean and standard deviation of the evidence where it is known, not below those of a cube with a few faults.
     step : int
         Samples from one plane of the evidence to the next.
+    present : ndarray of the same shape, bool, or None
+        False where nothing near is known, as in mutes and wide gaps; None where it is nowhere so.
     """
 
     along_inlines: Float32Array
@@ -119,6 +122,7 @@ class Evidence:
     mean: float
     spread: float
     step: int
+    present: BoolArray | None = None
 
 
 def measure_misfit(
@@ -227,16 +231,22 @@ def fuse_misfits(
         for number, (compare, n_traces, weight) in enumerate(ways)
         if weight > 0.0
     )
-    logs, known, noise, background = reduce(_add_logs, parts)
+    logs, known, noise = reduce(_add_logs, parts)
     del near
     moments = [trace_moments(ratio, weight) for ratio, weight in zip(logs, known, strict=True)]
     mean, spread = find_moments(moments, noise, noisiness)
-    filled = [fill_unknown(ratio, weight, background) for ratio, weight in zip(logs, known, strict=True)]
+    filled = [bridge_unknown(ratio, weight) for ratio, weight in zip(logs, known, strict=True)]
+    present = np.isfinite(filled[0]) | np.isfinite(filled[1])
     for axis, values in enumerate(filled):
-        take_out_lines(values, find_footprint(np.median(values, axis=2), axis, noise, settings), axis)
+        excess = find_footprint(trace_medians(values), axis, noise, settings)
+        fill_absent(values, mean_known(moments[axis]))
+        take_out_lines(values, excess, axis)
         filled[axis], sums = level(spread_laterally(values, settings.lateral), settings)
         filled[axis] += level_mean(sums, values.shape, settings)
-    return Evidence(filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step)
+    return Evidence(
+        filled[0], filled[1], np.maximum(*known), noise, noisiness, mean, spread, settings.step,
+        None if present.all() else present,
+    )  # fmt: skip
 
 
 def share_out(noise: float, share: tuple[float, float, float], noises: tuple[float, float, float]) -> list[float]:
@@ -248,11 +258,11 @@ def share_out(noise: float, share: tuple[float, float, float], noises: tuple[flo
 
 def _log_ratios(
     ratios: list[Float32Array], known: list[Float32Array], reach: int, weight: float, settings: MisfitSettings
-) -> tuple[list[Float32Array], list[Float32Array], float, float]:
-    """Weigh ratios as :func:`weigh_logs` does; return also the noise, and the evidence where nothing breaks."""
+) -> tuple[list[Float32Array], list[Float32Array], float]:
+    """Weigh ratios as :func:`weigh_logs` does; return also the noise."""
     noise = find_noise(_median_ratio(ratios, known), reach, settings)
     weigh_logs(ratios, known, noise, weight, settings)
-    return ratios, known, noise, weight * find_background(noise, settings)
+    return ratios, known, noise
 
 
 def weigh_logs(
@@ -267,13 +277,13 @@ def weigh_logs(
 
 
 def _add_logs(
-    first: tuple[list[Float32Array], list[Float32Array], float, float],
-    second: tuple[list[Float32Array], list[Float32Array], float, float],
-) -> tuple[list[Float32Array], list[Float32Array], float, float]:
+    first: tuple[list[Float32Array], list[Float32Array], float],
+    second: tuple[list[Float32Array], list[Float32Array], float],
+) -> tuple[list[Float32Array], list[Float32Array], float]:
     """Add what :func:`_log_ratios` returned of the second way to that of the first, in place."""
     for values, added in zip(first[0] + first[1], second[0] + second[1], strict=True):
         values += added
-    return first[0], first[1], min(first[2], second[2]), first[3] + second[3]
+    return first[0], first[1], min(first[2], second[2])
 
 
 def judge_noise(noise: float, settings: MisfitSettings) -> tuple[float, int]:
@@ -299,11 +309,6 @@ def find_softness(noise: float, settings: MisfitSettings) -> np.float32:
     return np.float32(max(settings.softness, 0.8 * noise))
 
 
-def find_background(noise: float, settings: MisfitSettings) -> float:
-    """Return the evidence where nothing breaks, given the cube's median misfit ratio."""
-    return float(np.log1p(noise / find_softness(noise, settings)))
-
-
 def share_of_noise(noise: float) -> float:
     """Return how much of what differs between lines is taken for noise, given the cube's median misfit ratio.
 
@@ -317,12 +322,17 @@ def find_footprint(medians: Float32Array, axis: int, noise: float, settings: Mis
 
     The median over a line and all its samples does not see a fault, which crosses the line somewhere or leaves it with
     depth, and at most `footprint` is taken out, a fraction of what a fault shows. `medians` are those of the traces;
-    None where lines are too short to tell.
+    None where lines are too short to tell. A line without evidence is taken to be as those beside it.
     """
     most = settings.footprint * share_of_noise(noise)
     if medians.shape[1 - axis] < _LEAST_LINE:
         return None
-    median = np.median(medians, axis=1 - axis)
+    lines = np.moveaxis(medians, axis, 0)
+    some = np.any(np.isfinite(lines), axis=1)
+    if not some.any():
+        return None
+    told = np.nanmedian(lines[some], axis=1)
+    median = np.interp(np.arange(len(lines)), np.flatnonzero(some), told).astype(medians.dtype)
     excess = np.clip(median - ndimage.gaussian_filter1d(median, 8.0), -most, most)
     return np.asarray(excess, np.float32)
 
@@ -374,6 +384,11 @@ def trace_moments(ratio: Float32Array, weight: Float32Array) -> Float64Array:
         counted = np.where(known, values, np.float32(0.0)).astype(np.float64)
         sums[:, line] = known.sum(axis=1), counted.sum(axis=1), (counted**2).sum(axis=1)
     return sums
+
+
+def mean_known(sums: Float64Array) -> float:
+    """Return the mean of one way's evidence where it is known, from its traces' sums; 0 where it is nowhere."""
+    return float(sums[1].sum() / max(sums[0].sum(), 1.0))
 
 
 def find_moments(sums: list[Float64Array], noise: float, noisiness: float) -> tuple[float, float]:
@@ -508,25 +523,40 @@ def _depth_edges(n_samples: int) -> IntArray:
     return np.linspace(0, n_samples, max(1, round(n_samples / _DEPTH)) + 1).astype(np.int64)
 
 
-FILL_WIDTH = 2.0
+BRIDGE_WIDTH = 2.0
 """Width of the window over which unknown evidence is bridged, in traces and in steps of the samples."""
 
 
-def fill_unknown(
-    evidence: Float32Array, weight: Float32Array, background: float, *, within: Traces | None = None
-) -> Float32Array:
-    """Bridge what is not known by its neighbours' evidence, or by the background where they are far."""
+def bridge_unknown(evidence: Float32Array, weight: Float32Array, *, within: Traces | None = None) -> Float32Array:
+    """Bridge what is not known by its neighbours' evidence; NaN where they are far."""
     unknown, inner = weight < 0.5, within or all_traces(evidence)
     if not unknown.any():
         return evidence[inner]
     near = np.where(unknown, np.float32(0.0), np.float32(1.0))
-    sigma = (FILL_WIDTH, FILL_WIDTH, FILL_WIDTH)
+    sigma = (BRIDGE_WIDTH, BRIDGE_WIDTH, BRIDGE_WIDTH)
     share = smooth(near, sigma, within=inner)
     near *= evidence
-    filled = smooth(near, sigma, within=inner)
+    bridged = smooth(near, sigma, within=inner)
     del near
     far = share <= np.float32(0.1)
-    filled /= np.maximum(share, np.float32(0.1), out=share)
-    filled[far] = background
-    np.copyto(filled, evidence[inner], where=~unknown[inner])
-    return filled
+    bridged /= np.maximum(share, np.float32(0.1), out=share)
+    bridged[far] = np.nan
+    np.copyto(bridged, evidence[inner], where=~unknown[inner])
+    return bridged
+
+
+def trace_medians(bridged: Float32Array) -> Float32Array:
+    """Return the median of every trace's evidence where there is any; NaN on traces without."""
+    medians = np.median(bridged, axis=2)
+    some = np.isnan(medians)
+    if some.any():
+        in_order = np.sort(bridged[some], axis=1)  # NaN last
+        n, rows = np.isfinite(in_order).sum(axis=1), np.arange(len(in_order))
+        middle = np.float32(0.5) * (in_order[rows, (n - 1) // 2] + in_order[rows, n // 2])
+        medians[some] = np.where(n > 0, middle, np.nan)
+    return np.asarray(medians, np.float32)
+
+
+def fill_absent(bridged: Float32Array, mean: float) -> None:
+    """Put the mean of all evidence where there is none, in place: means of windows stay about what they were."""
+    np.copyto(bridged, np.float32(mean), where=np.isnan(bridged))

@@ -119,13 +119,13 @@ def scan_planes(
     """
     shape = (evidence.known.shape[0], evidence.known.shape[1], evidence.known.shape[2])
     plan = plan_scan(shape, evidence.noisiness, evidence.step, settings=settings or ScanSettings())
-    both = (evidence.along_inlines, evidence.along_crosslines)
-    medians = [float(np.median(values)) for values in both]
-    prior, offsets = find_prior(medians), find_offsets(medians, shape, evidence.noise)
+    both, present = (evidence.along_inlines, evidence.along_crosslines), evidence.present
+    medians = [float(np.median(values if present is None else values[present])) for values in both]
+    prior, offsets = find_prior(medians, shape), find_offsets(medians, shape, evidence.noise)
 
     def take(across: int) -> ScanRegion:
         levelled = (values + offset for values, offset in zip(both, offsets, strict=True))
-        return ScanRegion.turned(levelled, across, (0, 0), (shape[0], shape[1]))
+        return ScanRegion.turned(levelled, present, across, (0, 0), (shape[0], shape[1]))
 
     best, arg = scan_region(take, plan, prior, progress=progress)
     return PlanarSupport(in_spreads(best, evidence.mean, evidence.spread), arg, plan.planes)
@@ -194,9 +194,13 @@ def plan_scan(shape: tuple[int, int, int], noisiness: float, step: int, *, setti
     )  # fmt: skip
 
 
-def find_prior(medians: Sequence[float]) -> np.float32:
-    """Return what counts where there is no cube: the mean of the medians of the evidence, both ways."""
-    return np.float32(0.5 * (medians[0] + medians[1]))
+def find_prior(medians: Sequence[float], shape: tuple[int, ...]) -> np.float32:
+    """Return what counts where there is no cube: the mean of the medians of the evidence, both ways.
+
+    A section has evidence along its own traces alone.
+    """
+    told = [median for median, n in zip(medians, shape, strict=False) if n > 1]
+    return np.float32(sum(told) / len(told))
 
 
 def find_offsets(medians: Sequence[float], shape: tuple[int, ...], noise: float) -> list[np.float32]:
@@ -206,9 +210,9 @@ def find_offsets(medians: Sequence[float], shape: tuple[int, ...], noise: float)
     the inlines would be found everywhere. A small difference is kept: faults of one strike make it, in little noise all
     of it. A section has evidence along its own traces alone.
     """
-    apart = medians[0] - medians[1]
+    apart, middle = medians[0] - medians[1], np.float32(0.5 * (medians[0] + medians[1]))
     share = 0.0 if 1 in shape[:2] else share_of_noise(noise) * apart**2 / (apart**2 + _AXES_APART**2)
-    return [np.float32(share) * (find_prior(medians) - np.float32(median)) for median in medians]
+    return [np.float32(share) * (middle - np.float32(median)) for median in medians]
 
 
 def in_spreads(best: Float32Array, mean: float, spread: float) -> Float32Array:
@@ -225,7 +229,9 @@ class ScanRegion:
     Attributes
     ----------
     facing, sideways : ndarray of three axes, float32
-        Evidence across that axis, and across the other one.
+        Evidence across that axis, and across the other one; 0 where there is none.
+    shares : ndarray of the same shape, float32, or None
+        1 where there is evidence and 0 elsewhere; None where there is everywhere.
     corner : tuple of (int, int)
         Where in them the traces begin.
     size : tuple of (int, int)
@@ -234,21 +240,32 @@ class ScanRegion:
 
     facing: Float32Array
     sideways: Float32Array
+    shares: Float32Array | None
     corner: tuple[int, int]
     size: tuple[int, int]
 
     @classmethod
     def turned(
-        cls, both: Iterable[Float32Array], across: int, corner: tuple[int, int], size: tuple[int, int]
+        cls,
+        both: Iterable[Float32Array],
+        present: BoolArray | None,
+        across: int,
+        corner: tuple[int, int],
+        size: tuple[int, int],
     ) -> ScanRegion:
         """Return the region with its axes as a family of planes needs them, from those of the cube.
 
-        `both` is the evidence along inlines and along crosslines, which need not be held at once.
+        `both` is the evidence along inlines and along crosslines, which need not be held at once; `present` tells where
+        there is any.
         """
         turn = (0, 1, 2) if across == 0 else (1, 0, 2)
         turned = [np.ascontiguousarray(values.transpose(turn)) for values in both]
+        shares = None if present is None else np.ascontiguousarray(present.transpose(turn), np.float32)
+        if shares is not None:
+            for values in turned:
+                values *= shares
         facing, sideways = turned[across], turned[1 - across]
-        return cls(facing, sideways, (corner[turn[0]], corner[turn[1]]), (size[turn[0]], size[turn[1]]))
+        return cls(facing, sideways, shares, (corner[turn[0]], corner[turn[1]]), (size[turn[0]], size[turn[1]]))
 
 
 def scan_region(
@@ -267,18 +284,24 @@ def scan_region(
         pad, n_samples = len(plan.dip_taps) // 2, region.facing.shape[2]
         row, column = region.corner
         room = np.empty((len(region.facing), region.size[1], n_samples + 2 * pad), np.float32)
+        known_room = room[:0] if region.shares is None else np.empty_like(room)
         best = np.full((*region.size, n_samples), -1.0, np.float32)
         arg = np.zeros(best.shape, np.int16)
         for shear in shears:
             low = max(0, row - plan.reach_across(shear))
             high = min(len(region.facing), row + region.size[0] + plan.reach_across(shear))
             lines, length = room[: high - low], float(np.hypot(1.0, shear))
-            shares = (np.float32(1.0 / length**2), np.float32(shear**2 / length**2))
+            weights = (np.float32(1.0 / length**2), np.float32(shear**2 / length**2))
             sum_strike_lines(
-                region.facing, region.sideways, *shares, shear, plan.strike_taps, pad, (low, column), lines
+                region.facing, region.sideways, *weights, shear, plan.strike_taps, pad, (low, column), lines
             )
+            known = known_room[: high - low]
+            if region.shares is not None:
+                sum_strike_lines(
+                    region.shares, region.shares, *weights, shear, plan.strike_taps, pad, (low, column), known
+                )
             keep_best_dip(
-                lines, row - low, plan.cotangents * length * plan.step, plan.dip_taps, prior,
+                lines, known, row - low, plan.cotangents * length * plan.step, plan.dip_taps, prior,
                 np.float32(settings.prior_weight), np.float32(settings.evenness), n_done * len(plan.cotangents),
                 best, arg,
             )  # fmt: skip
@@ -286,7 +309,7 @@ def scan_region(
             if progress is not None:
                 progress("scan", n_done / n_all)
         kept.append((best, arg))
-        del region, room, lines
+        del region, room, lines, known_room, known
     return _merge(plan.families, kept)
 
 

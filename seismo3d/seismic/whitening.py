@@ -8,12 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
-from seismo3d.seismic._kernels_filters import filter_carried, filter_samples
+from seismo3d.seismic._kernels_filters import filter_carried, filter_known
 
 _MOST_TRACES = 4096
 _MOST_PIECES = 128
-# share of the samples that a trace of the cube usually holds from which on it is complete, and of a piece of one
+# share of the samples that a trace of the cube usually holds from which on it is complete, and of a piece of one where
+# too few are whole: for every so many pairs of traces one whole piece is enough
 _COMPLETE = 0.9
+_WHOLE_AMONG = 16
 _FLOOR = 0.01
 _HALF_LENGTH = 16
 # cycles a sample between which the filter tapers off: beyond, samples cannot be interpolated
@@ -80,8 +82,7 @@ def filter_valid(volume: Float32Array, valid: BoolArray, whitening: Whitening) -
     """Return the traces filtered; zero where not valid."""
     out = np.empty_like(volume)
     if whitening.beyond is None:
-        filter_samples(volume, whitening.taps, out)
-        out[~valid] = 0.0
+        filter_known(volume, valid, whitening.taps, out)
     else:
         filter_carried(volume, valid, whitening.taps, whitening.beyond, out)
     return out
@@ -153,8 +154,11 @@ def _design_prediction(traces: Float64Array, known: BoolArray, half: int) -> Flo
     products = np.zeros((length, length))
     if len(traces):
         starts = np.unique(np.rint(np.linspace(0, traces.shape[1] - length, _MOST_PIECES)))
-        for (piece,) in _whole_pieces((traces,), known, starts, length):
-            products += piece.T @ piece
+        for least in (1.0, _COMPLETE):
+            for (piece,) in _find_pieces((traces,), known, starts, length, least=least):
+                products += piece.T @ piece
+            if products.any():
+                break
     # an upper end is a lower one upside down
     products += products[::-1, ::-1].copy()
     power = np.trace(products) / length
@@ -187,29 +191,37 @@ def _pair_spectra(
 ) -> tuple[Float64Array, Float64Array]:
     """Return the mean power and the mean cross-spectrum of pairs of traces, from tapered pieces of n_fft samples.
 
-    They are shorter where no trace holds data over so many.
+    They are shorter where too few traces hold data over so many, and have gaps where too few hold data without one.
     """
     n_samples = first.shape[1]
-    power, cross, count = np.zeros(n_fft // 2 + 1), np.zeros(n_fft // 2 + 1), 0
-    for length in sorted({min(n, n_samples) for n in (n_fft, n_fft // 2, n_fft // 4)}, reverse=True):
-        n_starts = int(np.ceil(2 * (n_samples - length) / length)) + 1
+    lengths = sorted({min(n, n_samples) for n in (n_fft, n_fft // 2, n_fft // 4)}, reverse=True)
+    most: tuple[int, Float64Array, Float64Array] = (0, *np.zeros((2, n_fft // 2 + 1)))
+    for least, length in ((least, length) for least in (1.0, _COMPLETE) for length in lengths):
+        power, cross = np.zeros((2, n_fft // 2 + 1))
+        n_starts, count = int(np.ceil(2 * (n_samples - length) / length)) + 1, 0
         taper = np.hanning(length + 2)[1:-1]
-        for pair in _whole_pieces((first, second), known, np.linspace(0, n_samples - length, n_starts), length):
+        starts = np.linspace(0, n_samples - length, n_starts)
+        for pair in _find_pieces((first, second), known, starts, length, least=least):
             one, other = (np.fft.rfft(piece * taper, n_fft, axis=1) for piece in pair)
             power += 0.5 * (np.abs(one) ** 2 + np.abs(other) ** 2).sum(axis=0)
             cross += (one * other.conj()).real.sum(axis=0)
             count += len(one)
-        if count:
+        most = max(most, (count, power, cross), key=lambda found: found[0])
+        if _WHOLE_AMONG * most[0] > len(first):
             break
+    count, power, cross = most
     return power / max(count, 1), cross / max(count, 1)
 
 
-def _whole_pieces(
-    traces: tuple[Float64Array, ...], known: BoolArray, starts: Float64Array, length: int
+def _find_pieces(
+    traces: tuple[Float64Array, ...], known: BoolArray, starts: Float64Array, length: int, *, least: float
 ) -> Iterator[list[Float64Array]]:
-    """Give pieces of traces, those that begin at one start together: of all but those that hold too little data."""
+    """Give pieces of traces, those that begin at one start together: those that hold at least that share of data.
+
+    Where data end within a piece they do so with a step, which has all frequencies.
+    """
     for start in np.rint(starts).astype(int):
-        kept = known[:, start : start + length].mean(axis=1) > _COMPLETE
+        kept = known[:, start : start + length].mean(axis=1) >= least
         if kept.any():
             yield [values[kept, start : start + length] for values in traces]
 

@@ -75,7 +75,7 @@ def test_lines_along_strike_equal_their_definition(rng, shear):
     assert not out[:, :, -2:].any()
 
 
-def plain_best_dip(lines, shears, taps, prior, prior_weight, evenness):
+def plain_best_dip(lines, shears, taps, prior, prior_weight, evenness, *, known=None):
     n0, n1, n2 = lines.shape
     half = len(taps) // 2
     means = np.zeros((len(shears), n0, n1, n2))
@@ -91,8 +91,9 @@ def plain_best_dip(lines, shears, taps, prior, prior_weight, evenness):
                 for part in (0, 1) if t == 0 else ((0,) if t < 0 else (1,)):
                     for ii, share in ((i + low, 1 - fraction), (i + low + 1, fraction)):
                         if 0 <= ii < n0:
-                            sums[part] += taps[t + half] * share * lines[ii, j, k + t]
-                            weights[part] += taps[t + half] * share
+                            weight = taps[t + half] * share * (1.0 if known is None else known[ii, j, k + t])
+                            sums[part] += weight * lines[ii, j, k + t]
+                            weights[part] += weight
             mean = sums.sum() / weights.sum()
             means[c, i, j, k] = (1 - evenness) * mean + evenness * (sums / weights).min()
     return means
@@ -108,7 +109,7 @@ def test_best_dip_equals_its_definition(rng, evenness):
     shears = np.linspace(-1.3, 1.3, 5)
     best, arg = np.full(values.shape, -9.0, np.float32), np.full(values.shape, -1, np.int16)
     settings = (np.float32(0.3), np.float32(0.1), np.float32(evenness))
-    kernels.keep_best_dip(lines, 0, shears, taps, *settings, 40, best, arg)
+    kernels.keep_best_dip(lines, lines[:0], 0, shears, taps, *settings, 40, best, arg)
     means = plain_best_dip(values, shears, taps, *(float(s) for s in settings))
     np.testing.assert_allclose(best, means.max(axis=0), atol=1e-5)
     assert ((arg >= 40) & (arg < 45)).all()
@@ -116,11 +117,28 @@ def test_best_dip_equals_its_definition(rng, evenness):
     np.testing.assert_allclose(chosen, best, atol=1e-5)
 
 
+def test_what_is_not_known_of_a_plane_counts_nothing(rng):
+    values = rng.normal(size=(6, 19, 10)).astype(np.float32)
+    known = (rng.random(values.shape) > 0.4).astype(np.float32)
+    taps = gaussian_taps(1.2)
+    half = len(taps) // 2
+    room = ((0, 0), (0, 0), (half, half))
+    lines, shares = (np.ascontiguousarray(np.pad(part, room)) for part in (values * known, known))
+    shears = np.linspace(-1.3, 1.3, 5)
+    best, arg = np.full(values.shape, -9.0, np.float32), np.full(values.shape, -1, np.int16)
+    settings = (np.float32(0.3), np.float32(0.1), np.float32(0.5))
+    kernels.keep_best_dip(lines, shares, 0, shears, taps, *settings, 40, best, arg)
+    means = plain_best_dip(values, shears, taps, *(float(s) for s in settings), known=known)
+    np.testing.assert_allclose(best, means.max(axis=0), atol=1e-5)
+
+
 def test_what_was_better_before_stays():
     best, arg = np.full((3, 4, 6), 50.0, np.float32), np.full((3, 4, 6), 7, np.int16)
     taps = gaussian_taps(1.0)
     lines = np.ones((3, 4, 6 + len(taps) - 1), np.float32)
-    kernels.keep_best_dip(lines, 0, np.zeros(1), taps, np.float32(0), np.float32(0.1), np.float32(0.5), 9, best, arg)
+    kernels.keep_best_dip(
+        lines, lines[:0], 0, np.zeros(1), taps, np.float32(0), np.float32(0.1), np.float32(0.5), 9, best, arg
+    )
     assert (best == 50.0).all()
     assert (arg == 7).all()
 
@@ -190,6 +208,22 @@ def test_score_is_in_spreads_of_the_evidence():
     values = np.full((12, 12, 24), 2.6, np.float32)
     evidence = Evidence(values, values.copy(), np.ones_like(values), 0.0, 0.0, 1.0, 0.8, STEP)
     np.testing.assert_allclose(scan_planes(evidence).score, 2.0, atol=1e-3)
+
+
+def test_a_cube_under_a_mute_is_scanned_like_one_that_begins_there():
+    whole = evidence_of(60.0, 65.0, noise=0.3)
+    known, present = whole.known.copy(), np.ones(whole.known.shape, bool)
+    known[:, :, :9], present[:, :, :9] = 0.0, False
+    muted = Evidence(whole.along_inlines, whole.along_crosslines, known, 0.0, 0.0, 0.2, 0.8, STEP, present)
+    parts = (np.ascontiguousarray(v[:, :, 9:]) for v in (whole.along_inlines, whole.along_crosslines, whole.known))
+    short = Evidence(*parts, 0.0, 0.0, 0.2, 0.8, STEP)
+    found, wanted = scan_planes(muted), scan_planes(short)
+    # lines along strike of which next to nothing is within the cube count less where some is not known
+    inner = (slice(10, -10), slice(10, -10))
+    np.testing.assert_allclose(found.score[inner][:, :, 9:], wanted.score[inner], atol=1e-4)
+    np.testing.assert_allclose(found.score[:, :, 9:], wanted.score, atol=0.1)
+    filled = np.abs(scan_planes(whole).score[:, :, 9:] - wanted.score)
+    assert filled.max() > 0.1
 
 
 def test_noise_has_little_support():

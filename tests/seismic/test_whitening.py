@@ -127,14 +127,32 @@ def test_ends_do_not_tell_where_a_trace_is_cut_off(rng):
     assert np.sqrt(np.mean(left[..., 40:120] ** 2)) < 0.1 * found.std()
 
 
-def test_muted_ends_are_carried_on_like_ends_of_the_cube(rng):
+@pytest.mark.parametrize("carried", [False, True])
+def test_muted_ends_are_gone_on_from_like_ends_of_the_cube(rng, carried):
     volume = layered(rng)
-    whitening = design_whitening(volume, everywhere(volume), carried=True)
+    whitening = design_whitening(volume, everywhere(volume), carried=carried)
     short = np.ascontiguousarray(volume[:, :, 30:])
     valid = everywhere(volume)
     valid[:10, :, :30] = False
     muted = filter_valid(np.where(valid, volume, np.float32(0.0)), valid, whitening)[:10, :, 30:]
     np.testing.assert_array_equal(muted, filter_valid(short, everywhere(short), whitening)[:10])
+
+
+@pytest.mark.parametrize("carried", [False, True])
+def test_gaps_are_filtered_as_straight_lines(rng, carried):
+    volume = layered(rng, noise=0.2)
+    whitening = design_whitening(volume, everywhere(volume), carried=carried)
+    valid = everywhere(volume)
+    valid[3, :, 60:75] = valid[5, :, 20] = False
+    bridged = volume.copy()
+    for i, gap in ((3, slice(60, 75)), (5, slice(20, 21))):
+        ends, inside = [gap.start - 1, gap.stop], np.arange(gap.start, gap.stop)
+        for j in range(volume.shape[1]):
+            bridged[i, j, gap] = np.interp(inside, ends, volume[i, j, ends])
+    expected = filter_valid(bridged, everywhere(volume), whitening)
+    found = filter_valid(np.where(valid, volume, np.float32(0.0)), valid, whitening)
+    np.testing.assert_allclose(found[valid], expected[valid], atol=1e-5)
+    assert not found[~valid].any()
 
 
 def test_section_of_either_orientation(rng):
@@ -165,6 +183,25 @@ def test_a_mute_leaves_the_filter_as_it_is(rng, muted):
     assert np.abs(found - taps).max() < 0.25 * np.abs(taps).max()
     assert np.abs(found).argmax() == len(taps) // 2
     assert np.count_nonzero(np.abs(found) > 0.02 * found.max()) > 5  # no identity
+
+
+@pytest.mark.parametrize("slope", [1.0, 4.0])
+def test_a_sloping_mute_leaves_the_filter_as_it_is(rng, slope):
+    """Where data begin with a step, all frequencies seem to agree, and the filter would let them all pass."""
+    volume = layered(rng, shape=(24, 20, 160))
+    taps = design_whitening(volume, everywhere(volume)).taps
+    valid = np.broadcast_to(np.arange(160) >= 10 + slope * np.arange(24)[:, None, None], volume.shape)
+    found = design_whitening(np.where(valid, volume, np.float32(0.0)), valid).taps
+    assert np.corrcoef(found, taps)[0, 1] > 0.95
+
+
+def test_gaps_on_every_trace_leave_a_filter(rng):
+    volume = layered(rng, noise=0.05)
+    valid = everywhere(volume)
+    for i, j in np.ndindex(20, 20):
+        valid[i, j, 7 + (3 * i + j) % 4 :: 20] = False
+    taps = design_whitening(np.where(valid, volume, np.float32(0.0)), valid).taps
+    assert np.count_nonzero(np.abs(taps) > 0.02 * taps.max()) > 5
 
 
 def test_neighbours_that_agree_nowhere_leave_traces_as_they_are(rng):

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 
 import numpy as np
 
-from seismo3d._typing import Float32Array
+from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic.blocks.cleaning import read_clean
 from seismo3d.seismic.blocks.medians import BlockMedians
-from seismo3d.seismic.blocks.plan import Box, evidence_reach, fill_reach
+from seismo3d.seismic.blocks.plan import Box, bridge_reach, evidence_reach
 from seismo3d.seismic.blocks.registering import read_sides
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.fault_evidence import compare_sides
 from seismo3d.seismic.misfit import (
+    bridge_unknown,
     compare_along,
     depth_energies,
     energy_floor,
-    fill_unknown,
-    find_background,
+    fill_absent,
     find_footprint,
     find_moments,
     find_noise,
@@ -28,12 +28,14 @@ from seismo3d.seismic.misfit import (
     level,
     level_mean,
     level_reach,
+    mean_known,
     measure_ratios,
     misfit_reach,
     share_out,
     spread_laterally,
     take_out_lines,
     trace_energies,
+    trace_medians,
     trace_moments,
     weigh_logs,
 )
@@ -158,30 +160,39 @@ def final_noise(run: BlockRun) -> tuple[float, float]:
     return noise, run.fact("noise_near")["noisiness"]
 
 
-def make_filled_arrays(run: BlockRun) -> None:
+def make_bridged_arrays(run: BlockRun) -> None:
     """Make the arrays that :func:`moments` writes to."""
-    for name in ("filled0", "filled1"):
+    for name in ("bridged0", "bridged1"):
         run.store.make(name, thinned_shape(run), np.float32)
     run.store.make("known", thinned_shape(run), np.float32, packed=True)
+    run.store.make("present", thinned_shape(run), bool, packed=True)
 
 
 def moments(run: BlockRun, number: int) -> None:
     """Bridge a block's evidence where it is not known, sum it up, and find its traces' medians."""
     box = run.plan.tiling("moments").box(number)
-    wide = box.grown((fill_reach(), fill_reach()), run.plan.shape)
+    wide = box.grown((bridge_reach(), bridge_reach()), run.plan.shape)
     inner = box.within(wide)
     sums, medians = [], []
     known_best: Float32Array | None = None
-    for axis, (values, known, background) in enumerate(_log_ratios(run, wide)):
+    present: BoolArray | None = None
+    for axis, (values, known) in enumerate(_log_ratios(run, wide)):
         sums.append(trace_moments(values[inner], known[inner]))
-        filled = fill_unknown(values, known, background, within=inner)
-        medians.append(np.median(filled, axis=2))
-        run.store.write(f"filled{axis}", box, filled)
-        del filled
+        bridged = bridge_unknown(values, known, within=inner)
+        medians.append(trace_medians(bridged))
+        run.store.write(f"bridged{axis}", box, bridged)
+        told = np.isfinite(bridged)
+        del bridged
         known_best = known[inner] if known_best is None else np.maximum(known_best, known[inner])
-    if known_best is not None:
+        present = told if present is None else present | told
+    n_absent = 0
+    if known_best is not None and present is not None:
         run.store.write("known", box, known_best)
-    run.write_part("moments", number, {"sums": np.stack(sums), "medians": np.stack(medians)})
+        run.store.write("present", box, present)
+        n_absent = int(np.count_nonzero(~present))
+    run.write_part(
+        "moments", number, {"sums": np.stack(sums), "medians": np.stack(medians), "absent": np.array(n_absent)}
+    )
 
 
 def moments_facts(run: BlockRun) -> None:
@@ -191,7 +202,9 @@ def moments_facts(run: BlockRun) -> None:
     medians = run.gather("moments", "medians", "moments")
     lines = [find_footprint(medians[axis], axis, ratio, run.settings.misfit) for axis in range(2)]
     found = {f"excess{axis}": line for axis, line in enumerate(lines) if line is not None}
-    run.write_fact("moments", mean=mean, spread=spread, **found)
+    absent = int(run.add_up("moments", "absent", "moments"))
+    means = [mean_known(sums) for sums in run.gather("moments", "sums", "moments")]
+    run.write_fact("moments", mean=mean, spread=spread, means=means, absent=absent, **found)
 
 
 def make_evidence_arrays(run: BlockRun) -> None:
@@ -208,7 +221,8 @@ def evidence(run: BlockRun, number: int) -> None:
     wide = box.grown((evidence_reach(settings),) * 2, run.plan.shape)
     sums = []
     for axis in range(2):
-        filled = run.store.read(f"filled{axis}", wide)
+        filled = run.store.read(f"bridged{axis}", wide)
+        fill_absent(filled, facts["means"][axis])
         excess = facts.get(f"excess{axis}")
         lines = slice(wide.i0, wide.i1) if axis == 0 else slice(wide.j0, wide.j1)
         take_out_lines(filled, None if excess is None else excess[lines], axis)
@@ -226,9 +240,17 @@ def evidence_facts(run: BlockRun) -> None:
     run.write_fact("evidence", given_back=[float(level_mean(part, shape, settings)) for part in sums])
 
 
-def read_evidence(run: BlockRun, box: Box) -> tuple[Float32Array, Float32Array]:
-    """Return a box of the evidence, both ways."""
-    return read_levelled(run, 0, box), read_levelled(run, 1, box)
+def read_present(run: BlockRun, box: Box) -> BoolArray | None:
+    """Tell where in a box there is evidence; None if there is everywhere in the cube."""
+    return run.store.read("present", box) if run.fact("moments")["absent"] else None
+
+
+def _read_evidence(run: BlockRun, box: Box) -> list[Iterable[Float32Array]]:
+    """Return a box of the evidence, both ways, where there is any."""
+    both, present = [read_levelled(run, axis, box) for axis in range(2)], read_present(run, box)
+    if present is None:
+        return list(both)
+    return [[line[told] for line, told in zip(values, present, strict=True)] for values in both]
 
 
 def read_levelled(run: BlockRun, axis: int, box: Box) -> Float32Array:
@@ -238,13 +260,13 @@ def read_levelled(run: BlockRun, axis: int, box: Box) -> Float32Array:
     return values
 
 
-PRIOR = BlockMedians("prior", "medians", "evidence", read_evidence)
+PRIOR = BlockMedians("prior", "medians", "evidence", _read_evidence)
 """The medians of the evidence, of either way."""
 
 
 def prior(run: BlockRun, number: int) -> None:
     """Count a block's evidence."""
-    run.write_part("prior", number, PRIOR.count(read_evidence(run, run.plan.tiling("evidence").box(number))))
+    run.write_part("prior", number, PRIOR.count(_read_evidence(run, run.plan.tiling("evidence").box(number))))
 
 
 def prior_facts(run: BlockRun) -> None:
@@ -257,13 +279,10 @@ def medians_facts(run: BlockRun) -> None:
     run.write_fact("medians", medians=PRIOR.find(run))
 
 
-def _log_ratios(run: BlockRun, box: Box) -> Iterator[tuple[Float32Array, Float32Array, float]]:
-    """Give, for both ways, a box's evidence, how far it is known, and the evidence where nothing breaks."""
+def _log_ratios(run: BlockRun, box: Box) -> Iterator[tuple[Float32Array, Float32Array]]:
+    """Give, for both ways, a box's evidence, and how far it is known."""
     counted, settings = attempts(run), run.settings.misfit
     noises = [run.fact(f"noise_{attempt}")["noise"] for attempt, _ in counted]
-    background = sum(
-        share * find_background(noise, settings) for (_, share), noise in zip(counted, noises, strict=True)
-    )
     for axis in range(2):
         sums: list[Float32Array] = []
         for (attempt, share), noise in zip(counted, noises, strict=True):
@@ -275,7 +294,7 @@ def _log_ratios(run: BlockRun, box: Box) -> Iterator[tuple[Float32Array, Float32
             sums[0] += values
             sums[1] += known
             del values, known
-        yield sums[0], sums[1], background
+        yield sums[0], sums[1]
 
 
 def _where_known(ratios: list[Float32Array], known: list[Float32Array]) -> list[Float32Array]:

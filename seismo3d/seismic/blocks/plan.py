@@ -235,7 +235,7 @@ def fault_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callabl
 
     def scan_bytes(edge: int) -> float:
         lines = min(edge + 2 * scan.dip_reach, max(shape[:2])) * min(edge, max(shape[:2])) * (thinned + 2 * pad)
-        return max(12 * wide(edge) * thinned, 8 * wide(edge) * thinned + 4 * lines) + 14 * square(edge, 0) * thinned
+        return max(13 * wide(edge) * thinned, 12 * wide(edge) * thinned + 8 * lines) + 14 * square(edge, 0) * thinned
 
     def misfit_bytes(edge: int) -> float:
         lines = min(settings.misfit.slab, edge) + 2 * energy_reach(settings.misfit)
@@ -257,7 +257,7 @@ def fault_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callabl
         "misfit": misfit_bytes,
         "register": register_bytes,
         "carry": lambda edge: 16 * square(edge, carry_reach(settings.registration)) * n2,
-        "moments": lambda edge: 44 * square(edge, fill_reach()) * thinned,
+        "moments": lambda edge: 44 * square(edge, bridge_reach()) * thinned,
         "evidence": evidence_bytes,
         "scan": scan_bytes,
         "draw": lambda edge: 22 * square(edge, read_reach(settings)) * n2,
@@ -297,12 +297,12 @@ def layer_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callabl
     }
 
 
-def fill_reach() -> int:
+def bridge_reach() -> int:
     """Return how many traces off bridged evidence depends on."""
     from seismo3d.seismic._kernels_filters import gaussian_taps
-    from seismo3d.seismic.misfit import FILL_WIDTH
+    from seismo3d.seismic.misfit import BRIDGE_WIDTH
 
-    return len(gaussian_taps(FILL_WIDTH)) // 2
+    return len(gaussian_taps(BRIDGE_WIDTH)) // 2
 
 
 def evidence_reach(settings: MisfitSettings) -> int:

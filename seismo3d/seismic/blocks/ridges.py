@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from seismo3d._typing import Float32Array, IntArray
-from seismo3d.seismic.blocks.evidence import final_noise, read_levelled, thinned_shape
+from seismo3d.seismic.blocks.evidence import final_noise, read_levelled, read_present, thinned_shape
 from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.results import write_result
 from seismo3d.seismic.blocks.room import OnDisk
@@ -45,14 +45,14 @@ def scan(run: BlockRun, number: int) -> None:
     plan = find_plan(run)
     box = run.plan.tiling("scan").box(number)
     moments, medians = run.fact("moments"), run.fact("medians")["medians"]
-    prior, offsets = find_prior(medians), find_offsets(medians, run.plan.shape, final_noise(run)[0])
+    prior, offsets = find_prior(medians, run.plan.shape), find_offsets(medians, run.plan.shape, final_noise(run)[0])
 
     def take(across: int) -> ScanRegion:
         reach = plan.reach if across == 0 else (plan.reach[1], plan.reach[0])
         wide = box.grown(reach, run.plan.shape)
         corner = (box.i0 - wide.i0, box.j0 - wide.j0)
         levelled = (_read_offset(run, axis, wide, offset) for axis, offset in enumerate(offsets))
-        return ScanRegion.turned(levelled, across, corner, box.shape)
+        return ScanRegion.turned(levelled, read_present(run, wide), across, corner, box.shape)
 
     best, orientation = scan_region(take, plan, prior)
     run.store.write("score", box, in_spreads(best, moments["mean"], moments["spread"]))

@@ -137,19 +137,19 @@ def _fault_stages(settings: FaultSettings) -> dict[str, Stage]:
         ),
         **measured,
         "moments": Stage(
-            "misfit", "moments", evidence.moments, find=evidence.moments_facts, make=evidence.make_filled_arrays,
-            writes=("filled0", "filled1", "known"),
+            "misfit", "moments", evidence.moments, find=evidence.moments_facts, make=evidence.make_bridged_arrays,
+            writes=("bridged0", "bridged1", "known", "present"),
             leaves=(*sum(map(evidence.ratio_names, ("near", "far", "second")), ()), *registering.SIDES),
         ),
         "evidence": Stage(
             "misfit", "evidence", evidence.evidence, find=evidence.evidence_facts, make=evidence.make_evidence_arrays,
-            writes=("evidence0", "evidence1"), leaves=("filled0", "filled1"),
+            writes=("evidence0", "evidence1"), leaves=("bridged0", "bridged1"),
         ),
         "prior": Stage("misfit", "evidence", evidence.prior, find=evidence.prior_facts),
         "medians": Stage("misfit", "evidence", evidence.PRIOR.count_near, find=evidence.medians_facts),
         "scan": Stage(
             "scan", "scan", ridges.scan, make=ridges.make_support_arrays, writes=("score", "orientation"),
-            leaves=("evidence0", "evidence1"),
+            leaves=("evidence0", "evidence1", "present"),
         ),
         "thin": Stage("scan", "draw", ridges.thin, leaves=("score", "orientation", "known")),
         "link": Stage("link", "", _no_block, find=sheets.link_facts),

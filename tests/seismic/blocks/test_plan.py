@@ -42,7 +42,7 @@ def test_a_cube_that_fits_is_one_block():
 
 
 def test_too_little_memory_is_refused_with_what_is_needed():
-    with pytest.raises(ParameterError, match=r"memory is 0\.50 GB; traces of 3000 samples need at least 0\.7\d GB"):
+    with pytest.raises(ParameterError, match=r"memory is 0\.50 GB; traces of 3000 samples need at least 0\.8\d GB"):
         plan_blocks((500, 500, 3000), 5 * 10**8, FaultSettings())
 
 

@@ -105,6 +105,14 @@ def test_blocks_give_what_one_piece_gives_to_the_bit(noise, evidence, tmp_path):
     assert_same(trace(cube, tmp_path / "run", settings=settings), trace_faults(cube, settings=settings))
 
 
+def test_blocks_under_a_mute_give_what_one_piece_gives(tmp_path):
+    cube = make_cube(0.1)
+    cube[np.arange(64) < 0.5 * np.arange(52)[:, None, None] + np.zeros((52, 60, 1))] = 0.0
+    wanted = trace_faults(cube)
+    assert len(wanted.surfaces) > 0
+    assert_same(trace(cube, tmp_path / "run"), wanted)
+
+
 def test_repeats_of_a_noise_free_cube_are_data_in_blocks_too(tmp_path):
     trace_of_all = np.convolve(np.random.default_rng(2).normal(size=200), np.hanning(9), "same")
     depth = np.arange(64.0) - 8.0 * (np.arange(52) > 25)[:, None, None] + np.zeros((52, 60, 1))
