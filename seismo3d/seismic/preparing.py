@@ -15,6 +15,7 @@ from seismo3d.geometry.axis import unit_of
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic._kernels_valid import mark_valid, same_as_next
 from seismo3d.seismic.cube_checks import check_order
+from seismo3d.seismic.depth_gain import find_gain
 from seismo3d.seismic.whitening import whiten
 
 # samples of one value, and traces of the same values, from which on they are no data
@@ -25,6 +26,8 @@ _LEAST_REPEATS = 4
 _LEAST_UNLIKE = 0.5
 # share of the live traces with a live next one, along an axis, below which there is too little to compare
 _LEAST_NEIGHBOURS = 0.5
+# depths, at the least, that a cube's strength is told from
+_LEAST_DEPTHS = 64
 # how many times their own strength amplitudes must lie off zero for that to be a level of theirs
 _SHIFTED = 1.0
 
@@ -86,6 +89,8 @@ def clean_volume(
 ) -> tuple[Float32Array, BoolArray, Float64Array | None, float]:
     """Mark where there are data, put zero elsewhere, take off what all amplitudes share, clip spikes, and whiten.
 
+    Amplitudes that fall far with depth are raised there.
+
     Parameters
     ----------
     amplitudes : ndarray of shape (inline, crossline, sample), float32
@@ -106,8 +111,10 @@ def clean_volume(
         What was taken off.
     """
     valid = find_valid(amplitudes)
-    step = sampling_step(amplitudes.size)
-    scale = find_scale(amplitudes.ravel()[::step][valid.ravel()[::step]])
+    looked_at = np.arange(0, amplitudes.size, sampling_step(amplitudes.shape))
+    looked_at = looked_at[valid.ravel()[looked_at]]
+    n_samples = amplitudes.shape[2]
+    scale = find_scaling(amplitudes.ravel()[looked_at], looked_at % n_samples, n_samples)
     scale_amplitudes(amplitudes, valid, scale)
     white, whitening = whiten(amplitudes, valid, carried=carried)
     return white, valid, whitening.spectrum, scale.level
@@ -170,9 +177,12 @@ def repeats_itself(prints: Int64Array, live: AnyArray) -> bool:
     return len(np.unique(prints[live])) < _LEAST_UNLIKE * int(np.count_nonzero(live))
 
 
-def sampling_step(size: int) -> int:
-    """Return every how many samples a cube's amplitudes are looked at for their strength."""
-    return max(1, size // 1_000_000)
+def sampling_step(shape: tuple[int, ...]) -> int:
+    """Return every how many samples a cube's amplitudes are looked at for their strength: at many depths, always."""
+    step, n_samples = max(1, int(np.prod(shape, dtype=np.int64)) // 1_000_000), shape[-1]
+    while n_samples // np.gcd(step, n_samples) < min(n_samples, _LEAST_DEPTHS):
+        step += 1
+    return step
 
 
 class Scale(NamedTuple):
@@ -182,10 +192,13 @@ class Scale(NamedTuple):
     ----------
     level, strength : float
         Of unsigned bytes the level is about 128; of amplitudes about zero it is 0. Both are 0 without any.
+    gain : ndarray of shape (sample,), float32, or None
+        What the amplitudes are multiplied by first, once the level is off.
     """
 
     level: float
     strength: float
+    gain: Float32Array | None = None
 
 
 def find_scale(sample: Float32Array) -> Scale:
@@ -197,6 +210,14 @@ def find_scale(sample: Float32Array) -> Scale:
     return Scale(middle, around) if abs(middle) > _SHIFTED * around else Scale(0.0, _most_of(np.abs(sample)))
 
 
+def find_scaling(sample: Float32Array, depths: Int64Array, n_samples: int) -> Scale:
+    """Return the scale of some amplitudes (n,), at these depths of traces of so many samples, and their gain."""
+    scale = find_scale(sample)
+    centred = sample - np.float32(scale.level)
+    gain = find_gain(centred, depths, n_samples)
+    return scale if gain is None else Scale(scale.level, _most_of(np.abs(centred * gain[depths])), gain)
+
+
 def find_level(amplitudes: AnyArray) -> float:
     """Return what amplitudes share, such as the 128 of unsigned bytes; 0 where they lie about zero.
 
@@ -206,14 +227,16 @@ def find_level(amplitudes: AnyArray) -> float:
         Those of live traces; what is not finite does not count. Of many some are looked at.
     """
     with np.errstate(over="ignore"):  # too large for what is traced in: infinite, and not counted
-        some = amplitudes.ravel()[:: sampling_step(amplitudes.size)].astype(np.float32)
+        some = amplitudes.ravel()[:: sampling_step(amplitudes.shape)].astype(np.float32)
     return find_scale(some[np.isfinite(some)]).level
 
 
 def scale_amplitudes(amplitudes: Float32Array, valid: BoolArray, scale: Scale) -> None:
-    """Take off the level where there are data, divide by the strength and clip spikes, in place."""
+    """Take off the level where there are data, put the gain on, divide by the strength and clip spikes, in place."""
     if scale.level:
         np.subtract(amplitudes, np.float32(scale.level), out=amplitudes, where=valid)
+    if scale.gain is not None:
+        amplitudes *= scale.gain
     if scale.strength > 0.0:
         amplitudes /= np.float32(scale.strength)
         np.clip(amplitudes, -8.0, 8.0, out=amplitudes)

@@ -13,7 +13,7 @@ from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.preparing import (
     Scale,
     check_live,
-    find_scale,
+    find_scaling,
     leave_out,
     mark_data,
     print_traces,
@@ -32,6 +32,9 @@ from seismo3d.seismic.whitening import (
     whitening_of,
 )
 
+_SAMPLE = ("sample", "depths", "of_repeated")
+"""What is told of some samples of a block: amplitudes, depths, and whether their traces repeat others."""
+
 
 def raw_box(run: BlockRun, number: int) -> Box:
     """Return what is read of the input for a block: whether a trace repeats its neighbours is told by these."""
@@ -45,14 +48,17 @@ def survey(run: BlockRun, number: int, piece: Any) -> None:
     valid, repeated = (marks[inner] for marks in mark_data(amplitudes))
     amplitudes = np.ascontiguousarray(amplitudes[inner])
     n0, n1, n2 = run.plan.shape
-    step = sampling_step(n0 * n1 * n2)
-    looked_at, of_repeated = [], []
+    step = sampling_step((n0, n1, n2))
+    looked_at, depths, of_repeated = [], [], []
     for line, i in enumerate(range(box.i0, box.i1)):
-        first = -((i * n1 + box.j0) * n2) % step
-        known = valid[line].ravel()[first::step]
-        looked_at.append(amplitudes[line].ravel()[first::step][known])
-        of_repeated.append(np.repeat(repeated[line], n2)[first::step][known])
-    found = {"sample": np.concatenate(looked_at), "of_repeated": np.concatenate(of_repeated)}
+        places = np.arange(-((i * n1 + box.j0) * n2) % step, valid[line].size, step)
+        places = places[valid[line].ravel()[places]]
+        looked_at.append(amplitudes[line].ravel()[places])
+        depths.append(places % n2)
+        of_repeated.append(repeated[line][places // n2])
+    found = {
+        name: np.concatenate(values) for name, values in zip(_SAMPLE, (looked_at, depths, of_repeated), strict=True)
+    }
     found |= {"count": valid.sum(axis=2), "repeated": repeated, "prints": print_traces(amplitudes)}
     run.write_part("survey", number, found)
 
@@ -60,16 +66,21 @@ def survey(run: BlockRun, number: int, piece: Any) -> None:
 def survey_facts(run: BlockRun) -> None:
     """Find whether repeated traces are data, the cube's scale, and the traces that its wavelet is read from."""
     parts = [run.read_part("survey", number)[0] for number in range(len(run.plan.tiling("raw")))]
-    sample, of_repeated = (np.concatenate([part[name] for part in parts]) for name in ("sample", "of_repeated"))
+    sample, depths, of_repeated = (np.concatenate([part[name] for part in parts]) for name in _SAMPLE)
     counts, repeated = (run.gather("survey", name, "raw") for name in ("count", "repeated"))
     repeats = bool(repeated.any()) and repeats_itself(run.gather("survey", "prints", "raw"), counts > 0)
     if not repeats:
-        sample = sample[~of_repeated]
+        sample, depths = sample[~of_repeated], depths[~of_repeated]
     n_valid = _count_valid(counts, repeated, repeats)
     if run.kind == "faults":
         check_live(n_valid > 0)
     pairs = choose_pairs(find_complete(n_valid))
-    run.write_fact("survey", scale=find_scale(sample), pairs=pairs, n_valid=int(n_valid.sum()), repeats=repeats)
+    scale = {
+        name: value
+        for name, value in find_scaling(sample, depths, run.plan.shape[2])._asdict().items()
+        if value is not None
+    }
+    run.write_fact("survey", pairs=pairs, n_valid=int(n_valid.sum()), repeats=repeats, **scale)
 
 
 def live_traces(run: BlockRun) -> BoolArray:
@@ -162,5 +173,6 @@ def _scaled(run: BlockRun, piece: Any) -> tuple[Float32Array, AnyArray]:
     valid, repeated = mark_data(amplitudes)
     if not run.fact("survey")["repeats"]:
         leave_out(amplitudes, valid, repeated)
-    scale_amplitudes(amplitudes, valid, Scale(*run.fact("survey")["scale"]))
+    facts = run.fact("survey")
+    scale_amplitudes(amplitudes, valid, Scale(facts["level"], facts["strength"], facts.get("gain")))
     return amplitudes, valid

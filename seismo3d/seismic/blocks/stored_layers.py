@@ -49,7 +49,7 @@ def open_layers(run: BlockRun, cube: Any) -> LayerModel:
     rejected = run.fact(f"solve_{last_stride(run.settings)}")["rejected"]
     names = ("times", "cuts", "volume", "valid", "live", "spectrum")
     volumes: dict[str, Any] = {name: getattr(stored, name) for name in names}
-    level = float(run.fact("survey")["scale"][0])
+    level = float(run.fact("survey")["level"])
     return LayerModel(**volumes, sample_unit=unit, rejected=rejected, closure=_closure(run), level=level)
 
 

@@ -113,6 +113,14 @@ def test_blocks_under_a_mute_give_what_one_piece_gives(tmp_path):
     assert_same(trace(cube, tmp_path / "run"), wanted)
 
 
+def test_blocks_of_a_cube_that_dies_away_give_what_one_piece_gives(wanted, tmp_path):
+    cube = (make_cube(0.1) * 10.0 ** (-np.arange(64) / 32.0) + 5.0).astype(np.float32)
+    cube[:, :, 60:] = 0.0
+    found = trace_faults(cube)
+    assert len(found.surfaces) >= len(wanted.surfaces)
+    assert_same(trace(cube, tmp_path / "run"), found)
+
+
 def test_repeats_of_a_noise_free_cube_are_data_in_blocks_too(tmp_path):
     trace_of_all = np.convolve(np.random.default_rng(2).normal(size=200), np.hanning(9), "same")
     depth = np.arange(64.0) - 8.0 * (np.arange(52) > 25)[:, None, None] + np.zeros((52, 60, 1))
