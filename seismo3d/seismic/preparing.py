@@ -14,8 +14,8 @@ from seismo3d.errors import Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import unit_of
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic._kernels_valid import mark_valid, same_as_next
+from seismo3d.seismic.balancing import find_depth_gain, find_trace_gains, trace_strengths
 from seismo3d.seismic.cube_checks import check_order
-from seismo3d.seismic.depth_gain import find_gain
 from seismo3d.seismic.whitening import whiten
 
 # samples of one value, and traces of the same values, from which on they are no data
@@ -89,7 +89,7 @@ def clean_volume(
 ) -> tuple[Float32Array, BoolArray, Float64Array | None, float]:
     """Mark where there are data, put zero elsewhere, take off what all amplitudes share, clip spikes, and whiten.
 
-    Amplitudes that fall far with depth are raised there.
+    Amplitudes that fall far with depth are raised there, and traces far off the strength of others are brought near it.
 
     Parameters
     ----------
@@ -116,6 +116,7 @@ def clean_volume(
     n_samples = amplitudes.shape[2]
     scale = find_scaling(amplitudes.ravel()[looked_at], looked_at % n_samples, n_samples)
     scale_amplitudes(amplitudes, valid, scale)
+    balance_traces(amplitudes, valid, find_trace_gains(trace_strengths(amplitudes, valid)))
     white, whitening = whiten(amplitudes, valid, carried=carried)
     return white, valid, whitening.spectrum, scale.level
 
@@ -214,7 +215,7 @@ def find_scaling(sample: Float32Array, depths: Int64Array, n_samples: int) -> Sc
     """Return the scale of some amplitudes (n,), at these depths of traces of so many samples, and their gain."""
     scale = find_scale(sample)
     centred = sample - np.float32(scale.level)
-    gain = find_gain(centred, depths, n_samples)
+    gain = find_depth_gain(centred, depths, n_samples)
     return scale if gain is None else Scale(scale.level, _most_of(np.abs(centred * gain[depths])), gain)
 
 
@@ -232,14 +233,21 @@ def find_level(amplitudes: AnyArray) -> float:
 
 
 def scale_amplitudes(amplitudes: Float32Array, valid: BoolArray, scale: Scale) -> None:
-    """Take off the level where there are data, put the gain on, divide by the strength and clip spikes, in place."""
+    """Take off the level where there are data, put the gain on, and divide by the strength, in place."""
     if scale.level:
         np.subtract(amplitudes, np.float32(scale.level), out=amplitudes, where=valid)
     if scale.gain is not None:
         amplitudes *= scale.gain
     if scale.strength > 0.0:
         amplitudes /= np.float32(scale.strength)
-        np.clip(amplitudes, -8.0, 8.0, out=amplitudes)
+
+
+def balance_traces(amplitudes: Float32Array, valid: BoolArray, gains: Float32Array | None = None) -> None:
+    """Multiply scaled traces by their gains, if there are any, and clip spikes, in place; a gain of 0 is no data."""
+    if gains is not None:
+        amplitudes *= gains[..., None]
+        valid &= gains[..., None] > 0.0
+    np.clip(amplitudes, -8.0, 8.0, out=amplitudes)
 
 
 def _most_of(sizes: Float32Array) -> float:

@@ -16,7 +16,7 @@ from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
 from seismo3d.seismic.cube_checks import check_order, differing_axis
 from seismo3d.seismic.index_frame import settle_places
-from seismo3d.seismic.preparing import find_scale, mark_data, scale_amplitudes
+from seismo3d.seismic.preparing import balance_traces, find_scale, mark_data, scale_amplitudes
 
 # how many times as like a monitor is with its sign changed where its polarity is reversed, and how like it must be
 _OPPOSED, _TOLD = 1.25, 0.2
@@ -179,6 +179,7 @@ def _prepare(cube: Any) -> tuple[Float32Array, BoolArray]:
     values = np.array(getattr(cube, "values", cube), dtype=np.float32)
     known, _ = mark_data(values)
     scale_amplitudes(values, known, find_scale(values[known]))
+    balance_traces(values, known)
     strength = float(np.sqrt(np.mean(np.square(values[known], dtype=np.float64)))) if known.any() else 1.0
     return values / np.float32(strength or 1.0), known
 

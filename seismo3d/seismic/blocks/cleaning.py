@@ -8,10 +8,12 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array
 from seismo3d._validate import as_single
+from seismo3d.seismic.balancing import find_trace_gains, trace_strengths
 from seismo3d.seismic.blocks.plan import RAW_REACH, Box
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.preparing import (
     Scale,
+    balance_traces,
     check_live,
     find_scaling,
     leave_out,
@@ -64,40 +66,48 @@ def survey(run: BlockRun, number: int, piece: Any) -> None:
 
 
 def survey_facts(run: BlockRun) -> None:
-    """Find whether repeated traces are data, the cube's scale, and the traces that its wavelet is read from."""
+    """Find whether repeated traces are data, and the cube's scale."""
     parts = [run.read_part("survey", number)[0] for number in range(len(run.plan.tiling("raw")))]
     sample, depths, of_repeated = (np.concatenate([part[name] for part in parts]) for name in _SAMPLE)
     counts, repeated = (run.gather("survey", name, "raw") for name in ("count", "repeated"))
     repeats = bool(repeated.any()) and repeats_itself(run.gather("survey", "prints", "raw"), counts > 0)
     if not repeats:
         sample, depths = sample[~of_repeated], depths[~of_repeated]
-    n_valid = _count_valid(counts, repeated, repeats)
+    scale = find_scaling(sample, depths, run.plan.shape[2])
+    told = {name: value for name, value in scale._asdict().items() if value is not None}
+    run.write_fact("survey", repeats=repeats, **told)
+
+
+def strengths(run: BlockRun, number: int, piece: Any) -> None:
+    """Find how strong a block's traces are."""
+    _, _, inner = _boxes(run, number)
+    amplitudes, valid = _scaled(run, piece)
+    amplitudes, valid = (np.ascontiguousarray(values[inner]) for values in (amplitudes, valid))
+    run.write_part("strengths", number, {"strength": trace_strengths(amplitudes, valid), "count": valid.sum(axis=2)})
+
+
+def strengths_facts(run: BlockRun) -> None:
+    """Find what traces are multiplied by, and those that the cube's wavelet is read from."""
+    gains = find_trace_gains(run.gather("strengths", "strength", "raw"))
+    n_valid = run.gather("strengths", "count", "raw")
+    if gains is not None:
+        n_valid[gains == 0.0] = 0
     if run.kind == "faults":
         check_live(n_valid > 0)
+    found = {} if gains is None else {"gains": gains}
     pairs = choose_pairs(find_complete(n_valid))
-    scale = {
-        name: value
-        for name, value in find_scaling(sample, depths, run.plan.shape[2])._asdict().items()
-        if value is not None
-    }
-    run.write_fact("survey", pairs=pairs, n_valid=int(n_valid.sum()), repeats=repeats, **scale)
+    run.write_fact("strengths", pairs=pairs, n_valid=int(n_valid.sum()), live=n_valid > 0, **found)
 
 
 def live_traces(run: BlockRun) -> BoolArray:
     """Return which traces have data."""
-    counts, repeated = (run.gather("survey", name, "raw") for name in ("count", "repeated"))
-    return np.asarray(_count_valid(counts, repeated, run.fact("survey")["repeats"]) > 0)
-
-
-def _count_valid(counts: AnyArray, repeated: BoolArray, repeats: bool) -> AnyArray:
-    """Return how many samples of every trace are data, given whether repeated traces are."""
-    return counts if repeats else np.where(repeated, 0, counts)
+    return np.asarray(run.fact("strengths")["live"])
 
 
 def pairs(run: BlockRun, number: int, piece: Any) -> None:
     """Take a block's share of the pairs of traces that the wavelet is read from."""
     box, wide, _ = _boxes(run, number)
-    i, j = run.fact("survey")["pairs"].T
+    i, j = run.fact("strengths")["pairs"].T
     mine = np.flatnonzero((i >= box.i0) & (i < box.i1) & (j >= box.j0) & (j < box.j1))
     n2 = run.plan.shape[2]
     found: dict[str, AnyArray] = {
@@ -107,7 +117,7 @@ def pairs(run: BlockRun, number: int, piece: Any) -> None:
         "mine": mine,
     }
     if len(mine):
-        amplitudes, valid = _scaled(run, piece)
+        amplitudes, valid = _balanced(run, number, piece)
         rows, columns = i[mine] - wide.i0, j[mine] - wide.j0
         found |= {"first": amplitudes[rows, columns], "second": amplitudes[rows, columns + 1]}
         found["known"] = valid[rows, columns] & valid[rows, columns + 1]
@@ -116,7 +126,7 @@ def pairs(run: BlockRun, number: int, piece: Any) -> None:
 
 def pairs_facts(run: BlockRun) -> None:
     """Design the whitening filter."""
-    n_pairs, n2 = len(run.fact("survey")["pairs"]), run.plan.shape[2]
+    n_pairs, n2 = len(run.fact("strengths")["pairs"]), run.plan.shape[2]
     first, second, known = np.empty((n_pairs, n2)), np.empty((n_pairs, n2)), np.empty((n_pairs, n2), bool)
     for number in range(len(run.plan.tiling("raw"))):
         part, _ = run.read_part("pairs", number)
@@ -135,7 +145,7 @@ def make_clean_arrays(run: BlockRun) -> None:
 def whiten(run: BlockRun, number: int, piece: Any) -> None:
     """Whiten a block."""
     box, _, inner = _boxes(run, number)
-    amplitudes, valid = _scaled(run, piece)
+    amplitudes, valid = _balanced(run, number, piece)
     valid = np.ascontiguousarray(valid[inner])
     whitening = Whitening(**run.fact("pairs"))
     white = filter_valid(np.ascontiguousarray(amplitudes[inner]), valid, whitening)
@@ -146,7 +156,7 @@ def whiten(run: BlockRun, number: int, piece: Any) -> None:
 
 def whiten_facts(run: BlockRun) -> None:
     """Find the whitened cube's root-mean-square."""
-    run.write_fact("whiten", rms=find_rms(run.gather("whiten", "powers", "raw"), run.fact("survey")["n_valid"]))
+    run.write_fact("whiten", rms=find_rms(run.gather("whiten", "powers", "raw"), run.fact("strengths")["n_valid"]))
 
 
 def read_clean(run: BlockRun, box: Box) -> tuple[Float32Array, AnyArray]:
@@ -175,4 +185,11 @@ def _scaled(run: BlockRun, piece: Any) -> tuple[Float32Array, AnyArray]:
         leave_out(amplitudes, valid, repeated)
     facts = run.fact("survey")
     scale_amplitudes(amplitudes, valid, Scale(facts["level"], facts["strength"], facts.get("gain")))
+    return amplitudes, valid
+
+
+def _balanced(run: BlockRun, number: int, piece: Any) -> tuple[Float32Array, AnyArray]:
+    amplitudes, valid = _scaled(run, piece)
+    gains, wide = run.fact("strengths").get("gains"), raw_box(run, number)
+    balance_traces(amplitudes, valid, None if gains is None else gains[wide.i0 : wide.i1, wide.j0 : wide.j1])
     return amplitudes, valid

@@ -96,6 +96,7 @@ def _no_block(run: BlockRun, number: int) -> None:
 
 _CLEANING = {
     "survey": Stage("clean", "raw", cleaning.survey, find=cleaning.survey_facts, reads_input=True),
+    "strengths": Stage("clean", "raw", cleaning.strengths, find=cleaning.strengths_facts, reads_input=True),
     "pairs": Stage("clean", "raw", cleaning.pairs, find=cleaning.pairs_facts, reads_input=True),
     "whiten": Stage(
         "clean", "raw", cleaning.whiten, find=cleaning.whiten_facts, make=cleaning.make_clean_arrays,

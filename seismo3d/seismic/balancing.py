@@ -1,0 +1,132 @@
+"""Amplitudes evened out: those that die away with depth, and traces that are far stronger or weaker than others."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy import ndimage
+
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
+from seismo3d.registration.robust import robust_scale
+from seismo3d.seismic._kernels_balancing import mean_sizes
+
+# samples whose strength is told together, and width of the window that strengths are followed in
+_DEPTH, _WINDOW = 32, 96.0
+# decibels that the strength may range over, down the cube, as it is
+_RANGE = 12.0
+# samples of a trace that its strength is told from, and share of them that counts, the largest left out
+_SAMPLES, _KEPT = 512, 0.9
+# decibels that a trace may lie off the others, and traces around it that it is compared with
+_OFF, _AROUND = 8.0, 4.0
+# decibels below its neighbours, and below the cube, from which on a trace is but what a filter has left of a dead one,
+# and how many times as far as others lie off theirs that is at least
+_DEAD, _FAR = (40.0, 60.0), 5.0
+# usual scatter of traces, in decibels, from which on they may lie off by less
+_SCATTER = 2.0
+
+
+def find_depth_gain(amplitudes: Float32Array, depths: Int64Array, n_samples: int) -> Float32Array | None:
+    """Find what raises the weak depths of a cube and lowers the strong ones, where they are far apart.
+
+    Spreading and absorption take the same off all layers of a depth: that is no reflectivity, and what is measured
+    against the whole cube's strength would be blind at depth. What they took off is told by the strength at every
+    depth, followed by straight lines in decibels over windows so wide that strong and weak layers stay what they are.
+    Up to 12 dB from the weakest to the strongest depth nothing is changed; of a range R beyond, 12 dB times 12 dB / R
+    is left.
+
+    Parameters
+    ----------
+    amplitudes : ndarray of shape (n,), float32
+        Some of a cube's amplitudes, about zero.
+    depths : ndarray of shape (n,), int64
+        The sample of a trace that each of them is.
+    n_samples : int
+        Samples a trace.
+
+    Returns
+    -------
+    ndarray of shape (n_samples,), float32, or None
+        Factors; None where amplitudes are not to be changed.
+    """
+    edges = np.linspace(0, n_samples, max(1, round(n_samples / _DEPTH)) + 1).astype(np.int64)
+    order = np.argsort(depths, kind="stable")
+    ends = np.searchsorted(depths[order], edges)
+    parts = [np.abs(amplitudes[order[a:b]]) for a, b in pairwise(ends)]
+    strengths = np.array([np.percentile(part, 90.0) if len(part) else 0.0 for part in parts], np.float64)
+    told = strengths > 0.0
+    if not told.any():
+        return None
+    middles = np.asarray(0.5 * (edges[:-1] + edges[1:] - 1.0)[told], np.float64)
+    counts = np.array([len(part) for part in parts])[told]
+    level = _follow(middles, 20.0 * np.log10(strengths[told]), counts)
+    spread = np.ptp(level)
+    if spread <= _RANGE:
+        return None
+    excess = (level - 0.5 * (level.min() + level.max())) * (1.0 - (_RANGE / spread) ** 2)
+    return (10.0 ** (-np.interp(np.arange(n_samples), middles, excess) / 20.0)).astype(np.float32)
+
+
+def _follow(places: Float64Array, values: Float64Array, counts: Int64Array) -> Float64Array:
+    """Return, at every place, the value of the straight line that fits best through those around it."""
+    apart = places - places[:, None]
+    weights = counts * np.exp(-0.5 * (apart / _WINDOW) ** 2)
+    total, first, second = (np.sum(weights * apart**power, axis=1) for power in range(3))
+    sums, moments = weights @ values, (weights * apart) @ values
+    second += 1e-9 * _WINDOW**2 * total  # one depth alone has no slope
+    return np.asarray((sums * second - moments * first) / (second * total - first**2))
+
+
+def trace_strengths(volume: Float32Array, valid: BoolArray) -> Float32Array:
+    """Return how strong every trace is: the mean size of nine tenths of its samples; 0 where there are no data."""
+    out = np.empty(volume.shape[:2], np.float32)
+    mean_sizes(volume, valid, _SAMPLES, _KEPT, out)
+    return out
+
+
+def find_trace_gains(strengths: AnyArray) -> Float32Array | None:
+    """Find what makes traces as strong as others, where they are far from that.
+
+    Surveys that were put together, shadows, and what a trace was recorded with make whole traces weaker or stronger;
+    faults and layers change the strength of one by little. Of what a trace lies off the cube's median by more than 8
+    dB, the less is left the more it is: of 20 dB no more than 1.3. So it is with what it then lies off its neighbours,
+    by less than 8 dB where traces scatter by more than 2 dB by themselves. Traces are dead that are 40 dB weaker than
+    their neighbours, or 60 dB than most, but where others scatter by a fifth of that.
+
+    Parameters
+    ----------
+    strengths : ndarray of shape (inline, crossline)
+        From :func:`trace_strengths`.
+
+    Returns
+    -------
+    ndarray of the same shape, float32, or None
+        Factors, 0 where a trace is so weak that it holds no data; None where amplitudes are not to be changed.
+    """
+    live = strengths > 0.0
+    if not live.any():
+        return None
+    level = 20.0 * np.log10(np.where(live, strengths, 1.0).astype(np.float64))
+    level[live] -= np.median(level[live])
+    own = _beside(level, live)
+    beside, below = (max(least, _FAR * robust_scale(own[live])) for least in _DEAD)
+    weak = live & ((own < -beside) | (level < -below))
+    excess = _beyond(level, _OFF)
+    own = _beside(level - excess, live)
+    excess += _beyond(own, _OFF * min(1.0, _SCATTER / max(robust_scale(own[live]), 1e-9)) ** 2)
+    gains = np.where(weak, 0.0, 10.0 ** (-excess / 20.0)).astype(np.float32)
+    gains[~live] = 1.0
+    return gains if (gains != 1.0).any() else None
+
+
+def _beside(level: Float64Array, live: BoolArray) -> Float64Array:
+    """Return what live traces lie off those around them; levels are 0 on others."""
+    share = ndimage.gaussian_filter(live.astype(np.float64), _AROUND, mode="nearest")
+    common = ndimage.gaussian_filter(level, _AROUND, mode="nearest") / np.maximum(share, 1e-9)
+    return np.where(live, level - common, 0.0)
+
+
+def _beyond(level: Float64Array, least: float) -> Float64Array:
+    """Return what is to be taken off levels beyond the least, so that the less is left the farther they are."""
+    size = np.abs(level)
+    return np.where(size > least, level * (1.0 - (least / np.maximum(size, 1e-9)) ** 3), 0.0)

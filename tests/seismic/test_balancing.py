@@ -1,0 +1,182 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seismo3d.seismic.balancing import find_depth_gain, find_trace_gains, trace_strengths
+from seismo3d.seismic.preparing import clean_volume, find_scaling, sampling_step
+
+N_SAMPLES = 400
+
+
+def some_of(decay_db, *, n_samples=N_SAMPLES, first=0, rng=None):
+    """Amplitudes at random depths from the first on, that fall by so many decibels from the top to the foot."""
+    rng = rng or np.random.default_rng(4)
+    depths = rng.integers(first, n_samples, 40_000)
+    values = rng.normal(size=len(depths)) * 10.0 ** (-np.asarray(decay_db)[depths] / 20.0)
+    return values.astype(np.float32), depths
+
+
+def even(decay_db, n_samples=N_SAMPLES):
+    return decay_db * np.arange(n_samples) / (n_samples - 1)
+
+
+def in_db(gain):
+    return 20.0 * np.log10(gain.astype(np.float64))
+
+
+@pytest.mark.parametrize("decay", [20.0, 40.0, -60.0])
+def test_an_even_decay_is_taken_off_but_for_a_little(decay):
+    gain = find_depth_gain(*some_of(even(decay)), N_SAMPLES)
+    assert gain.dtype == np.float32
+    left = in_db(gain) - even(decay)
+    assert np.ptp(left[16:-16]) == pytest.approx(12.0 * 12.0 / abs(decay), abs=1.0)
+    # the middle of the cube stays as strong as it was
+    assert in_db(gain)[N_SAMPLES // 2] == pytest.approx(0.0, abs=0.5)
+
+
+@pytest.mark.parametrize("decay", [0.0, 6.0, 10.5])
+def test_a_small_decay_is_left_alone(decay):
+    assert find_depth_gain(*some_of(even(decay)), N_SAMPLES) is None
+
+
+def test_a_decay_that_ends_is_followed():
+    decay = np.minimum(np.arange(1000) / 10.0, 40.0)
+    gain = find_depth_gain(*some_of(decay, n_samples=1000), 1000)
+    left = in_db(gain) - decay
+    assert np.ptp(left) < 10.0
+    assert np.ptp(left[600:]) < 4.0
+
+
+def test_a_strong_reflector_is_no_decay():
+    strong = np.zeros(N_SAMPLES)
+    strong[190:210] = -30.0
+    assert find_depth_gain(*some_of(strong), N_SAMPLES) is None
+
+
+def test_what_is_muted_has_no_say():
+    values, depths = some_of(even(40.0), first=150)
+    gain = find_depth_gain(values, depths, N_SAMPLES)
+    left = in_db(gain) - even(40.0)
+    assert np.ptp(left[166:-16]) == pytest.approx(144.0 / (40.0 * 250 / 400), abs=1.0)
+    assert np.isfinite(gain).all()
+
+
+def test_spikes_have_no_say():
+    values, depths = some_of(even(40.0))
+    plain = find_depth_gain(values, depths, N_SAMPLES)
+    values[::50] *= 1e6
+    np.testing.assert_allclose(in_db(find_depth_gain(values, depths, N_SAMPLES)), in_db(plain), atol=0.5)
+
+
+def test_nothing_asks_for_no_gain():
+    nothing = np.zeros(0, np.float32), np.zeros(0, np.int64)
+    assert find_depth_gain(*nothing, 50) is None
+    assert find_scaling(*nothing, 50) == (0.0, 0.0, None)
+    assert find_depth_gain(np.zeros(90, np.float32), np.arange(90), 90) is None
+    assert find_depth_gain(np.ones(9, np.float32), np.full(9, 77), 90) is None
+
+
+@pytest.mark.parametrize("level", [0.0, 128.0])
+def test_a_cube_that_dies_away_is_made_ready_as_if_it_did_not(rng, level):
+    trace = np.convolve(rng.normal(size=500), np.hanning(9), "same")[50:450]
+    volume = trace + 0.05 * rng.normal(size=(24, 24, N_SAMPLES))
+    plain, *_ = clean_volume(volume.astype(np.float32))
+    weak = volume * 10.0 ** (-even(50.0) / 20.0) + level
+    evened, valid, _, found = clean_volume(weak.astype(np.float32))
+    assert valid.all()
+    assert found == pytest.approx(level, abs=0.01)
+    quarters = [slice(k, k + 100) for k in range(0, N_SAMPLES, 100)]
+    strengths = np.array([[np.std(v[..., q]) for q in quarters] for v in (plain, evened)])
+    np.testing.assert_allclose(strengths[1], strengths[0], rtol=0.35)
+    for q in quarters:
+        assert np.corrcoef(plain[..., q].ravel(), evened[..., q].ravel())[0, 1] > 0.97
+
+
+@pytest.mark.parametrize("shape", [(1000, 1000, 1000), (500, 500, 500), (2000, 3000, 1500), (400, 300, 7), (3, 5, 8)])
+def test_strength_is_told_from_many_depths(shape):
+    step, n_samples = sampling_step(shape), shape[-1]
+    depths = np.unique(np.arange(0, np.prod(shape, dtype=np.int64), step) % n_samples)
+    assert len(depths) >= min(n_samples, 64)
+    assert step == 1 or np.prod(shape, dtype=np.int64) / step <= 1e6
+
+
+# ----- traces
+
+
+def gains_in_db(level_db):
+    gains = find_trace_gains(10.0 ** (np.asarray(level_db) / 20.0))
+    return None if gains is None else in_db(gains)
+
+
+def test_strength_is_the_mean_size_of_nine_tenths(rng):
+    volume = rng.normal(size=(3, 4, 100)).astype(np.float32)
+    valid = rng.random(volume.shape) > 0.3
+    valid[1, 2] = False
+    volume[0, 0, 5] = 1e20
+    found = trace_strengths(volume, valid)
+    for i, j in np.ndindex(3, 4):
+        sizes = np.sort(np.abs(volume[i, j, valid[i, j]]))
+        counted = sizes[: int(np.ceil(0.9 * len(sizes)))]
+        assert found[i, j] == pytest.approx(counted.mean() if len(counted) else 0.0, rel=1e-5)
+    long = rng.normal(size=(2, 2, 4000)).astype(np.float32)
+    np.testing.assert_allclose(trace_strengths(long, np.ones(long.shape, bool)), 0.6, rtol=0.2)
+
+
+def test_ordinary_traces_are_left_alone(rng):
+    smooth = 5.0 * np.sin(np.arange(60) / 10.0)[:, None] + np.zeros((60, 50))
+    assert gains_in_db(smooth + 0.8 * rng.normal(size=smooth.shape)) is None
+    assert find_trace_gains(np.zeros((5, 6))) is None
+
+
+@pytest.mark.parametrize("step", [-20.0, 30.0])
+def test_surveys_put_together_are_brought_near_each_other(step):
+    level = np.zeros((40, 60))
+    level[:, 40:] = step
+    left = gains_in_db(level) + level
+    assert np.abs(left[:, :40]).max() == 0.0
+    np.testing.assert_allclose(left[:, 40:], 8.0**3 / step**2 * np.sign(step), atol=1e-3)
+
+
+@pytest.mark.parametrize("scatter", [6.0, 12.0])
+def test_traces_that_scatter_are_made_alike(rng, scatter):
+    level = scatter * rng.normal(size=(50, 60))
+    assert np.std(gains_in_db(level) + level) < 0.25 * scatter
+
+
+def test_a_single_loud_trace_and_what_is_left_of_dead_ones():
+    level = np.zeros((40, 40))
+    level[10, 10], level[20, 20], level[30] = 24.0, -70.0, -60.0
+    strengths = 10.0 ** (level / 20.0)
+    strengths[5, 5] = 0.0
+    gains = find_trace_gains(strengths)
+    assert -24.0 < 20.0 * np.log10(gains[10, 10]) < -22.0
+    assert gains[20, 20] == 0.0
+    assert not gains[30].any()
+    level[10, 10] = 0.0
+    ordinary = (level == 0.0) & (np.indices(level.shape) != 5).any(axis=0)
+    ordinary[10, 10] = False
+    assert (gains[ordinary] == 1.0).all()
+    assert gains[5, 5] == 1.0
+
+
+def test_a_border_of_next_to_nothing_is_dead():
+    level = np.zeros((60, 60))
+    level[:, 40:] = -200.0
+    gains = find_trace_gains(10.0 ** (level / 20.0))
+    assert (gains[:, :40] == 1.0).all()
+    assert not gains[:, 40:].any()
+
+
+def test_traces_of_any_gain_are_made_ready_alike(rng):
+    trace = np.convolve(rng.normal(size=300), np.hanning(9), "same")[50:250]
+    volume = (trace + 0.05 * rng.normal(size=(24, 24, 200))).astype(np.float32)
+    plain, *_ = clean_volume(volume.copy())
+    gains = 10.0 ** (12.0 * rng.normal(size=(24, 24, 1)) / 20.0)
+    gains[3, 4] = 1e-5
+    found, valid, *_ = clean_volume((volume * gains).astype(np.float32))
+    assert not valid[3, 4].any()
+    assert not found[3, 4].any()
+    told = valid.all(axis=2)
+    assert told.sum() == 24 * 24 - 1
+    assert np.corrcoef(plain[told].ravel(), found[told].ravel())[0, 1] > 0.98
