@@ -12,6 +12,7 @@ EXAMPLES = (
     "seismo3d convert f3.sgy f3.zarr",
     "seismo3d convert f3.zarr f3-again.sgy",
     "seismo3d convert migrated.sgy migrated.zarr --domain depth",
+    "seismo3d convert dense.sgy thinned.sgy --every 3",
     "seismo3d convert cube.npy cube.sgy --interval 4 --start 400",
 )
 
@@ -21,6 +22,7 @@ def run(
     cube: Cube,
     out: Path = typer.Argument(help="File or folder to write: .sgy, .segy, .zarr or .npy tells the format."),
     overwrite: bool = typer.Option(False, "--overwrite", help="Replace the file or folder where it is there already."),
+    every: int = typer.Option(1, help="Keep every so many samples alone, where traces are denser than they need."),
     json: Json = False,
     *,
     reading: Reading,
@@ -34,7 +36,7 @@ def run(
     with shown_progress() as show:
         clock = StageClock(show)
         clock("open", 0.0)
-        written = convert_cube(cube, out, overwrite=overwrite, progress=clock, **reading)
+        written = convert_cube(cube, out, overwrite=overwrite, every=every, progress=clock, **reading)
         timings = clock.stop()
     if json:
         print_json({"file": written, "timings_s": timings})

@@ -149,7 +149,13 @@ def _on_axis(cube: Any, *, domain: str | None, interval: float | None, start: fl
 
 
 def convert_cube(
-    source: Any, target: Any, *, overwrite: bool = False, progress: Progress | None = None, **options: Any
+    source: Any,
+    target: Any,
+    *,
+    overwrite: bool = False,
+    every: int = 1,
+    progress: Progress | None = None,
+    **options: Any,
 ) -> Path:
     """Convert between SEG-Y, Zarr and NPY, a block of inlines at a time.
 
@@ -159,6 +165,8 @@ def convert_cube(
         The target's suffix tells its format: ``.sgy`` or ``.segy``, ``.zarr``, ``.npy``.
     overwrite : bool
         Whether a target that is there may be replaced; the source never is.
+    every : int
+        Every how many samples of the traces are kept, where they are denser than reflections need.
     progress : callable, optional
         Called with "write" and the share done.
     **options
@@ -172,8 +180,8 @@ def convert_cube(
     Raises
     ------
     ParameterError
-        If the target's suffix is another, or the target is the source, holds it or lies in it, or is SEG-Y and neither
-        the source nor the options tell the sample interval.
+        If `every` is less than 1 or leaves no two samples, the target's suffix is another, or the target is the source,
+        holds it or lies in it, or is SEG-Y and neither the source nor the options tell the sample interval.
     FileAccessError
         If the target is there and is not to be replaced, or a file cannot be read or written.
     """
@@ -187,6 +195,9 @@ def convert_cube(
     if out.exists() and not overwrite:
         raise FileAccessError(f"{out} exists already. Choose another name, or overwrite it (--overwrite).")
     cube = open_cube(source, **({"lazy": True} | options))
+    if not 1 <= every < cube.shape[-1]:
+        raise ParameterError(f"every is {every}; expected 1 to {cube.shape[-1] - 1}, for traces of {cube.shape[-1]}.")
+    cube = cube[..., ::every]
     if suffix in _SEGY_SUFFIXES and unit_of(cube) == "samples":
         raise ParameterError(
             f"{source} states no sample interval; expected one, which SEG-Y needs. Give interval (--interval) and "

@@ -26,6 +26,8 @@ _LEAST_REPEATS = 4
 _LEAST_UNLIKE = 0.5
 # share of the live traces with a live next one, along an axis, below which there is too little to compare
 _LEAST_NEIGHBOURS = 0.5
+# samples of the shortest period of note up to which windows suit reflections, and of one that they suit well
+_LONGEST_PERIOD, _GOOD_PERIOD = 22.0, 10.0
 # depths, at the least, that a cube's strength is told from
 _LEAST_DEPTHS = 64
 # how many times their own strength amplitudes must lie off zero for that to be a level of theirs
@@ -118,6 +120,7 @@ def clean_volume(
     scale_amplitudes(amplitudes, valid, scale)
     balance_traces(amplitudes, valid, find_trace_gains(trace_strengths(amplitudes, valid)))
     white, whitening = whiten(amplitudes, valid, carried=carried)
+    check_period(whitening.period)
     return white, valid, whitening.spectrum, scale.level
 
 
@@ -140,6 +143,19 @@ def check_live(live: BoolArray, *, is_section: bool = False) -> None:
                 Seismo3dWarning,
                 stacklevel=3,
             )
+
+
+def check_period(period: float) -> None:
+    """Warn where samples are far denser than reflections need, whose shortest period of note is given."""
+    if period > _LONGEST_PERIOD:
+        every = int(period / _GOOD_PERIOD)
+        warnings.warn(
+            f"the shortest period of reflections is {period:.0f} samples long; expected 4 to {_LONGEST_PERIOD:.0f}, "
+            f"which all windows are made for. Give one of {every} samples (cube[..., ::{every}], or seismo3d convert "
+            f"--every {every}): no reflection is lost.",
+            Seismo3dWarning,
+            stacklevel=3,
+        )
 
 
 def find_valid(amplitudes: Float32Array) -> BoolArray:

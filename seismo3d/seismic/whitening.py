@@ -18,6 +18,8 @@ _COMPLETE = 0.9
 _WHOLE_AMONG = 16
 _FLOOR = 0.01
 _HALF_LENGTH = 16
+# share of the power that has longer periods than the shortest of note
+_OF_NOTE = 0.9
 # cycles a sample between which the filter tapers off: beyond, samples cannot be interpolated
 _BAND = (0.3, 0.5)
 # share of the power that counts as white noise where traces are carried on beyond their ends
@@ -37,11 +39,15 @@ class Whitening(NamedTuple):
     spectrum : ndarray of shape (n,), float64, or None
         Mean amplitude spectrum of the filtered traces, at frequencies evenly spread from 0 to half a cycle a sample:
         that of the wavelet that is left. None where there are no traces to tell it.
+    period : float
+        Samples in the shortest period of note: nine tenths of the power that neighbouring traces agree in have longer
+        ones. 0 where they agree in nothing.
     """
 
     taps: Float32Array
     beyond: Float32Array | None = None
     spectrum: Float64Array | None = None
+    period: float = 0.0
 
 
 def whiten(volume: Float32Array, valid: BoolArray, *, carried: bool = False) -> tuple[Float32Array, Whitening]:
@@ -139,7 +145,16 @@ def whitening_of(first: Float64Array, second: Float64Array, known: BoolArray, *,
     if not power.max() > 0.0:
         return Whitening(_identity(half), beyond)
     taps = _design_taps(_smooth_spectrum(power), _smooth_spectrum(cross), half)
-    return Whitening(taps, beyond, np.sqrt(power) * np.abs(np.fft.rfft(taps, n_fft)))
+    return Whitening(taps, beyond, np.sqrt(power) * np.abs(np.fft.rfft(taps, n_fft)), _shortest_period(cross))
+
+
+def _shortest_period(cross: Float64Array) -> float:
+    """Return the samples of the period above which most of the power of a cross-spectrum lies."""
+    agreed = np.cumsum(np.maximum(cross, 0.0))
+    if not agreed[-1] > 0.0:
+        return 0.0
+    place = float(np.interp(_OF_NOTE * agreed[-1], agreed, np.arange(len(agreed)) + 0.5))
+    return 2.0 * (len(cross) - 1) / place
 
 
 def _identity(half: int) -> Float32Array:

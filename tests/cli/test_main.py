@@ -107,6 +107,19 @@ def test_convert_there_and_back(run, segy, tmp_path):
     assert run("info", tmp_path / "a.zarr")[0] == 0
 
 
+def test_convert_keeps_every_so_many_samples(run, segy, tmp_path):
+    assert run("convert", segy, tmp_path / "b.sgy", "--every", "3")[0] == 0
+    whole, thinned = s3.open_cube(segy), s3.open_cube(tmp_path / "b.sgy")
+    np.testing.assert_array_equal(thinned.values, whole.values[..., ::3])
+    np.testing.assert_array_equal(thinned[thinned.dims[2]].values, whole[whole.dims[2]].values[::3])
+    code, _, err = run("convert", segy, tmp_path / "c.sgy", "--every", "0")
+    assert (code, err) == (
+        2,
+        f"seismo3d: every is 0; expected 1 to {whole.shape[2] - 1}, for traces of {whole.shape[2]}.\n",
+    )
+    assert not (tmp_path / "c.sgy").exists()
+
+
 def test_convert_replaces_on_request_alone(run, segy, tmp_path):
     (tmp_path / "a.npy").write_text("precious")
     code, _, err = run("convert", segy, tmp_path / "a.npy")

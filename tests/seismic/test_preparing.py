@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 import seismo3d as s3
-from seismo3d.seismic.preparing import find_valid, mark_data, print_traces, repeats_itself
+from seismo3d.errors import Seismo3dWarning
+from seismo3d.seismic.preparing import clean_volume, find_valid, mark_data, print_traces, repeats_itself
 from seismo3d.seismic.section_tracks import thicken
 
 SHAPE = (64, 48, 64)
@@ -100,3 +102,17 @@ def test_padding_of_a_line_is_no_data_where_it_is_made_a_cube(rng: np.random.Gen
     np.testing.assert_array_equal(kept, np.broadcast_to(find_valid(line[None].copy()).all(axis=2), kept.shape))
     assert not kept[:, :9].any()
     assert kept[:, 9:-9].all()
+
+
+def test_traces_far_denser_than_their_wavelet_are_told_with_what_to_do(rng: np.random.Generator) -> None:
+    t = np.arange(-100, 101) / 50.0
+    wavelet = (1.0 - 2.0 * (np.pi * t) ** 2) * np.exp(-((np.pi * t) ** 2))
+    trace = np.convolve(rng.normal(size=800), wavelet, "same")[150:650]
+    dense = (trace + 0.01 * rng.normal(size=(12, 12, 500))).astype(np.float32)
+    with pytest.warns(Seismo3dWarning, match=r"samples long; expected 4 to 22.*cube\[\.\.\., ::3\].*--every 3"):
+        clean_volume(dense.copy())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        clean_volume(np.ascontiguousarray(dense[..., ::3]))
+        # what was integrated, as to impedances, is mostly slow and still has the reflections' own detail
+        clean_volume(np.cumsum(dense[..., ::3], axis=2))

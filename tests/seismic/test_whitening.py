@@ -204,6 +204,18 @@ def test_gaps_on_every_trace_leave_a_filter(rng):
     assert np.count_nonzero(np.abs(taps) > 0.02 * taps.max()) > 5
 
 
+@pytest.mark.parametrize(("period", "noise"), [(10, 0.0), (14, 0.7), (24, 0.3), (48, 0.3)])
+def test_the_shortest_period_is_that_of_what_neighbours_agree_in(rng, period, noise):
+    volume = layered(rng, period=period, shape=(24, 24, 400), noise=noise)
+    # nine tenths of a Ricker wavelet's power lie below 1.43 times the frequency of its peak
+    assert design_whitening(volume, everywhere(volume)).period == pytest.approx(period / 1.43, rel=0.15)
+
+
+def test_no_reflections_have_no_period():
+    volume = np.zeros((6, 6, 40), np.float32)
+    assert design_whitening(volume, everywhere(volume)).period == 0.0
+
+
 def test_neighbours_that_agree_nowhere_leave_traces_as_they_are(rng):
     trace = layered(rng, shape=(1, 1, 160))[0, 0]
     volume = np.where(np.arange(12)[:, None] % 2 == 0, trace, -trace) * np.ones((8, 1, 1))

@@ -15,6 +15,7 @@ from seismo3d.seismic.preparing import (
     Scale,
     balance_traces,
     check_live,
+    check_period,
     find_scaling,
     leave_out,
     mark_data,
@@ -133,6 +134,7 @@ def pairs_facts(run: BlockRun) -> None:
         for name, rows in (("first", first), ("second", second), ("known", known)):
             rows[part["mine"]] = part[name]
     whitening = whitening_of(first, second, known, carried=run.kind == "layers")
+    check_period(whitening.period)
     run.write_fact("pairs", **{name: found for name, found in whitening._asdict().items() if found is not None})
 
 
