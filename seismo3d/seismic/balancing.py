@@ -1,4 +1,4 @@
-"""Amplitudes evened out: those that die away with depth, and traces that are far stronger or weaker than others."""
+"""Amplitudes evened out with depth and from trace to trace, and traces that hold nothing told from those that do."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from seismo3d.registration.robust import robust_scale
-from seismo3d.seismic._kernels_balancing import mean_sizes
+from seismo3d.seismic._kernels_balancing import liken_traces, mean_sizes
 
 # samples whose strength is told together, and width of the window that strengths are followed in
 _DEPTH, _WINDOW = 32, 96.0
@@ -22,6 +22,12 @@ _OFF, _AROUND = 8.0, 4.0
 # decibels below its neighbours, and below the cube, from which on a trace is but what a filter has left of a dead one,
 # and how many times as far as others lie off theirs that is at least
 _DEAD, _FAR = (40.0, 60.0), 5.0
+# how like its neighbours a trace is: samples a trace that these may lie higher or lower, and times a trace's strength
+# up to which its samples count
+_SLOPE, _CLIP = 2, 4.0
+# share of the likeness of traces around from which on down one is noise, of how many traces around, and what these must
+# have at least
+_UNLIKE, _NEAR, _LIKE = 0.5, 7, 0.5
 # usual scatter of traces, in decibels, from which on they may lie off by less
 _SCATTER = 2.0
 
@@ -84,26 +90,40 @@ def trace_strengths(volume: Float32Array, valid: BoolArray) -> Float32Array:
     return out
 
 
-def find_trace_gains(strengths: AnyArray) -> Float32Array | None:
-    """Find what makes traces as strong as others, where they are far from that.
+def trace_likeness(volume: Float32Array, valid: BoolArray, strengths: Float32Array) -> Float32Array:
+    """Return the mean correlation of every trace with the two most like it of those beside it on its inline.
+
+    NaN where it has none, or no data. What a trace is multiplied by makes no difference.
+    """
+    out = np.empty(volume.shape[:2], np.float32)
+    liken_traces(volume, valid, strengths, _SLOPE, _CLIP, out)
+    return out
+
+
+def find_trace_gains(strengths: AnyArray, likeness: AnyArray) -> Float32Array | None:
+    """Find what makes traces as strong as others, where they are far from that, and which of them hold nothing.
 
     Surveys that were put together, shadows, and what a trace was recorded with make whole traces weaker or stronger;
     faults and layers change the strength of one by little. Of what a trace lies off the cube's median by more than 8
     dB, the less is left the more it is: of 20 dB no more than 1.3. So it is with what it then lies off its neighbours,
     by less than 8 dB where traces scatter by more than 2 dB by themselves. Traces are dead that are 40 dB weaker than
-    their neighbours, or 60 dB than most, but where others scatter by a fifth of that.
+    their neighbours, or 60 dB than most, but where others scatter by a fifth of that; and traces of noise, which are
+    half as like their neighbours, or less, as the traces around are like theirs.
 
     Parameters
     ----------
     strengths : ndarray of shape (inline, crossline)
         From :func:`trace_strengths`.
+    likeness : ndarray of the same shape
+        From :func:`trace_likeness`.
 
     Returns
     -------
     ndarray of the same shape, float32, or None
-        Factors, 0 where a trace is so weak that it holds no data; None where amplitudes are not to be changed.
+        Factors, 0 where a trace holds no data; None where amplitudes are not to be changed.
     """
-    live = strengths > 0.0
+    noise = _find_noise_traces(likeness)
+    live = (strengths > 0.0) & ~noise
     if not live.any():
         return None
     level = 20.0 * np.log10(np.where(live, strengths, 1.0).astype(np.float64))
@@ -114,9 +134,19 @@ def find_trace_gains(strengths: AnyArray) -> Float32Array | None:
     excess = _beyond(level, _OFF)
     own = _beside(level - excess, live)
     excess += _beyond(own, _OFF * min(1.0, _SCATTER / max(robust_scale(own[live]), 1e-9)) ** 2)
-    gains = np.where(weak, 0.0, 10.0 ** (-excess / 20.0)).astype(np.float32)
-    gains[~live] = 1.0
+    gains = np.where(noise | weak, 0.0, 10.0 ** (-excess / 20.0)).astype(np.float32)
+    gains[strengths <= 0.0] = 1.0
     return gains if (gains != 1.0).any() else None
+
+
+def _find_noise_traces(likeness: AnyArray) -> BoolArray:
+    """Mark traces that are far less like their neighbours than those around them are like theirs."""
+    told = np.isfinite(likeness)
+    if not told.any():
+        return np.zeros(likeness.shape, np.bool_)
+    usual = np.where(told, likeness, np.median(likeness[told]))
+    around = ndimage.median_filter(usual, _NEAR, mode="nearest")
+    return np.asarray(told & (around > _LIKE) & (usual < _UNLIKE * around))
 
 
 def _beside(level: Float64Array, live: BoolArray) -> Float64Array:

@@ -14,7 +14,7 @@ from seismo3d.errors import Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import unit_of
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic._kernels_valid import mark_valid, same_as_next
-from seismo3d.seismic.balancing import find_depth_gain, find_trace_gains, trace_strengths
+from seismo3d.seismic.balancing import find_depth_gain, find_trace_gains, trace_likeness, trace_strengths
 from seismo3d.seismic.cube_checks import check_order
 from seismo3d.seismic.whitening import whiten
 
@@ -105,8 +105,8 @@ def clean_volume(
     volume : ndarray of the same shape, float32
         Whitened amplitudes of a root-mean-square of about 1; zero where there are no data.
     valid : ndarray of the same shape, bool
-        Where there are: NaN, constant runs and repeated traces are none; but where fewer than half of the live traces
-        differ from each other, as in a noise-free synthetic, repeated traces are data.
+        Where there are: NaN, constant runs, repeated traces and traces of noise alone are none; but where fewer than
+        half of the live traces differ from each other, as in a noise-free synthetic, repeated traces are data.
     spectrum : ndarray of shape (n,), float64, or None
         As in :class:`~seismo3d.seismic.whitening.Whitening`.
     level : float
@@ -118,7 +118,8 @@ def clean_volume(
     n_samples = amplitudes.shape[2]
     scale = find_scaling(amplitudes.ravel()[looked_at], looked_at % n_samples, n_samples)
     scale_amplitudes(amplitudes, valid, scale)
-    balance_traces(amplitudes, valid, find_trace_gains(trace_strengths(amplitudes, valid)))
+    strengths = trace_strengths(amplitudes, valid)
+    balance_traces(amplitudes, valid, find_trace_gains(strengths, trace_likeness(amplitudes, valid, strengths)))
     white, whitening = whiten(amplitudes, valid, carried=carried)
     check_period(whitening.period)
     return white, valid, whitening.spectrum, scale.level

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seismo3d.seismic.balancing import find_depth_gain, find_trace_gains, trace_strengths
+from seismo3d.seismic.balancing import find_depth_gain, find_trace_gains, trace_likeness, trace_strengths
 from seismo3d.seismic.preparing import clean_volume, find_scaling, sampling_step
 
 N_SAMPLES = 400
@@ -104,8 +104,12 @@ def test_strength_is_told_from_many_depths(shape):
 # ----- traces
 
 
+def gains_of(strengths):
+    return find_trace_gains(strengths, np.where(strengths > 0.0, 0.9, np.nan))
+
+
 def gains_in_db(level_db):
-    gains = find_trace_gains(10.0 ** (np.asarray(level_db) / 20.0))
+    gains = gains_of(10.0 ** (np.asarray(level_db) / 20.0))
     return None if gains is None else in_db(gains)
 
 
@@ -126,7 +130,7 @@ def test_strength_is_the_mean_size_of_nine_tenths(rng):
 def test_ordinary_traces_are_left_alone(rng):
     smooth = 5.0 * np.sin(np.arange(60) / 10.0)[:, None] + np.zeros((60, 50))
     assert gains_in_db(smooth + 0.8 * rng.normal(size=smooth.shape)) is None
-    assert find_trace_gains(np.zeros((5, 6))) is None
+    assert gains_of(np.zeros((5, 6))) is None
 
 
 @pytest.mark.parametrize("step", [-20.0, 30.0])
@@ -149,7 +153,7 @@ def test_a_single_loud_trace_and_what_is_left_of_dead_ones():
     level[10, 10], level[20, 20], level[30] = 24.0, -70.0, -60.0
     strengths = 10.0 ** (level / 20.0)
     strengths[5, 5] = 0.0
-    gains = find_trace_gains(strengths)
+    gains = gains_of(strengths)
     assert -24.0 < 20.0 * np.log10(gains[10, 10]) < -22.0
     assert gains[20, 20] == 0.0
     assert not gains[30].any()
@@ -163,7 +167,7 @@ def test_a_single_loud_trace_and_what_is_left_of_dead_ones():
 def test_a_border_of_next_to_nothing_is_dead():
     level = np.zeros((60, 60))
     level[:, 40:] = -200.0
-    gains = find_trace_gains(10.0 ** (level / 20.0))
+    gains = gains_of(10.0 ** (level / 20.0))
     assert (gains[:, :40] == 1.0).all()
     assert not gains[:, 40:].any()
 
@@ -180,3 +184,77 @@ def test_traces_of_any_gain_are_made_ready_alike(rng):
     told = valid.all(axis=2)
     assert told.sum() == 24 * 24 - 1
     assert np.corrcoef(plain[told].ravel(), found[told].ravel())[0, 1] > 0.98
+
+
+# ----- traces of noise
+
+
+def dipping(rng, *, shape=(9, 30, 150), slope=1.0, noise=0.0):
+    """Layers that fall along an inline."""
+    trace = np.convolve(rng.normal(size=shape[2] + 200), np.hanning(9), "same")
+    depth = np.arange(shape[2]) - slope * np.arange(shape[1])[:, None] + 100.0
+    volume = np.interp(depth, np.arange(len(trace)), trace) + noise * trace.std() * rng.normal(size=shape)
+    return np.ascontiguousarray(volume, np.float32)
+
+
+def likeness_of(volume):
+    valid = np.isfinite(volume) & (volume != 0.0)
+    volume = np.where(valid, volume, np.float32(0.0))
+    return trace_likeness(volume, valid, trace_strengths(volume, valid))
+
+
+def test_likeness_is_that_of_the_two_most_alike(rng):
+    volume = dipping(rng, slope=0.0, noise=0.7)
+    found = likeness_of(volume)
+    unit = volume / np.sqrt((volume.astype(np.float64) ** 2).sum(axis=2, keepdims=True))
+    for i, j in ((0, 0), (3, 1), (5, 12), (8, 29)):
+        best = []
+        for other in (j - 2, j - 1, j + 1, j + 2):
+            if 0 <= other < 30:
+                lags = range(-2 * abs(other - j), 2 * abs(other - j) + 1)
+                pad = np.pad(unit[i, other], 4)
+                best.append(max(float(unit[i, j] @ pad[4 + lag : 154 + lag]) for lag in lags))
+        # a few samples larger than four times the strength count for less
+        assert found[i, j] == pytest.approx(np.mean(sorted(best)[-2:]), abs=0.02)
+
+
+@pytest.mark.parametrize("slope", [0.0, 1.5, -2.0])
+def test_likeness_follows_dips_and_knows_no_gain_and_no_spikes(rng, slope):
+    volume = dipping(rng, slope=slope)
+    found = likeness_of(volume)
+    assert found.min() > 0.9
+    gains = 10.0 ** rng.normal(size=(9, 30, 1))
+    np.testing.assert_allclose(likeness_of((volume * gains).astype(np.float32)), found, atol=1e-4)
+    volume[:, ::3, 70] = 1e6
+    assert likeness_of(volume).min() > 0.75
+
+
+def test_alone_there_is_no_likeness(rng):
+    volume = np.zeros((3, 9, 60), np.float32)
+    volume[0, 4], volume[1, :2] = rng.normal(size=60), rng.normal(size=60)
+    found = likeness_of(volume)
+    assert np.isnan(found[0]).all()
+    np.testing.assert_allclose(found[1, :2], 1.0, rtol=1e-5)
+    assert np.isnan(found[2]).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.5])
+def test_traces_of_noise_are_no_data_and_others_are(rng, noise):
+    volume = dipping(rng, shape=(24, 40, 150), noise=noise)
+    bad = rng.random((24, 40)) < 0.1
+    volume[bad] = (
+        3.0 * volume.std() * np.convolve(rng.normal(size=150 * bad.sum()), np.hanning(5), "same").reshape(-1, 150)
+    )
+    _, valid, *_ = clean_volume(volume.copy())
+    live = valid.any(axis=2)
+    assert live[bad].mean() < 0.1
+    assert live[~bad].mean() > 0.99
+
+
+def test_noise_alone_and_faults_are_data(rng):
+    noise = rng.normal(size=(20, 20, 100)).astype(np.float32)
+    assert clean_volume(noise.copy())[1].all()
+    broken = dipping(rng, shape=(20, 40, 150))
+    broken[:, 20:] = np.roll(broken[:, 20:], 23, axis=2)
+    broken[:, 22:24] = np.roll(broken[:, 22:24], 31, axis=2)
+    assert clean_volume(broken.copy())[1].all()

@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array
 from seismo3d._validate import as_single
-from seismo3d.seismic.balancing import find_trace_gains, trace_strengths
+from seismo3d.seismic.balancing import find_trace_gains, trace_likeness, trace_strengths
 from seismo3d.seismic.blocks.plan import RAW_REACH, Box
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.preparing import (
@@ -80,17 +80,19 @@ def survey_facts(run: BlockRun) -> None:
 
 
 def strengths(run: BlockRun, number: int, piece: Any) -> None:
-    """Find how strong a block's traces are."""
+    """Find how strong a block's traces are, and how like each other."""
     _, _, inner = _boxes(run, number)
     amplitudes, valid = _scaled(run, piece)
-    amplitudes, valid = (np.ascontiguousarray(values[inner]) for values in (amplitudes, valid))
-    run.write_part("strengths", number, {"strength": trace_strengths(amplitudes, valid), "count": valid.sum(axis=2)})
+    strength = trace_strengths(amplitudes, valid)
+    likeness = trace_likeness(amplitudes, valid, strength)
+    found = {"strength": strength[inner], "likeness": likeness[inner], "count": valid[inner].sum(axis=2)}
+    run.write_part("strengths", number, found)
 
 
 def strengths_facts(run: BlockRun) -> None:
     """Find what traces are multiplied by, and those that the cube's wavelet is read from."""
-    gains = find_trace_gains(run.gather("strengths", "strength", "raw"))
-    n_valid = run.gather("strengths", "count", "raw")
+    strength, likeness, n_valid = (run.gather("strengths", name, "raw") for name in ("strength", "likeness", "count"))
+    gains = find_trace_gains(strength, likeness)
     if gains is not None:
         n_valid[gains == 0.0] = 0
     if run.kind == "faults":

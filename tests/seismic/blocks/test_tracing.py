@@ -118,6 +118,7 @@ def test_blocks_of_a_cube_of_uneven_strength_give_what_one_piece_gives(wanted, t
     gains[33, 20:24] = 1e-6
     cube = (make_cube(0.1) * 10.0 ** (-np.arange(64) / 32.0) * gains).astype(np.float32)
     cube[:, :, 60:] = 0.0
+    cube[::9, ::7, :60] = np.random.default_rng(6).normal(size=(6, 9, 60))
     found = trace_faults(cube)
     assert len(found.surfaces) >= len(wanted.surfaces)
     assert_same(trace(cube, tmp_path / "run"), found)
