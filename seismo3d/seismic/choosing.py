@@ -16,6 +16,8 @@ from seismo3d.seismic.throw import SheetSides, SheetThrow, every_sample
 
 # samples from the edge of a mute within which a sheet lies beside it, and how far off its sides are read
 _BESIDE, _WITHIN = 8, 16
+# root of the area across a cube, in traces times samples, from which on there is room for faults of any strength
+_ROOM = 90.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +47,10 @@ class ChoiceSettings:
     tall, tall_strength : float
         Height from which on a sheet is no channel's edge, and the strength that is enough there.
     low_fit, steep_height : float
-        What is less tall and weaker than a host stands by itself only where its moved sides match by so much in the
-        median, and, if it is steep, from this height on: edges of channels are steep and low.
+        What is less tall and weaker than `sure_strength` stands by itself only where its moved sides match by so much
+        in the median, and, if it is steep, from this height on: edges of channels are steep and low.
+    sure_strength : float
+        Strength of what is no channel's edge whatever its shape.
     unlike_fit, unlike_score : float
         What fits by less than the first, on the mean over the whole of it, stands by itself only with a mean support of
         the second: nothing tells that its sides, which are unlike wherever they are taken back to, were ever one.
@@ -97,6 +101,7 @@ class ChoiceSettings:
     tall_strength: float = 17.0
     low_fit: float = 0.6
     steep_height: float = 40.0
+    sure_strength: float = 33.0
     unlike_fit: float = 0.25
     unlike_score: float = 0.65
     little_matched: float = 0.12
@@ -138,6 +143,18 @@ class ChoiceSettings:
             company_strength=2.8,
             company_area=24.0,
         )
+
+    def for_size(self, shape: tuple[int, ...]) -> ChoiceSettings:
+        """Return the settings of a cube of this size.
+
+        In a small or narrow one no fault is as large as that a usual support makes it strong, and less lines up by
+        chance: a tall one, and a host, need the less strength the less room there is for them.
+        """
+        share = float(np.sqrt(min(shape[0], shape[1]) * shape[2])) / _ROOM
+        if share >= 1.0 or 1 in shape[:2]:
+            return self
+        tall = max(self.company_strength, share * self.tall_strength)
+        return replace(self, tall_strength=tall, host_strength=share * self.host_strength)
 
 
 def strength(sheet: Sheet) -> float:
@@ -345,7 +362,7 @@ def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
         and height >= settings.least_height
         and strength(sheet) >= enough
         and median_throw(throw) >= settings.least_throw
-        and (is_tall or strength(sheet) >= settings.host_strength or _is_clear(sheet, throw, settings))
+        and (is_tall or strength(sheet) >= settings.sure_strength or _is_clear(sheet, throw, settings))
         and not _is_unlike(sheet, throw, settings)
     )
 

@@ -241,7 +241,7 @@ def trace_faults(
         sides = gather_sides(volume, valid, slopes, sheet, settings=settings.throw)
         moving.append(measure_moving(sheet, sides, volume.shape, found.noise, settings))
     report("surfaces", 0.0)
-    numbers = choose_faults(moving, settings.choice)
+    numbers = choose_faults(moving, settings.choice.for_size(volume.shape))
     chosen = [sheets[number] for number in numbers]
     sheets, today = [moving[number][0] for number in numbers], [moving[number][1] for number in numbers]
     throws = finish_throws(

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import seismo3d as s3
 from seismo3d.seismic.choosing import (
     ChoiceSettings,
     choose_faults,
@@ -19,6 +20,7 @@ from seismo3d.seismic.choosing import (
 )
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.throw import SheetSides, SheetThrow
+from seismo3d.synthetic import fault_cube
 
 SETTINGS = ChoiceSettings()
 
@@ -363,3 +365,21 @@ def test_layers_that_are_not_known_end_no_sheet():
     assert end_along_layers(sheet, between_layers(sheet, 45.0, 45.0, known=0.0), SETTINGS) is sheet
     line, _ = candidate(columns=1)
     assert end_along_layers(line, between_layers(line, 45.0, 45.0), SETTINGS) is line
+
+
+def test_small_cubes_ask_for_less_of_what_is_tall_alone():
+    settings = ChoiceSettings()
+    assert settings.for_size((128, 128, 128)) is settings
+    assert settings.for_size((70, 400, 128)) is settings
+    assert settings.for_size((1, 400, 64)) is settings
+    narrow, tiny = settings.for_size((400, 12, 128)), settings.for_size((48, 48, 64))
+    assert narrow.tall_strength == settings.company_strength
+    assert narrow.host_strength == pytest.approx(33.0 * np.sqrt(12 * 128) / 90.0)
+    assert tiny.tall_strength == pytest.approx(max(11.0, 17.0 * np.sqrt(48 * 64) / 90.0))
+    assert narrow.least_strength == tiny.least_strength == settings.least_strength
+
+
+def test_a_fault_across_a_small_cube_is_found():
+    found = s3.trace_faults(fault_cube("noise", seed=11, shape=(48, 48, 64)).seismic)
+    assert len(found.surfaces) > 0
+    assert not s3.trace_faults(fault_cube("fault_free", seed=11, shape=(48, 48, 64)).seismic).surfaces

@@ -141,7 +141,7 @@ def choice_facts(run: BlockRun) -> None:
     for number in range(count_placed(run)):
         part, _ = run.read_part("throw", number)
         moving.append((unpack("sheet", part, Sheet)[0], unpack("throw", part, SheetThrow)[0]))
-    numbers, candidates = choose_faults(moving, run.settings.choice), placed_sheets(run)
+    numbers, candidates = choose_faults(moving, run.settings.choice.for_size(run.plan.shape)), placed_sheets(run)
     sheets, today = [moving[number][0] for number in numbers], [moving[number][1] for number in numbers]
     throws = finish_throws(
         sheets, today,
