@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
+from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage
@@ -33,6 +34,9 @@ _MILD = 0.036
 _WIDTHS, _LEFT = (0.7, 1.5, 2.0), (0.81, 1.0, 1.06)
 # samples over which the energy of a depth is averaged, about, and share of that of all depths which it is at least
 _DEPTH, _LEAST_ENERGY = 256, 0.01
+# pieces of such a depth; what is bright here and there must not hide the rest: in a piece a trace's energy counts up to so
+# many times the median of all traces, and that of a piece up to so many times the median of the pieces
+_PIECES, _BRIGHT_TRACE, _BRIGHT_PIECE = 4, 8.0, 4.0
 
 # share of a second way that is not worth measuring it
 _LEAST_SHARE = 0.05
@@ -495,11 +499,11 @@ def trace_energies(volume: Float32Array, valid: BoolArray) -> Float64Array:
 
 
 def depth_energies(volume: Float32Array, valid: BoolArray) -> Float64Array:
-    """Return every trace's sums of squares over some depths, and how many samples they are of.
+    """Return every trace's sums of squares over pieces of some depths, and how many samples they are of.
 
-    The shape is (2, depth, inline, crossline).
+    The shape is (2, piece, inline, crossline).
     """
-    edges = _depth_edges(volume.shape[2])[:-1]
+    edges = _piece_edges(volume.shape[2])[:-1]
     out = np.empty((2, len(edges), *volume.shape[:2]))
     for i, (line, known) in enumerate(zip(volume, valid, strict=True)):
         squares = np.where(known, np.square(line, dtype=np.float64), 0.0)
@@ -510,7 +514,13 @@ def depth_energies(volume: Float32Array, valid: BoolArray) -> Float64Array:
 
 def energy_floor(energies: Float64Array, n_samples: int, settings: MisfitSettings) -> Float32Array:
     """Return what is added to the energy that misfits are divided by, at every sample, from :func:`depth_energies`."""
-    sums, counts = energies.sum(axis=(2, 3))
+    pieces = np.array([_usual_energy(*piece) for piece in energies.swapaxes(0, 1)])
+    sums, counts = pieces.reshape(-1, min(_PIECES, len(pieces)), 2).transpose(2, 0, 1)
+    some = counts > 0.0
+    means = np.where(some, sums / np.maximum(counts, 1.0), np.nan)
+    middles = np.array([np.median(part[told]) if told.any() else 0.0 for part, told in zip(means, some, strict=True)])
+    sums = np.minimum(sums, _BRIGHT_PIECE * middles[:, None] * counts).sum(axis=1)
+    counts = counts.sum(axis=1)
     usual = sums.sum() / max(counts.sum(), 1.0)
     means = np.maximum(np.where(counts > 0.0, sums / np.maximum(counts, 1.0), usual), _LEAST_ENERGY * usual)
     edges = _depth_edges(n_samples)
@@ -518,9 +528,25 @@ def energy_floor(energies: Float64Array, n_samples: int, settings: MisfitSetting
     return np.maximum(floor, 1e-20).astype(np.float32)
 
 
+def _usual_energy(sums: Float64Array, counts: Float64Array) -> tuple[float, float]:
+    """Return the sum over all traces, bright ones no more than they may be, and how many samples it is of."""
+    known = counts > 0.0
+    if not known.any():
+        return 0.0, 0.0
+    most = _BRIGHT_TRACE * float(np.median(sums[known] / counts[known]))
+    return float(np.minimum(sums, most * counts).sum()), float(counts.sum())
+
+
 def _depth_edges(n_samples: int) -> IntArray:
     """Return where the depths begin whose energies are told apart, and where the last one ends."""
     return np.linspace(0, n_samples, max(1, round(n_samples / _DEPTH)) + 1).astype(np.int64)
+
+
+def _piece_edges(n_samples: int) -> IntArray:
+    """Return where the pieces of these depths begin, and where the last one ends."""
+    edges = _depth_edges(n_samples)
+    inner = [np.linspace(a, b, min(_PIECES, n_samples) + 1)[:-1].astype(np.int64) for a, b in pairwise(edges)]
+    return np.append(np.concatenate(inner), n_samples)
 
 
 BRIDGE_WIDTH = 2.0

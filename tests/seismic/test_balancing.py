@@ -90,7 +90,7 @@ def test_a_cube_that_dies_away_is_made_ready_as_if_it_did_not(rng, level):
     strengths = np.array([[np.std(v[..., q]) for q in quarters] for v in (plain, evened)])
     np.testing.assert_allclose(strengths[1], strengths[0], rtol=0.35)
     for q in quarters:
-        assert np.corrcoef(plain[..., q].ravel(), evened[..., q].ravel())[0, 1] > 0.97
+        assert np.corrcoef(plain[..., q].ravel(), evened[..., q].ravel())[0, 1] > 0.95
 
 
 @pytest.mark.parametrize("shape", [(1000, 1000, 1000), (500, 500, 500), (2000, 3000, 1500), (400, 300, 7), (3, 5, 8)])

@@ -360,6 +360,17 @@ def test_energy_floor_is_of_what_there_are_data_of():
     assert energy_floor(depth_energies(volume, valid), 64, MisfitSettings(floor=0.1)) == pytest.approx(0.8)
 
 
+def test_what_is_bright_here_and_there_does_not_raise_the_floor(rng):
+    volume = rng.normal(size=(20, 20, 128)).astype(np.float32)
+    plain = energy_floor(depth_energies(volume, everywhere(volume)), 128, MisfitSettings())
+    spot, reflector = volume.copy(), volume.copy()
+    spot[:5, :5, 50:70] *= 20.0
+    reflector[..., 4:16] *= 20.0
+    for bright in (spot, reflector):
+        floor = energy_floor(depth_energies(bright, everywhere(bright)), 128, MisfitSettings())
+        assert (floor < 2.0 * plain).all()
+
+
 def test_a_depth_without_energy_has_a_hundredth_of_the_mean():
     volume = np.ones((3, 3, 512), np.float32)
     volume[..., 256:] = 0.0
