@@ -34,8 +34,8 @@ _MILD = 0.036
 _WIDTHS, _LEFT = (0.7, 1.5, 2.0), (0.81, 1.0, 1.06)
 # samples over which the energy of a depth is averaged, about, and share of that of all depths which it is at least
 _DEPTH, _LEAST_ENERGY = 256, 0.01
-# pieces of such a depth; what is bright here and there must not hide the rest: in a piece a trace's energy counts up to so
-# many times the median of all traces, and that of a piece up to so many times the median of the pieces
+# pieces of such a depth; what is bright here and there must not hide the rest: in a piece a trace's energy counts up to
+# so many times the median of all traces, and that of a piece up to so many times the median of the pieces
 _PIECES, _BRIGHT_TRACE, _BRIGHT_PIECE = 4, 8.0, 4.0
 
 # share of a second way that is not worth measuring it

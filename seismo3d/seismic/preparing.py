@@ -27,7 +27,7 @@ _LEAST_UNLIKE = 0.5
 # share of the live traces with a live next one, along an axis, below which there is too little to compare
 _LEAST_NEIGHBOURS = 0.5
 # samples of the shortest period of note up to which windows suit reflections, and of one that they suit well
-_LONGEST_PERIOD, _GOOD_PERIOD = 22.0, 10.0
+_LONGEST_PERIOD, _GOOD_PERIOD = 16.0, 7.0
 # depths, at the least, that a cube's strength is told from
 _LEAST_DEPTHS = 64
 # how many times their own strength amplitudes must lie off zero for that to be a level of theirs
@@ -151,7 +151,7 @@ def check_period(period: float) -> None:
     if period > _LONGEST_PERIOD:
         every = int(period / _GOOD_PERIOD)
         warnings.warn(
-            f"the shortest period of reflections is {period:.0f} samples long; expected 4 to {_LONGEST_PERIOD:.0f}, "
+            f"the shortest period of reflections is {period:.0f} samples long; expected 3 to {_LONGEST_PERIOD:.0f}, "
             f"which all windows are made for. Give one of {every} samples (cube[..., ::{every}], or seismo3d convert "
             f"--every {every}): no reflection is lost.",
             Seismo3dWarning,

@@ -40,8 +40,8 @@ class Whitening(NamedTuple):
         Mean amplitude spectrum of the filtered traces, at frequencies evenly spread from 0 to half a cycle a sample:
         that of the wavelet that is left. None where there are no traces to tell it.
     period : float
-        Samples in the shortest period of note: nine tenths of the power that neighbouring traces agree in have longer
-        ones. 0 where they agree in nothing.
+        Samples in the shortest period of note: nine tenths of the power of the filtered traces have longer ones. 0
+        where there are no traces.
     """
 
     taps: Float32Array
@@ -145,16 +145,17 @@ def whitening_of(first: Float64Array, second: Float64Array, known: BoolArray, *,
     if not power.max() > 0.0:
         return Whitening(_identity(half), beyond)
     taps = _design_taps(_smooth_spectrum(power), _smooth_spectrum(cross), half)
-    return Whitening(taps, beyond, np.sqrt(power) * np.abs(np.fft.rfft(taps, n_fft)), _shortest_period(cross))
+    spectrum = np.sqrt(power) * np.abs(np.fft.rfft(taps, n_fft))
+    return Whitening(taps, beyond, spectrum, _shortest_period(spectrum**2))
 
 
-def _shortest_period(cross: Float64Array) -> float:
-    """Return the samples of the period above which most of the power of a cross-spectrum lies."""
-    agreed = np.cumsum(np.maximum(cross, 0.0))
-    if not agreed[-1] > 0.0:
+def _shortest_period(power: Float64Array) -> float:
+    """Return the samples of the period above which most of the power lies."""
+    total = np.cumsum(power)
+    if not total[-1] > 0.0:
         return 0.0
-    place = float(np.interp(_OF_NOTE * agreed[-1], agreed, np.arange(len(agreed)) + 0.5))
-    return 2.0 * (len(cross) - 1) / place
+    place = float(np.interp(_OF_NOTE * total[-1], total, np.arange(len(total)) + 0.5))
+    return 2.0 * (len(power) - 1) / place
 
 
 def _identity(half: int) -> Float32Array:
