@@ -62,6 +62,30 @@ def test_what_is_muted_has_no_say():
     assert np.isfinite(gain).all()
 
 
+@pytest.mark.parametrize("noise_db", [40.0, 80.0])
+def test_weak_noise_above_the_sea_floor_and_at_the_foot_has_no_say(noise_db):
+    level = np.zeros(N_SAMPLES)
+    level[:100] = level[330:] = noise_db
+    assert find_depth_gain(*some_of(level), N_SAMPLES) is None
+    falling = even(40.0)
+    gain = find_depth_gain(*some_of(np.where(np.arange(N_SAMPLES) < 100, noise_db + 40.0, falling)), N_SAMPLES)
+    left = in_db(gain)[120:-16] - falling[120:-16]
+    assert np.ptp(left) < 7.0
+    # nor is it raised
+    assert in_db(gain)[:100].max() < in_db(gain)[120:140].mean() + 1.0
+
+
+def test_to_the_ends_of_the_cube_the_decay_goes_on():
+    gain = find_depth_gain(*some_of(even(60.0, 80), n_samples=80), 80)
+    assert np.ptp(in_db(gain) - even(60.0, 80)) < 5.0
+
+
+def test_a_decay_that_turns_is_followed():
+    turning = 40.0 * np.abs(np.linspace(-1.0, 1.0, N_SAMPLES))
+    gain = find_depth_gain(*some_of(turning), N_SAMPLES)
+    assert np.ptp(in_db(gain) - turning) < 12.0
+
+
 def test_spikes_have_no_say():
     values, depths = some_of(even(40.0))
     plain = find_depth_gain(values, depths, N_SAMPLES)
@@ -170,6 +194,23 @@ def test_a_border_of_next_to_nothing_is_dead():
     gains = gains_of(10.0 ** (level / 20.0))
     assert (gains[:, :40] == 1.0).all()
     assert not gains[:, 40:].any()
+
+
+@pytest.mark.parametrize("dither_db", [-30.0, -50.0, -70.0, -200.0])
+def test_most_traces_may_be_dead(rng, dither_db):
+    """What is weak and like no neighbour is dead, however much there is of it, to the edge of the data."""
+    inside = np.hypot(*(np.mgrid[:64, :64] - 32)) < 20
+    level = np.where(inside, rng.normal(size=inside.shape), dither_db)
+    gains = find_trace_gains(10.0 ** (level / 20.0), np.where(inside, 0.9, 0.3))
+    np.testing.assert_array_equal(gains, inside.astype(np.float32))
+
+
+def test_a_line_of_enormous_strength_takes_no_other_with_it():
+    level = np.zeros((30, 30))
+    level[12] = 600.0
+    gains = gains_of(10.0 ** (level / 20.0))
+    assert (np.delete(gains, 12, axis=0) == 1.0).all()
+    assert (gains[12] > 0.0).all()
 
 
 def test_traces_of_any_gain_are_made_ready_alike(rng):
