@@ -191,6 +191,31 @@ def read_runs(volume, valid, cuts, depth, half, clear, out, known):  # type: ign
 
 
 @njit(cache=True, nogil=True, parallel=True)
+def read_known(volume, valid, depth, half, out):  # type: ignore[no-untyped-def]
+    """Write amplitudes from `half` samples above every depth to `half` below, of data alone; NaN where there are none.
+
+    There are some from the first sample of a run of data to its last.
+    """
+    n0, n1, n2 = volume.shape
+    for line in prange(n0):
+        i = np.int64(line)
+        for j in range(n1):
+            row, known = volume[i, j], valid[i, j]
+            for t in range(2 * half + 1):
+                out[i, j, t] = np.nan
+                z = depth[i, j] + t - half
+                if not (z >= 0.0 and z <= n2 - 1.0):
+                    continue
+                b = int(z)
+                if z == b and b > 0 and (b + 1 == n2 or not known[b + 1]):
+                    b -= 1
+                if b + 1 < n2 and known[b] and known[b + 1]:
+                    first = b - 1 if b > 0 and known[b - 1] else b
+                    last = b + 2 if b + 2 < n2 and known[b + 2] else b + 1
+                    out[i, j, t] = _read_cubic(row, z, first, last)
+
+
+@njit(cache=True, nogil=True, parallel=True)
 def weigh_runs(cuts, depth, taper, clear, out):  # type: ignore[no-untyped-def]
     """Write the share of a window about every depth that lies on its side of faults, `clear` samples off them."""
     n0, n1, n2 = cuts.shape

@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array
 from seismo3d.errors import ParameterError
-from seismo3d.seismic._kernels_tracks import read_finely, read_waveforms
+from seismo3d.seismic._kernels_tracks import read_finely, read_known
 from seismo3d.seismic.layer_pieces import layer_pieces
 from seismo3d.seismic.layer_time import LayerModel
 
@@ -54,15 +54,14 @@ def seed_events(cube: Any, layers: LayerModel, index: Float64Array, event: str) 
     values = _values_of(cube)
     volume = np.stack([_about(layers.level, values[i, j]) for i, j in traces])[None]
     valid = np.stack([np.asarray(layers.valid[int(i), int(j)]) for i, j in traces])[None]
-    waves = np.empty((1, len(index), 2 * _SEED_REACH + 3), np.float32)
-    read_waveforms(volume, valid, index[None, :, 2], _SEED_REACH + 1, waves)
-    moves, slopes = _nearest(waves[0], event, 0.0)
-    known = slopes[np.isfinite(moves)]
+    depth = index[None, :, 2].copy()
+    places, slopes = _nearest_told(volume, valid, depth, event, 0.0)
+    known = slopes[np.isfinite(places)]
     slope = float(known[0]) if len(known) else 0.0
     if event == "zero":
-        moves, _ = _nearest(waves[0], event, slope)
+        places, _ = _nearest_told(volume, valid, depth, event, slope)
     moved = index.copy()
-    moved[:, 2] = _settle(volume, valid, (index[:, 2] + moves)[None], event)[0]
+    moved[:, 2] = places[0]
     return moved, slope
 
 
@@ -79,13 +78,33 @@ def snap_to_events(cube: Any, layers: LayerModel, depth: Float64Array, event: st
     for at, (valid,) in layer_pieces(layers, "valid"):
         volume = _about(layers.level, values[at])
         waves = np.empty((*depth[at].shape, 2 * _REACH + 3), np.float32)
-        read_waveforms(volume, valid, depth[at], _REACH + 1, waves)
+        read_known(volume, valid, depth[at], _REACH + 1, waves)
         snapped[at] = _settle(volume, valid, depth[at] + _nearest(waves, event, slope)[0], event)
     return snapped
 
 
+def _nearest_told(
+    volume: Float32Array, valid: AnyArray, depth: Float64Array, event: str, slope: float
+) -> tuple[Float64Array, Float32Array]:
+    """Return the places of the events nearest to seeds that the data tell, NaN without one, and their slopes' signs."""
+    waves = np.empty((*depth.shape, 2 * _SEED_REACH + 3), np.float32)
+    read_known(volume, valid, depth, _SEED_REACH + 1, waves)
+    while True:
+        moves, slopes = _nearest(waves, event, slope)
+        places = _settle(volume, valid, depth + moves, event)
+        lost = np.isnan(places) & np.isfinite(moves)
+        if not lost.any():
+            return places, slopes
+        # an event too near an end of the data: the next one may be farther from it
+        waves[(*np.nonzero(lost), np.rint(moves[lost]).astype(int) + _SEED_REACH + 1)] = np.nan
+
+
 def _settle(volume: Float32Array, valid: AnyArray, places: Float64Array, event: str) -> Float64Array:
-    """Return places (inline, crossline) on events, known to a good part of a sample, exactly on them."""
+    """Return places (inline, crossline) on events, known to a good part of a sample, exactly on them.
+
+    They are NaN where the amplitudes about them are not known.
+    """
+    side = 1.0 if event == "peak" else -1.0
     settled = places.copy()
     waves = np.empty((*places.shape, 3))
     for _ in range(_ROUNDS):
@@ -95,9 +114,9 @@ def _settle(volume: Float32Array, valid: AnyArray, places: Float64Array, event: 
             over, under = 2.0 * here, left - right
         else:
             over, under = 0.5 * (left - right), left - 2.0 * here + right
-            under = np.where((under < 0) == (event == "peak"), under, 0.0)
+            under = np.where(side * under > 0, 0.0, under)
         move = _LAG * np.divide(over, under, out=np.zeros_like(over), where=under != 0)
-        settled = places + np.clip(settled + np.nan_to_num(move) - places, -_FARTHEST, _FARTHEST)
+        settled = places + np.clip(settled + move - places, -_FARTHEST, _FARTHEST)
     return settled
 
 
@@ -121,7 +140,8 @@ def _values_of(cube: Any) -> Any:
 def _nearest(waves: Float32Array, event: str, slope: float) -> tuple[Float64Array, Float32Array]:
     """Distance of the event nearest to the middle of every waveform, NaN without one; of crossings the slope's sign.
 
-    Only crossings of a slope of the same sign count where one is given.
+    There is none beside amplitudes that are not known (NaN). Only crossings of a slope of the same sign count where one
+    is given.
     """
     left, here, right = waves[..., :-2], waves[..., 1:-1], waves[..., 2:]
     reach = (here.shape[-1] - 1) // 2

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 import seismo3d as s3
 from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.seismic._kernels_tracks import read_known
 from seismo3d.seismic.layer_time import LayerModel
 from seismo3d.seismic.loop_closure import LoopClosure
 from seismo3d.seismic.track_events import _nearest, snap_to_events
@@ -138,6 +140,78 @@ def test_traces_without_the_event_are_left_out(level: tuple[np.ndarray, LayerMod
     assert np.isnan(track.depth[8:]).all()
     assert np.isnan(track.confidence[8:]).all()
     assert np.isfinite(track.depth[:8]).all()
+
+
+def with_data_from(first: int, last: int, trough: float) -> tuple[np.ndarray, LayerModel]:
+    """A cosine of 20 samples a period, and its model, in level layers between two samples."""
+    k = np.arange(64.0)
+    valid = np.zeros((8, 8, 64), bool)
+    valid[..., first : last + 1] = True
+    volume = np.where(valid, -np.cos(2.0 * np.pi * (k - trough) / 20.0), 0.0).astype(np.float32)
+    times, cuts = np.broadcast_to(k.astype(np.float32), valid.shape).copy(), np.zeros(valid.shape, np.uint8)
+    closure = LoopClosure(0.0, 0.0, 0, 1, np.zeros((8, 8)))
+    return volume, LayerModel(times, cuts, volume, valid, valid.any(axis=2), "samples", 0.0, closure)
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, 63), (12, 50)], ids=["cube", "mute"])
+@pytest.mark.parametrize(("event", "trough", "seed", "found"), [
+    ("peak", -13.0, 3.0, 17.0), ("trough", -3.0, 2.5, 17.0), ("zero", -6.0, 1.5, 9.0), ("peak", 5.0, 1.0, 15.0),
+    ("trough", 1.6, 3.0, 1.6), ("peak", -7.5, 3.0, 2.5), ("zero", -3.0, 3.0, 2.0),
+])  # fmt: skip
+def test_the_ends_of_the_data_are_no_events(
+    first: int, last: int, event: str, trough: float, seed: float, found: float
+) -> None:
+    for down in (False, True):
+        place, at, expected = (last - x if down else first + x for x in (trough, seed, found))
+        volume, layers = with_data_from(first, last, place)
+        (track,) = s3.trace_tracks(volume, [(4, 4, at)], event=event, layers=layers)
+        # so near the end as much as a third of a sample: half of the sinc's taps are missing
+        np.testing.assert_allclose(track.depth, expected, atol=0.4)
+
+
+@pytest.mark.parametrize("event", ["peak", "trough", "zero"])
+def test_traces_whose_event_lies_beyond_the_data_are_left_out(level: tuple[np.ndarray, LayerModel], event: str) -> None:
+    volume, layers = level
+    place = {"peak": PEAK, "trough": TROUGH, "zero": RISE}[event] + 0.1 * np.arange(SHAPE[1])
+    valid = layers.valid.copy()
+    valid[6:, :, : int(place[0]) + 2] = False
+    muted = np.where(valid, volume, np.float32(0.0))
+    known = replace(layers, valid=valid, volume=muted)
+    depth = np.broadcast_to(place, SHAPE[:2]).copy()
+    slope = 1.0 if event == "zero" else 0.0
+    found = snap_to_events(muted, known, depth + 0.3, event, slope)
+    np.testing.assert_allclose(found[:6], depth[:6], atol=0.4)
+    assert np.isnan(found[6:]).all()
+
+
+def test_waveforms_are_those_of_the_data_alone() -> None:
+    rng = np.random.default_rng(3)
+    volume = rng.normal(size=(1, 1, 20)).astype(np.float32)
+    valid = np.ones((1, 1, 20), bool)
+    valid[..., [0, 1, 2, 13]] = False
+    places = np.arange(-2.0, 22.0, 0.25)
+    waves = np.empty((len(places), 1), np.float32)
+    for n, place in enumerate(places):
+        read_known(volume, valid, np.full((1, 1), place), 0, waves[None, None, n, :])
+    expected = np.full(len(places), np.nan)
+    for first, last in ((3, 12), (14, 19)):
+        row = volume[0, 0, first : last + 1].astype(float)
+        # a run goes on in a straight line beyond its ends
+        row = np.concatenate([[2 * row[0] - row[1]], row, [2 * row[-1] - row[-2]]])
+        for n in np.flatnonzero((places >= first) & (places <= last)):
+            b = min(int(places[n]), last - 1)
+            f = places[n] - b
+            y = row[b - first : b - first + 4]
+            slope = 0.5 * (y[2:] - y[:2])
+            expected[n] = CubicHermiteSpline([0.0, 1.0], y[1:3], slope)(f)
+    np.testing.assert_allclose(waves[:, 0], expected, atol=1e-5)
+
+
+def test_seeds_with_no_event_but_the_end_of_the_data_are_refused() -> None:
+    volume, layers = with_data_from(0, 63, 10.0)
+    layers.valid[..., 6:] = False
+    with pytest.raises(ParameterError, match=r"seeds\[0\] \(4, 4, 2\) has no peak near it"):
+        s3.trace_tracks(volume, [(4, 4, 2)], event="peak", layers=layers)
 
 
 def test_seeds_in_a_mute_are_refused(level: tuple[np.ndarray, LayerModel]) -> None:
