@@ -106,7 +106,9 @@ def read_sticks(path: str | Path) -> list[FaultStick]:
 
     The form is told by the lines: Charisma's begin with ``INLINE-`` (or ``CROSSLINE-``, ``XLINE-``, ``TRACE-``).
     OpendTect's may lack the fault name and the node index. The file's name then stands for the fault's; where sticks or
-    nodes are counted anew, another fault begins, whose name ends in ``_2`` and so on. Lines that are blank or begin
+    nodes are counted anew, another fault begins, whose name ends in ``_2`` and so on. Of a named fault another stick
+    begins with a node that its stick has already; without node indices, where a stick of several nodes in a row is met
+    again after others. It gets the next number that its fault has free. Lines that are blank or begin
     with ``#`` or ``!`` are passed over. Blanks, tabs or semicolons part the fields; numbers may have decimal commas.
     Names may hold blanks. A name that may as well hold a place gone wrong is refused: put it in quotes or before a tab
     in OpendTect's form, and write it without blanks in Charisma's. Nodes without a value are left out, and sticks
@@ -134,16 +136,19 @@ def read_sticks(path: str | Path) -> list[FaultStick]:
     lines = read_lines(path)
     charisma = lines[0][1].upper().startswith(_LINE_WORDS)
     parse = _parse_charisma if charisma else _parse_opendtect
-    nodes: dict[tuple[str, int], list[tuple[float, ...]]] = {}
-    nameless = _Nameless(Path(path).stem)
+    nodes: dict[tuple[str, int, int], list[tuple[float, ...]]] = {}
+    nameless, repeats = _Nameless(Path(path).stem), _Repeats()
     for number, line in lines:
         found = parse(_with_tabs(line))
         if found is None:
             refuse_line(path, number, line, _CHARISMA if charisma else _OPENDTECT)
         fault, stick, order, place = found
-        node = nodes.setdefault((fault or nameless.name_of(stick, order), stick), [])
+        fault = fault or nameless.name_of(stick, order)
+        node = nodes.setdefault((fault, stick, repeats.turn_of(fault, stick, order)), [])
         node.append((order if order is not None else len(node), *place))
-    sticks = [_as_stick(fault, stick, rows) for (fault, stick), rows in nodes.items()]
+    sticks = [
+        _as_stick(fault, number, rows) for (fault, number), rows in zip(_numbers(nodes), nodes.values(), strict=True)
+    ]
     sticks = [stick for stick in sticks if len(stick.points)]
     if not sticks:
         raise FormatError(f"{path} holds no node with a value. Check the export.")
@@ -168,6 +173,46 @@ class _Nameless:
         self._stick = stick
         self._met.add(node)
         return self._stem if self._n_faults == 1 else f"{self._stem}_{self._n_faults}"
+
+
+class _Repeats:
+    """Tells sticks of one fault and number apart: files of several exports hold them one after the other."""
+
+    def __init__(self) -> None:
+        self._turns: dict[tuple[str, int], int] = {}
+        self._met: dict[tuple[str, int], set[float | None]] = {}
+        self._in_a_row: set[tuple[str, int]] = set()
+        self._last: tuple[str, int] | None = None
+
+    def turn_of(self, fault: str, stick: int, order: float | None) -> int:
+        """Return how many sticks of this fault and number end before the next node."""
+        key = fault, stick
+        met = self._met.setdefault(key, set())
+        follows = key == self._last
+        # sticks without indices may be listed node by node, one of each in turn
+        if (order in met) if order is not None else (key in self._in_a_row and not follows):
+            self._turns[key] = self._turns.get(key, 0) + 1
+            met.clear()
+            self._in_a_row.discard(key)
+        elif follows:
+            self._in_a_row.add(key)
+        met.add(order)
+        self._last = key
+        return self._turns.get(key, 0)
+
+
+def _numbers(nodes: Iterable[tuple[str, int, int]]) -> list[tuple[str, int]]:
+    """Return the fault and number of every stick; one that has another's number gets the next free one."""
+    keys = list(nodes)
+    highest: dict[str, int] = {}
+    for fault, stick, _ in keys:
+        highest[fault] = max(highest.get(fault, stick), stick)
+    named = []
+    for fault, stick, turn in keys:
+        if turn:
+            highest[fault] += 1
+        named.append((fault, highest[fault] if turn else stick))
+    return named
 
 
 _Node = tuple[str, int, float | None, tuple[float, ...]]

@@ -64,6 +64,29 @@ def test_without_names_another_fault_begins_where_counting_does(
     assert found == counts
 
 
+@pytest.mark.parametrize("form", ["{fault} {x} 0 {z} {stick} {node}", "{fault} {x} 0 {z} {stick}",
+                                  "INLINE- 1 2 {x} 0 {z} {fault} {stick}"])  # fmt: skip
+def test_sticks_met_again_are_other_sticks(tmp_path: Path, form: str) -> None:
+    """Two exports joined, of which each counts its sticks from 1."""
+    sticks = (("F1", 0, 1), ("F2", 5, 1), ("F1", 50, 1), ("F1", 60, 2), ("F2", 70, 1))
+    lines = [
+        form.format(fault=fault, x=x, z=100 * node, stick=stick, node=node)
+        for fault, x, stick in sticks
+        for node in (1, 2, 3)
+    ]
+    found = read_sticks(text(tmp_path, "\n".join(lines) + "\n"))
+    assert [(s.fault, s.number) for s in found] == [("F1", 1), ("F2", 1), ("F1", 3), ("F1", 2), ("F2", 2)]
+    for stick, (_, x, _) in zip(found, sticks, strict=True):
+        assert stick.points.tolist() == [[x, 0, 100], [x, 0, 200], [x, 0, 300]]
+
+
+@pytest.mark.parametrize("form", ["F1 {x} 0 {z} {x} {node}", "F1 {x} 0 {z} {x}", "INLINE- {x} 0 {z} F1 {x}"])
+def test_sticks_may_be_listed_node_by_node(tmp_path: Path, form: str) -> None:
+    lines = [form.format(x=x, z=100 * node, node=node) for node in (1, 2, 3) for x in (1, 2, 3)]
+    found = read_sticks(text(tmp_path, "\n".join(lines) + "\n"))
+    assert [(s.number, s.points[:, 2].tolist()) for s in found] == [(n, [100, 200, 300]) for n in (1, 2, 3)]
+
+
 def test_a_fault_may_be_called_by_a_number(tmp_path: Path) -> None:
     path = tmp_path / "numbered.txt"
     path.write_text("12\t500\t600\t100\t1\t1\n12\t500\t601\t120\t1\t2\n")
