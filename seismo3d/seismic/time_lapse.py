@@ -155,7 +155,13 @@ def align_cubes(
 def _check(base: Any, monitor: Any) -> None:
     check_order(base, "base")
     check_order(monitor, "monitor")
-    if np.ndim(base) != 3 or np.shape(base) != np.shape(monitor):
+    for name, cube in (("base", base), ("monitor", monitor)):
+        if np.ndim(cube) != 3:
+            raise ShapeError(
+                f"{name} has shape {np.shape(cube)}; expected a cube (inline, crossline, sample). Give cubes: "
+                "lines are not aligned."
+            )
+    if np.shape(base) != np.shape(monitor):
         raise ShapeError(
             f"base has shape {np.shape(base)} and monitor {np.shape(monitor)}; expected two cubes of one shape. Cut or "
             "interpolate the monitor onto the base's traces and samples."

@@ -160,6 +160,10 @@ def test_refusals(folded: SyntheticCube) -> None:
     base = folded.to_dataarray()
     with pytest.raises(ShapeError, match="two cubes of one shape"):
         align_cubes(base, base[:, :, :-1])
+    with pytest.raises(ShapeError, match=r"base has shape \(\d+, 64\); expected a cube"):
+        align_cubes(base[:, 0, :64], base[:, 0, :64])
+    with pytest.raises(ShapeError, match=r"monitor has shape \(\d+, 64\); expected a cube"):
+        align_cubes(base, base[:, 0, :64])
     with pytest.raises(ShapeError, match="at least 8 traces"):
         align_cubes(base[:4], base[:4])
     with pytest.raises(ShapeError, match="monitor has elements of type complex64; expected real"):
