@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import Json, Overwrite
+from seismo3d.cli._options import Columns, Json, Overwrite, as_columns
 
 EXAMPLES = (
     "seismo3d network f3-faults",
@@ -25,6 +25,7 @@ def run(
         None, "--from", help="Start of a flow path: INLINE,CROSSLINE,TIME, or a horizon's file. [default: no path]"
     ),
     end: str | None = typer.Option(None, "--to", help="End of the flow path: a point or a horizon's file."),
+    columns: Columns = None,
     contrast: float = typer.Option(50.0, min=1.0, max=1e9, help="How much better a sure fault conducts than rock."),
     json: Json = False,
     overwrite: Overwrite = False,
@@ -49,12 +50,17 @@ def run(
 
     if (start is None) != (end is None):
         raise ParameterError("--from and --to make a path together; one of them is missing. Give both or neither.")
+    chosen = as_columns(columns)
+    if chosen is not None and all(word is None or _as_point(word) is not None for word in (start, end)):
+        raise ParameterError(
+            "--columns is given without a horizon's file; it says what that of --from or --to holds. Leave it out."
+        )
     final = folder / "network" if out is None else out
     faults = FaultSet.load(folder)
     source = folder / "faultset.npz"
     read = [folder, *(Path(word) for word in (start, end) if word is not None)]
     check_run_folder(final, command="network", inputs=read, overwrite=overwrite)
-    ends = None if start is None or end is None else [_as_end(word, faults.labels) for word in (start, end)]
+    ends = None if start is None or end is None else [_as_end(word, faults.labels, chosen) for word in (start, end)]
     with written_aside(final, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
@@ -68,7 +74,10 @@ def run(
         write_network(network, faults.labels, directory=aside)
         clock("pictures", 0.0)
         pictures = save_network_pictures(aside, network, faults, path=path)
-        asked = {"cell": cell, "reach": reach, "set_angle": set_angle, "from": start, "to": end, "contrast": contrast}
+        asked = {
+            "cell": cell, "reach": reach, "set_angle": set_angle, "from": start, "to": end, "columns": columns,
+            "contrast": contrast,
+        }  # fmt: skip
         record: dict[str, Any] = {
             **describe_run(source, command="network", options=asked),
             "network": summarise_network(network),
@@ -91,15 +100,22 @@ def run(
     say_timings(record["timings_s"])
 
 
-def _as_end(word: str, cube: Any) -> Any:
-    """Return the point that a word spells, or the horizon in the file of that name."""
+def _as_point(word: str) -> tuple[float, ...] | None:
+    """Return the numbers that a word spells; None of a file's name."""
     try:
-        values = tuple(float(part) for part in word.split(","))
+        return tuple(float(part) for part in word.split(","))
     except ValueError:
+        return None
+
+
+def _as_end(word: str, cube: Any, columns: tuple[int, ...] | None) -> Any:
+    """Return the point that a word spells, or the horizon in the file of that name."""
+    values = _as_point(word)
+    if values is None:
         from seismo3d.io.horizons import read_horizon
         from seismo3d.seismic.picks import grid_horizon
 
-        return grid_horizon(read_horizon(word), cube)
+        return grid_horizon(read_horizon(word, columns=columns), cube)
     if len(values) != 3:
         from seismo3d.errors import ParameterError
 

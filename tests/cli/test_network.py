@@ -70,9 +70,29 @@ def test_flow_path_from_a_point_to_a_horizon(folder: Path, tmp_path: Path, capsy
     assert (tmp_path / "out" / "flow_path.png").stat().st_size > 5000
 
 
+def test_flow_path_between_horizons_of_many_columns(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cube = make_cube()
+    x, y = cube["cdp_x"].values.ravel(), cube["cdp_y"].values.ravel()
+    for name, depth in (("head", 1020.0), ("foot", 1180.0)):
+        table = np.column_stack([np.arange(x.size), np.arange(x.size), x, y, np.full(x.size, depth)])
+        np.savetxt(tmp_path / f"{name}.xyz", table, fmt="%.3f")
+    words = ("--from", tmp_path / "head.xyz", "--to", tmp_path / "foot.xyz", "-o", tmp_path / "out")
+    assert run("network", folder, *words) == 2
+    assert "which of the 5 these are" in capsys.readouterr().err
+    assert run("network", folder, *words, "--columns", "3,4,5") == 0
+    path = np.loadtxt(tmp_path / "out" / "flow_path.csv", delimiter=",", skiprows=1)
+    assert (path[0, 2], path[-1, 2]) == (1020.0, 1180.0)
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["options"]["columns"] == "3,4,5"
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (("--columns", "1,2,3"), "without a horizon's file"),
+        (("--columns", "1,2,3", "--from", "130,510,1020", "--to", "130,510,1180"), "without a horizon's file"),
+        (("--columns", "1,b"), "--columns is '1,b'"),
         (("--from", "1,2,3"), "Give both or neither"),
         (("--from", "1,2", "--to", "1,2,3"), "expected INLINE,CROSSLINE,TIME"),
         (("--from", "no.xyz", "--to", "1,2,3"), "does not exist"),
