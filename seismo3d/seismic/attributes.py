@@ -19,7 +19,7 @@ from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.seismic._kernels_attributes import stack_along_dip
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.index_frame import IndexFrame
-from seismo3d.seismic.preparing import find_level
+from seismo3d.seismic.preparing import Scale, balance_traces, find_scale, sampling_step, scale_amplitudes
 
 # orientation is averaged over less than for faults, so that small bends stay
 _DIP = DipSettings(lateral=2.0, vertical=4.0, steepest=5.0, rim=1e-4)
@@ -94,7 +94,7 @@ def compute_attributes(
 def _fill(cube: Any) -> tuple[Float32Array, BoolArray]:
     """Amplitudes of three axes, and where there are any: finite samples of live traces.
 
-    Other traces are filled from the nearest live one, other samples with the level of all.
+    Other traces are filled from the nearest live one, other samples with the level of all. Spikes are clipped.
     """
     from scipy.ndimage import distance_transform_edt
 
@@ -110,9 +110,21 @@ def _fill(cube: Any) -> tuple[Float32Array, BoolArray]:
     if not live.all():
         i, j = distance_transform_edt(~live, return_distances=False, return_indices=True)
         values = values[i, j]
-    values -= np.float32(find_level(values[live]))
-    values[~np.isfinite(values)] = 0.0
-    return values / np.float32(np.abs(values).max() or 1.0), valid
+    known = np.isfinite(values)
+    scale_amplitudes(values, known, _find_scale(values[live]))
+    values[~known] = 0.0
+    balance_traces(values, known)
+    return values, valid
+
+
+def _find_scale(traces: Float32Array) -> Scale:
+    """Return the scale of traces (n, sample); where nearly all amplitudes are the level, that of the others."""
+    some = traces.ravel()[:: sampling_step(traces.shape)]
+    scale = find_scale(some[np.isfinite(some)])
+    if scale.strength > 0.0:
+        return scale
+    off = np.abs(traces[np.isfinite(traces)] - np.float32(scale.level))
+    return Scale(scale.level, find_scale(off[off > 0.0]).strength)
 
 
 def _measure_semblance(volume: Float32Array, live: BoolArray, slopes: Float32Array, report: Progress) -> Float32Array:

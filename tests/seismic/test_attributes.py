@@ -93,6 +93,29 @@ def test_what_all_amplitudes_share_does_not_count(rng: np.random.Generator) -> N
     assert np.median(wanted) < 0.95
 
 
+@pytest.mark.parametrize("size", [1e5, 1e20, 1e30])
+def test_a_spike_counts_only_where_it_is(size: float) -> None:
+    cube = plane_wave(0.3, 0.2)
+    whole = compute_attributes(cube)
+    cube[12, 12, 30] = size
+    found = compute_attributes(cube)
+    i, j, k = np.meshgrid(*(np.arange(n) for n in cube.shape), indexing="ij")
+    # what smooths it has sigmas of 2 traces and 4 samples, twice: nothing is left three of them off
+    far = (np.abs(i - 12) > 9) | (np.abs(j - 12) > 9) | (np.abs(k - 30) > 20)
+    for name, values in found.items():
+        np.testing.assert_allclose(values[far], whole[name][far], atol=0.05, err_msg=name)
+    assert np.isfinite(found["azimuth"]).all()
+
+
+def test_dip_where_nearly_all_amplitudes_are_nothing() -> None:
+    cube = plane_wave(0.3, 0.0)
+    cube[:, :, 4:] = 0.0
+    whole = compute_attributes(cube)["dip"]
+    cube[12, 12, 50] = 1e30
+    np.testing.assert_allclose(compute_attributes(cube)["dip"][:, :, :4], whole[:, :, :4], atol=0.05)
+    assert np.median(whole[:, :, :4]) > 10.0
+
+
 def test_dead_and_missing_traces_stay_apart() -> None:
     cube = plane_wave(0.3, 0.2)
     whole = compute_attributes(cube)
