@@ -7,12 +7,15 @@ from typing import Any
 
 import typer
 
+from seismo3d.cli._options import Reading, reads_cube
+
 EXAMPLES = (
     "seismo3d match a.png b.png -o matches.png",
     "seismo3d match a.sgy b.sgy --points 200 --json",
 )
 
 
+@reads_cube
 def run(
     target: Path = typer.Argument(help="Image (PNG, JPEG, TIFF), .npy, .npz, SEG-Y or Zarr.", show_default=False),
     source: Path = typer.Argument(help="The other one, of the same kind.", show_default=False),
@@ -20,8 +23,13 @@ def run(
     points: int | None = typer.Option(None, "--points", min=1, help="Points compared. [default: 500, cubes 300]"),
     tilts: str = typer.Option("auto", help="Compare images as seen from the side: auto, always or never."),
     json: bool = typer.Option(False, "--json", help="Print the matches as JSON."),
+    *,
+    reading: Reading,
 ) -> None:
-    """Match two images or cubes that are rotated, tilted, scaled or displaced, and draw the matches."""
+    """Match two images or cubes that are rotated, tilted, scaled or displaced, and draw the matches.
+
+    Options on how a cube is read are for both.
+    """
     from seismo3d.features.matching import match
     from seismo3d.io._files import check_output
     from seismo3d.io.grids import read_grid
@@ -30,7 +38,7 @@ def run(
         from seismo3d.plot.picture_files import PICTURES
 
         check_output(out, endings=PICTURES, inputs=(target, source))
-    first, second = read_grid(target), read_grid(source)
+    first, second = read_grid(target, **reading), read_grid(source, **reading)
     found = match(first, second, n_points=points, tilts=tilts)
     if out is not None:
         from seismo3d.plot.match_pictures import save_matches

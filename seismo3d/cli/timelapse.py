@@ -7,23 +7,29 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import Cube, Domain, Json, Overwrite
+from seismo3d.cli._options import Cube, Json, Overwrite, Reading, reads_cube
 
-EXAMPLES = ("seismo3d timelapse base.sgy monitor.sgy -o shifts",)
+EXAMPLES = (
+    "seismo3d timelapse base.sgy monitor.sgy -o shifts",
+    "seismo3d timelapse base.npy monitor.npy --interval 4 --start 400 -o shifts",
+)
 
 
+@reads_cube
 def run(
     base: Cube,
     monitor: Path = typer.Argument(help="The later cube, on the same traces and samples.", show_default=False),
     out: Path = typer.Option(..., "--out", "-o", help="Folder to make for the results.", show_default=False),
-    domain: Domain = None,
     json: Json = False,
     overwrite: Overwrite = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Align a monitor cube with its base: local shifts with their uncertainty, and the aligned monitor.
 
     The folder gets shift.sgy and shift_std.sgy (ms, m or ft), inline_shift, crossline_shift, inline_std and
     crossline_std (traces), aligned.sgy, two pictures and run.json. It appears when all is done, or not at all.
+    Options on how a cube is read are for both.
     """
     import numpy as np
 
@@ -36,7 +42,7 @@ def run(
     from seismo3d.seismic.time_lapse import align_cubes
 
     check_run_folder(out, command="timelapse", inputs=[base, monitor], overwrite=overwrite)
-    first, second = (open_told(path, domain=domain).load() for path in (base, monitor))
+    first, second = (open_told(path, **reading).load() for path in (base, monitor))
     check_segy(first)
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
@@ -57,7 +63,7 @@ def run(
             "shift_std_median": np.median(spread[known]),
         }
         record: dict[str, Any] = {
-            **describe_run(base, monitor, command="timelapse", options={"domain": domain}),
+            **describe_run(base, monitor, command="timelapse", options=reading),
             "alignment": facts,
             "timings_s": clock.stop(),
         }

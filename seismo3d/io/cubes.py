@@ -93,9 +93,9 @@ def open_cube(
     is_numpy = file.suffix.lower() in (".npy", ".npz")
     if is_zarr or is_numpy:
         asked = {"inline_byte": inline_byte, "crossline_byte": crossline_byte, "x_byte": x_byte, "y_byte": y_byte}
-        _refuse_unused(asked, file, "SEG-Y trace headers")
+        refuse_unused(asked, file, "SEG-Y trace headers")
     if variable is not None and not is_zarr and file.suffix.lower() != ".npz":
-        _refuse_unused({"variable": variable}, file, "Zarr groups and NPZ files")
+        refuse_unused({"variable": variable}, file, "Zarr groups and NPZ files")
     if is_zarr:
         from seismo3d.io.zarr_store import read_zarr
 
@@ -119,7 +119,8 @@ def open_cube(
     )
 
 
-def _refuse_unused(given: dict[str, Any], file: Path, served: str) -> None:
+def refuse_unused(given: dict[str, Any], file: Path, served: str) -> None:
+    """Refuse options that do not serve files of this kind; those that are None were not given."""
     for name, value in given.items():
         if value is not None:
             raise ParameterError(f"{name} is {value!r}; expected none for {file}: it serves {served}. Leave it out.")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import struct
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import AnyArray
-from seismo3d.errors import FileAccessError, FormatError
+from seismo3d.errors import FileAccessError, FormatError, ParameterError
 from seismo3d.io._files import as_readable_file
 from seismo3d.io.numpy_files import check_declared, list_npz, read_npy, read_npz
 
@@ -17,13 +18,17 @@ _NOT_UNDERSTOOD = (OSError, ValueError, SyntaxError, KeyError, TypeError, IndexE
 _PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
 
 
-def read_grid(path: str | Path) -> AnyArray:
+def read_grid(path: str | Path, *, variable: str | None = None, **reading: Any) -> AnyArray:
     """Read an image, a section or a cube as an array, by the file's ending.
 
     Parameters
     ----------
     path : str or Path
-        Picture (PNG, JPEG, TIFF, BMP, WebP, PNM), ``.npy``, ``.npz`` with one array, or what ``open_cube`` opens.
+        Picture (PNG, JPEG, TIFF, BMP, WebP, PNM), ``.npy``, ``.npz``, or what ``open_cube`` opens.
+    variable : str, optional
+        The array to take from an ``.npz`` file or a Zarr group with several.
+    **reading
+        Given to ``open_cube``; those of a SEG-Y file or a Zarr group alone.
 
     Returns
     -------
@@ -37,17 +42,23 @@ def read_grid(path: str | Path) -> AnyArray:
         If there is no such file.
     FormatError
         If it cannot be read as what its ending says.
+    ParameterError
+        If an option does not serve files of this kind.
     """
     path = Path(path)
     if not path.exists():
         raise FileAccessError(f"{path} does not exist. Give an image, .npy, .npz, SEG-Y file or Zarr folder.")
-    if path.suffix.lower() in _PICTURES:
-        return _read_picture(path)
-    if path.suffix.lower() in (".npy", ".npz"):
-        return _read_array(path)
-    from seismo3d.io.cubes import open_cube
+    from seismo3d.io.cubes import open_cube, refuse_unused
 
-    return np.asarray(open_cube(path).values)
+    ending = path.suffix.lower()
+    if ending in _PICTURES or ending in (".npy", ".npz"):
+        refuse_unused(reading, path, "SEG-Y files and Zarr groups")
+    if ending in _PICTURES or ending == ".npy":
+        refuse_unused({"variable": variable}, path, "Zarr groups and NPZ files")
+        return read_npy(path) if ending == ".npy" else _read_picture(path)
+    if ending == ".npz":
+        return _read_archive(path, variable)
+    return np.asarray(open_cube(path, variable=variable, **reading).values)
 
 
 def _read_picture(path: Path) -> AnyArray:
@@ -98,11 +109,13 @@ def _declared_size(path: Path) -> tuple[int, int] | None:
     return None
 
 
-def _read_array(path: Path) -> AnyArray:
-    if path.suffix.lower() == ".npy":
-        return read_npy(path)
+def _read_archive(path: Path, variable: str | None) -> AnyArray:
     names = list(list_npz(path))
+    held = ", ".join(names) or "none"
+    if variable is not None:
+        if variable not in names:
+            raise ParameterError(f"variable is {variable!r}; expected one of the arrays of {path}: {held}.")
+        return read_npz(path, [variable])[variable]
     if len(names) != 1:
-        held = ", ".join(names) or "none"
-        raise FormatError(f"{path} holds the arrays {held}; expected one. Save the one that is meant as .npy.")
+        raise FormatError(f"{path} holds the arrays {held}; expected one. Name the one that is meant with variable.")
     return read_npz(path)[names[0]]

@@ -58,6 +58,14 @@ def test_match_reads_arrays_and_finds_nothing_in_nothing(run, tmp_path):
     assert out.startswith("matches  0 of 0 points")
 
 
+def test_match_takes_options_on_how_cubes_are_read(run, tmp_path):
+    cubes = np.random.default_rng(0).normal(size=(2, 24, 24))
+    np.savez(tmp_path / "two.npz", a=cubes[0], b=cubes[1])
+    code, out, err = run("match", tmp_path / "two.npz", tmp_path / "two.npz", "--variable", "a")
+    assert (code, err) == (0, "")
+    assert out.startswith("matches")
+
+
 def test_bad_input_is_one_line_and_code_2(run, photos, tmp_path):
     (tmp_path / "broken.png").write_bytes(b"no picture")
     np.savez(tmp_path / "two.npz", a=np.zeros(3), b=np.zeros(3))

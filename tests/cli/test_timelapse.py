@@ -35,3 +35,17 @@ def test_shifts_are_written_on_the_base_s_geometry(tmp_path: Path, capsys: pytes
     assert said.err.splitlines()[-1].startswith("time ")
     assert _run(words, debug=False) == 2
     assert "--overwrite" in capsys.readouterr().err
+
+
+def test_options_on_how_cubes_are_read_are_for_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recipe = recipe_of("folded", shape=(16, 16, 48), population=None, wavelength=(14.0, 14.0))
+    base = make_cube(recipe, seed=2102).seismic
+    for name, cube in (("base", base), ("monitor", np.roll(base, 2, axis=2))):
+        np.savez(tmp_path / f"{name}.npz", meant=cube, other=np.zeros((3, 3)))
+    words = ["timelapse", *(str(tmp_path / f"{name}.npz") for name in ("base", "monitor")), "-o", str(tmp_path / "out")]
+    assert _run([*words, "--variable", "meant", "--interval", "5", "--start", "400"], debug=True) == 0
+    assert "monitor deeper by 10" in capsys.readouterr().out
+    shift = open_cube(tmp_path / "out" / "shift.sgy")
+    np.testing.assert_allclose(shift[shift.dims[2]].values[:2], [400.0, 405.0])
+    options = json.loads((tmp_path / "out" / "run.json").read_text())["options"]
+    assert options == {"interval": 5.0, "start": 400.0, "variable": "meant"}

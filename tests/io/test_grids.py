@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import seismo3d as s3
-from seismo3d.errors import FileAccessError, FormatError
+from seismo3d.errors import FileAccessError, FormatError, ParameterError
 from seismo3d.io import grids
 from seismo3d.io.grids import read_grid
 
@@ -93,3 +93,20 @@ def test_an_empty_picture_is_refused(tmp_path):
     (tmp_path / "none.png").write_bytes(b"")
     with pytest.raises(FormatError, match="cannot be read as a picture"):
         read_grid(tmp_path / "none.png")
+
+
+def test_the_array_of_an_archive_is_named(tmp_path):
+    np.savez(tmp_path / "two.npz", a=np.zeros((9, 8)), b=np.ones((9, 8)))
+    np.testing.assert_array_equal(read_grid(tmp_path / "two.npz", variable="b"), np.ones((9, 8)))
+    with pytest.raises(ParameterError, match=r"variable is 'c'; expected one of the arrays of .*: a, b"):
+        read_grid(tmp_path / "two.npz", variable="c")
+    with pytest.raises(FormatError, match="Name the one that is meant with variable"):
+        read_grid(tmp_path / "two.npz")
+
+
+@pytest.mark.parametrize(("name", "option"), [("a.png", {"variable": "b"}), ("a.npy", {"inline_byte": 9})])
+def test_options_that_do_not_serve_are_refused(tmp_path, name, option):
+    Image.new("L", (40, 30), 7).save(tmp_path / "a.png")
+    np.save(tmp_path / "a.npy", np.zeros((9, 8)))
+    with pytest.raises(ParameterError, match="expected none for"):
+        read_grid(tmp_path / name, **option)
