@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,15 +12,20 @@ from scipy import fft, ndimage
 from seismo3d._stages import no_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
 from seismo3d._validate import as_settings, freeze
-from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.errors import GeometryError, ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
 from seismo3d.seismic.cube_checks import check_order, differing_axis
 from seismo3d.seismic.index_frame import settle_places
 from seismo3d.seismic.preparing import balance_traces, find_scale, mark_data, scale_amplitudes
 
-# how many times as like a monitor is with its sign changed where its polarity is reversed, and how like it must be
-_OPPOSED, _TOLD = 1.25, 0.2
+# how many times as like a monitor is with its sign changed where its polarity is reversed, how like it is then, and how
+# like it must be for that to be told at all: half a wavelength off, any cube is somewhat like itself reversed
+_OPPOSED, _REVERSED, _TOLD = 1.25, 0.6, 0.2
+# what tells another cube: a correlation with the base, shifted as a whole, below the first, and a median standard
+# deviation in samples above the second or a correlation after the fit below the third. Windows fit other layers to 0.7,
+# but unevenly: by 1 sample and more. Noise of three times the amplitudes leaves a true monitor 0.28 and 0.6 samples
+_UNLIKE, _UNEVEN, _UNFIT = 0.27, 0.9, 0.2
 # widths of a smoothing within which it takes what lies beyond an end
 _ENDS = 2.0
 # share of the base's data that must have a counterpart at a shift of the whole
@@ -121,6 +127,11 @@ def align_cubes(
     ParameterError
         If the monitor's polarity is reversed, or `settings` are no TimeLapseSettings.
 
+    Warns
+    -----
+    Seismo3dWarning
+        If the monitor is no more like the base than another cube would be.
+
     References
     ----------
     .. [1] B. D. Lucas, T. Kanade, Proc. 7th IJCAI, 674-679, 1981.
@@ -133,12 +144,16 @@ def align_cubes(
     source, known_source = _prepare(monitor)
     if not (known_target.any(axis=2) & known_source.any(axis=2)).any():
         raise GeometryError("base and monitor have no live trace in common; expected the same survey.")
-    correlation = _correlate_lags(target, source)
-    _check_polarity(correlation)
+    correlation = _correlate_lags(target, source) / max(float(np.mean(known_target & known_source)), 1e-6)
     coarse = _register(target, source, settings)
     start = _choose_start(target, source, known_target, known_source, coarse, _best_lag(correlation))
     shift = np.empty((3, *target.shape), np.float32)
     shift[:] = start.astype(np.float32)[:, None, None, None]
+    whole = _likeness(target, source, known_target, known_source, shift)
+    alike, opposed = float(correlation[1:-1].max()), -float(correlation[1:-1].min())
+    if whole > opposed:  # farther off than the lags reach
+        alike = max(alike, whole)
+    _check_polarity(alike, opposed)
     variance = np.zeros_like(shift)
     steps = len(settings.levels) * settings.passes
     for number, width in enumerate(settings.levels):
@@ -149,6 +164,9 @@ def align_cubes(
             shift, variance = _refine(first, second, *off_ends, shift, start, settings)
     variance += _unevenness(shift, settings)
     report("local shifts", 1.0)
+    fitted = _likeness(target, source, known_target, known_source, shift)
+    spread = np.sqrt(variance[2][known_target & known_source]) if (known_target & known_source).any() else np.inf
+    _warn_unlike((alike, opposed), (whole, fitted, float(np.median(spread))))
     return _pack(base, monitor, shift, variance, (coarse, start), (known_target, known_source))
 
 
@@ -236,14 +254,45 @@ def _correlate_lags(target: Float32Array, source: Float32Array) -> Float64Array:
     return np.asarray(product[np.arange(-reach, reach + 1)] / target.size, np.float64)
 
 
-def _check_polarity(correlation: Float64Array) -> None:
-    """Refuse a monitor that is more like its base with its sign changed."""
-    alike, opposed = float(correlation[1:-1].max()), -float(correlation[1:-1].min())
-    if opposed > max(_OPPOSED * alike, _TOLD):
+def _likeness(
+    target: Float32Array, source: Float32Array, known_target: BoolArray, known_source: BoolArray, shift: Float32Array
+) -> float:
+    """Correlation of the base with the shifted monitor, where both have data."""
+    carried, weight = _carry(source, known_source, shift)
+    weight *= known_target
+    both, first, second = (
+        float((weight * a * b).sum(dtype=np.float64))
+        for a, b in ((target, carried), (target, target), (carried, carried))
+    )
+    return both / max(float(np.sqrt(first * second)), 1e-30)
+
+
+def _check_polarity(alike: float, opposed: float) -> None:
+    """Refuse a monitor that is much like its base with its sign changed, and less as it is."""
+    if opposed > max(_OPPOSED * alike, _REVERSED):
         raise ParameterError(
             f"monitor is more like base with its sign changed (correlation {opposed:.2f}, {alike:.2f} as it is): its "
             "polarity is reversed. Give -monitor."
         )
+
+
+def _warn_unlike(signs: tuple[float, float], fit: tuple[float, float, float]) -> None:
+    """Warn where a monitor is hardly like its base: more so with its sign changed, or as another cube would be."""
+    (alike, opposed), (whole, fitted, spread) = signs, fit
+    if opposed > max(_OPPOSED * alike, _TOLD):
+        problem = f"monitor is more like base with its sign changed, and not much: correlation {opposed:.2f}, "
+        problem += f"{alike:.2f} as it is; expected {_REVERSED} either way"
+    elif whole < _UNLIKE and (spread > _UNEVEN or fitted < _UNFIT):
+        problem = f"monitor is no more like base than another cube is: correlation {whole:.2f} shifted as a whole, "
+        problem += f"{fitted:.2f} fitted to {spread:.1f} samples; expected {_UNLIKE} or more as a whole"
+    else:
+        return
+    warnings.warn(
+        f"{problem}. Shifts and their standard deviations tell nothing if they are of other surveys, of reversed "
+        "polarity, or farther apart than a quarter of a trace: check that.",
+        Seismo3dWarning,
+        stacklevel=3,
+    )
 
 
 def _best_lag(correlation: Float64Array) -> float:

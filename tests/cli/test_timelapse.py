@@ -49,3 +49,14 @@ def test_options_on_how_cubes_are_read_are_for_both(tmp_path: Path, capsys: pyte
     np.testing.assert_allclose(shift[shift.dims[2]].values[:2], [400.0, 405.0])
     options = json.loads((tmp_path / "out" / "run.json").read_text())["options"]
     assert options == {"interval": 5.0, "start": 400.0, "variable": "meant"}
+
+
+@pytest.mark.filterwarnings("default")
+def test_an_unrelated_monitor_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    base, monitor = np.random.default_rng(0).normal(size=(2, 16, 16, 48))
+    for name, cube in (("base", base), ("monitor", monitor)):
+        np.save(tmp_path / f"{name}.npy", cube)
+    words = ["timelapse", *(str(tmp_path / f"{name}.npy") for name in ("base", "monitor")), "-o", str(tmp_path / "out")]
+    assert _run([*words, "--interval", "4"], debug=False) == 0
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "no more like base" in line]
+    assert "correlation" in line

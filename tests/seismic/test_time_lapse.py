@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 from scipy import ndimage
 
-from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.errors import GeometryError, ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.plot import time_lapse_section
 from seismo3d.seismic import time_lapse
 from seismo3d.seismic.time_lapse import CubeAlignment, TimeLapseSettings, align_cubes
@@ -229,3 +229,41 @@ def test_shifts_hold_to_the_ends_of_the_traces(rng: np.random.Generator, dip: fl
     found = align_cubes(base + noise[0], monitor + noise[1])
     inner = np.asarray(found.shift)[6:-6, 6:-6]
     np.testing.assert_allclose(np.median(inner, axis=(0, 1))[[20, 70, 80, 90]], [0.0, 1.0, 1.0, 1.0], atol=0.2)
+
+
+def test_another_cube_is_told_and_a_noisy_monitor_is_not(folded: SyntheticCube, rng: np.random.Generator) -> None:
+    base = np.array(folded.seismic)
+    noise = ndimage.gaussian_filter1d(rng.normal(size=SHAPE), 1.5, axis=2)
+    noise *= base.std() / noise.std()
+    other = make_cube(recipe_of("folded", shape=SHAPE, population=None, wavelength=(14.0, 14.0)), seed=7).seismic
+    for unrelated in (noise, other):
+        with pytest.warns(Seismo3dWarning, match="monitor is no more like base than another cube is") as told:
+            align_cubes(base, unrelated)
+        assert len(told) == 1
+    # warnings are errors here
+    assert np.median(align_cubes(base, np.roll(base, 2, axis=2) + 3.0 * noise).shift[INNER]) == pytest.approx(2, abs=1)
+
+
+def test_a_muted_cube_is_as_like_as_a_whole_one(folded: SyntheticCube) -> None:
+    base = np.array(folded.seismic)
+    base[:, :, :40] = 0.0
+    with pytest.raises(ParameterError, match=r"polarity is reversed"):
+        align_cubes(base, -base)
+
+
+def test_a_far_monitor_is_not_told_that_its_polarity_is_reversed() -> None:
+    base = make_cube(recipe_of("clean", shape=(24, 24, 64)), seed=1).seismic
+    far = np.roll(base, 21, axis=2)
+    # within a quarter of the traces it is most like the base with its sign changed
+    correlation = time_lapse._correlate_lags(*(time_lapse._prepare(cube)[0] for cube in (base, far)))
+    assert -correlation[1:-1].min() > 0.35 > 1.25 * correlation[1:-1].max()
+    found = align_cubes(base, far, settings=TimeLapseSettings(levels=(0.0,)))
+    np.testing.assert_allclose(found.start, [0.0, 0.0, 21.0], atol=0.1)
+
+
+def test_a_monitor_reversed_and_noisy_is_told_so(folded: SyntheticCube, rng: np.random.Generator) -> None:
+    base = np.array(folded.seismic)
+    noise = ndimage.gaussian_filter1d(rng.normal(size=SHAPE), 1.5, axis=2)
+    noise *= 2.0 * base.std() / noise.std()
+    with pytest.warns(Seismo3dWarning, match="monitor is more like base with its sign changed, and not much"):
+        align_cubes(base, noise - base, settings=TimeLapseSettings(levels=(0.0,)))
