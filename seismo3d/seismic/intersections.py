@@ -24,6 +24,8 @@ _THROUGH = 0.2
 _ON = 1.5
 # planes are told at vertices this far off the line, in voxels: nearer to it a surface bridges what the other has parted
 _OFF_LINE, _AROUND = 10.0, 30.0
+# two that both end meet where the sine of the angle between them is more: 30 degrees
+_ANGLED = 0.5
 # points this close together, in voxels, are neighbours along a line: on a bridge it wavers to and fro within that
 _NEIGHBOURS = 8.0
 # more points than this are thinned before a line is measured
@@ -84,7 +86,8 @@ def find_intersections(
 
     A surface is a height field over its strike. The line is where the height of one above the other changes sign. Both
     are carried on by `reach` beyond their edges, so that a fault that was lost just before the one it ends at still
-    meets it; what lies beyond the edges of both is left out.
+    meets it; two that both end meet where each has its edge within `reach` of the line and lies on one side of it. What
+    else lies beyond the edges of both is left out.
 
     Parameters
     ----------
@@ -104,7 +107,7 @@ def find_intersections(
     found = []
     for (a, one), (b, other) in combinations(enumerate(ready, start=1), 2):
         if _boxes_meet(one.surface, other.surface, reach):
-            line = _meet(one, other, frame)
+            line = _meet(one, other, frame, reach)
             if line is not None:
                 points, segments, length, angle = line
                 through = _goes_through(one, other, points), _goes_through(other, one, points)
@@ -136,7 +139,9 @@ def _boxes_meet(one: FaultSurface, other: FaultSurface, reach: int) -> bool:
     return bool((low <= high).all())
 
 
-def _meet(one: _Meeting, other: _Meeting, frame: IndexFrame) -> tuple[Float64Array, Int64Array, float, float] | None:
+def _meet(
+    one: _Meeting, other: _Meeting, frame: IndexFrame, reach: int
+) -> tuple[Float64Array, Int64Array, float, float] | None:
     """Points, segments, length and angle of the line in which two surfaces meet; None where they do not."""
     vertices, cells = one.grid.triangulate()
     offset = _height_above(other.grid, vertices)
@@ -146,7 +151,13 @@ def _meet(one: _Meeting, other: _Meeting, frame: IndexFrame) -> tuple[Float64Arr
         return None
     points, segments = cut.points[:, :3], cut.segments
     middle = points[segments].mean(axis=1)
-    segments = segments[_covers(one, middle) | _covers(other, middle)]
+    covered = _covers(one, middle) | _covers(other, middle)
+    line = points[np.unique(segments[covered])]
+    if not len(line):
+        covered = _is_corner(one, other, middle, reach)
+    elif not (_goes_through(one, other, line) or _goes_through(other, one, line)):
+        covered |= _is_corner(one, other, middle, reach) & (cKDTree(line).query(middle)[0] > reach)
+    segments = segments[covered]
     if not len(segments):
         return None
     used, numbers = np.unique(segments, return_inverse=True)
@@ -210,6 +221,21 @@ def _covers(meeting: _Meeting, points: Float64Array) -> BoolArray:
     turns = np.stack([_turn(a, b, p), _turn(b, c, p), _turn(c, a, p)])
     inside: BoolArray = np.asarray((turns >= -1e-9).all(axis=0) | (turns <= 1e-9).all(axis=0))
     return np.asarray(inside.any(axis=1))
+
+
+def _is_corner(one: _Meeting, other: _Meeting, points: Float64Array, reach: int) -> BoolArray:
+    """Whether two surfaces that both end do so within reach of points, at an angle: not side by side, or end to end."""
+    inside = np.ones(len(points), bool)
+    nearest = [meeting.tree.query(points) for meeting in (one, other)]
+    first, second = (m.surface.normals[at] for m, (_, at) in zip((one, other), nearest, strict=True))
+    line = np.cross(first, second)
+    size = np.linalg.norm(line, axis=1)
+    line = line / np.maximum(size, 1e-30)[:, None]
+    for meeting, (distance, at) in zip((one, other), nearest, strict=True):
+        # beyond an end of the line the nearest vertex lies back along it
+        beyond = np.abs(((points - meeting.surface.vertices[at]) * line).sum(axis=1))
+        inside &= (distance <= reach) & (beyond <= 0.5 * meeting.spacing)
+    return np.asarray(inside & (size > _ANGLED))
 
 
 def _turn(a: Float64Array, b: Float64Array, p: Float64Array) -> Float64Array:

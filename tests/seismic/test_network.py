@@ -99,6 +99,32 @@ def test_who_ends_at_whom() -> None:
     assert (line.kind, line.abutting) == ("corner", 0)
 
 
+@pytest.mark.parametrize("gap", [-0.3, 0.0, 1.0, 2.5])
+def test_two_that_both_end_meet_over_a_gap(gap: float) -> None:
+    faults = make_faults(make_cube())
+    first, second = faults.surfaces
+    (whole,) = network_of(faults, first, second).intersections
+    ends = []
+    for surface, (axis, centre, cot) in ((first, (0, 15.0, COT75)), (second, (1, 20.0, COT63))):
+        off = surface.vertices[:, axis] - (centre + (surface.vertices[:, 2] - 24.5) * cot)
+        ends.append(without_loose(cut_short(surface, off >= gap)))
+    (line,) = network_of(faults, *ends).intersections
+    assert (line.kind, line.abutting) == ("corner", 0)
+    # an edge of triangles two voxels wide, at either end
+    assert line.length == pytest.approx(whole.length, abs=5.0)
+
+
+def test_one_fault_cut_in_two_and_a_near_parallel_one_do_not_meet_as_corners() -> None:
+    faults = make_faults(make_cube())
+    first = plane_surface(axis=1, centre=20.0, dip_deg=70.0, throw=4.0)
+    beside = plane_surface(axis=1, centre=22.0, dip_deg=74.0, throw=4.0)
+    upper, lower = (
+        without_loose(cut_short(s, keep))
+        for s, keep in ((first, first.vertices[:, 2] <= 23.0), (beside, beside.vertices[:, 2] >= 25.0))
+    )
+    assert network_of(faults, upper, lower).intersections == ()
+
+
 def test_parallel_faults_do_not_meet_and_are_one_set() -> None:
     faults = make_faults(make_cube())
     surfaces = [plane_surface(axis=1, centre=c, dip_deg=70.0, throw=4.0) for c in (10.0, 16.0, 30.0)]
