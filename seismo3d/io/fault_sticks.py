@@ -183,12 +183,15 @@ class _Repeats:
         self._met: dict[tuple[str, int], set[float | None]] = {}
         self._in_a_row: set[tuple[str, int]] = set()
         self._last: tuple[str, int] | None = None
+        self._order: float | None = None
 
     def turn_of(self, fault: str, stick: int, order: float | None) -> int:
         """Return how many sticks of this fault and number end before the next node."""
         key = fault, stick
         met = self._met.setdefault(key, set())
         follows = key == self._last
+        # an index that does not change from node to node is none
+        order = None if follows and order == self._order else order
         # sticks without indices may be listed node by node, one of each in turn
         if (order in met) if order is not None else (key in self._in_a_row and not follows):
             self._turns[key] = self._turns.get(key, 0) + 1
@@ -196,7 +199,9 @@ class _Repeats:
             self._in_a_row.discard(key)
         elif follows:
             self._in_a_row.add(key)
-        met.add(order)
+        if order is not None:
+            met.add(order)
+            self._order = order
         self._last = key
         return self._turns.get(key, 0)
 

@@ -87,6 +87,12 @@ def test_sticks_may_be_listed_node_by_node(tmp_path: Path, form: str) -> None:
     assert [(s.number, s.points[:, 2].tolist()) for s in found] == [(n, [100, 200, 300]) for n in (1, 2, 3)]
 
 
+def test_an_index_that_never_changes_is_none(tmp_path: Path) -> None:
+    lines = [f"F1 {x} 0 {z} {x} 1" for x in (1, 2) for z in (100, 200, 300)]
+    found = read_sticks(text(tmp_path, "\n".join(lines) + "\n"))
+    assert [(s.number, s.points[:, 2].tolist()) for s in found] == [(n, [100, 200, 300]) for n in (1, 2)]
+
+
 def test_a_fault_may_be_called_by_a_number(tmp_path: Path) -> None:
     path = tmp_path / "numbered.txt"
     path.write_text("12\t500\t600\t100\t1\t1\n12\t500\t601\t120\t1\t2\n")
