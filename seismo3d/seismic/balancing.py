@@ -23,10 +23,10 @@ _RANGE = 12.0
 _SAMPLES, _KEPT = 512, 0.9
 # decibels that a trace may lie off the others, and traces around it that it is compared with
 _OFF, _AROUND = 8.0, 4.0
-# decibels below its neighbours, and below the strong ones of the cube, from which on a trace is but what a filter has
-# left of a dead one, and how many times as far as others lie off theirs that is at least
+# decibels below its neighbours, and, if like none of them, below the strong ones of the cube, from which on a trace is
+# but what a filter has left of a dead one, and how many times as far as others lie off theirs that is at least
 _DEAD, _FAR = (40.0, 60.0), 5.0
-# decibels below the strong ones from which on it is that where it is like no neighbour
+# decibels below the strong ones that this takes where these are like their neighbours
 _HOLLOW = 25.0
 # decibels off the others beyond which a trace lies no farther off in what is usual around it
 _MOST = 60.0
@@ -141,9 +141,9 @@ def find_trace_gains(strengths: AnyArray, likeness: AnyArray) -> Float32Array | 
     faults and layers change the strength of one by little. Of what a trace lies off the cube's median by more than 8
     dB, the less is left the more it is: of 20 dB no more than 1.3. So it is with what it then lies off its neighbours,
     by less than 8 dB where traces scatter by more than 2 dB by themselves. Traces are dead that are 40 dB weaker than
-    their neighbours, or 60 dB than the strong ones, but where others scatter by a fifth of that, or 25 dB and like no
-    neighbour; and traces of noise, which are half as like their neighbours, or less, as the traces around are like
-    theirs.
+    their neighbours, but where others scatter by a fifth of that; those like no neighbour that are 25 dB weaker than
+    the strong ones, or 60 where these are like none either; and traces of noise, which are half as like their
+    neighbours, or less, as the traces around are like theirs.
 
     Parameters
     ----------
@@ -168,8 +168,9 @@ def find_trace_gains(strengths: AnyArray, likeness: AnyArray) -> Float32Array | 
     scatter = robust_scale(own[some & (level > -_MOST)])
     beside, below = (max(least, _FAR * scatter) for least in _DEAD)
     usual = likeness[some & (level > -_HOLLOW) & np.isfinite(likeness)]
-    hollow = (level < -_HOLLOW) & ~(likeness > _LIKE) & bool(len(usual) and np.median(usual) > _LIKE)
-    empty |= some & ((own < -beside) | (level < -below) | hollow)
+    below = _HOLLOW if len(usual) and np.median(usual) > _LIKE else below
+    # the strong ones may be too strong: what is like its neighbours is data, however much weaker
+    empty |= some & ((own < -beside) | ((level < -below) & ~(likeness > _LIKE)))
     live = some & ~empty
     level[~live] = 0.0
     level[live] -= np.median(level[live])

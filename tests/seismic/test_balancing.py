@@ -188,10 +188,11 @@ def test_a_single_loud_trace_and_what_is_left_of_dead_ones():
     assert gains[5, 5] == 1.0
 
 
-def test_a_border_of_next_to_nothing_is_dead():
+@pytest.mark.parametrize("likeness", [0.4, 0.9])
+def test_a_border_of_next_to_nothing_is_dead(likeness):
     level = np.zeros((60, 60))
     level[:, 40:] = -200.0
-    gains = gains_of(10.0 ** (level / 20.0))
+    gains = find_trace_gains(10.0 ** (level / 20.0), np.where(level < 0.0, 0.3, likeness))
     assert (gains[:, :40] == 1.0).all()
     assert not gains[:, 40:].any()
 
@@ -213,18 +214,23 @@ def test_a_line_of_enormous_strength_takes_no_other_with_it():
     assert (gains[12] > 0.0).all()
 
 
+def test_many_lines_of_enormous_strength_make_no_others_dead():
+    level = np.zeros((80, 60))
+    level[30:45] = 120.0
+    gains = gains_of(10.0 ** (level / 20.0))
+    assert (gains > 0.0).all()
+    np.testing.assert_allclose(20.0 * np.log10(gains[30:45]), -120.0, atol=1.0)
+
+
 def test_traces_of_any_gain_are_made_ready_alike(rng):
     trace = np.convolve(rng.normal(size=300), np.hanning(9), "same")[50:250]
     volume = (trace + 0.05 * rng.normal(size=(24, 24, 200))).astype(np.float32)
     plain, *_ = clean_volume(volume.copy())
     gains = 10.0 ** (12.0 * rng.normal(size=(24, 24, 1)) / 20.0)
-    gains[3, 4] = 1e-5
+    gains[3, 4] = 1e-4
     found, valid, *_ = clean_volume((volume * gains).astype(np.float32))
-    assert not valid[3, 4].any()
-    assert not found[3, 4].any()
-    told = valid.all(axis=2)
-    assert told.sum() == 24 * 24 - 1
-    assert np.corrcoef(plain[told].ravel(), found[told].ravel())[0, 1] > 0.98
+    assert valid.all()
+    assert np.corrcoef(plain.ravel(), found.ravel())[0, 1] > 0.98
 
 
 # ----- traces of noise
