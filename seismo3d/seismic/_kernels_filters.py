@@ -94,29 +94,34 @@ def _bridge(own, there, row):  # type: ignore[no-untyped-def]
     return first, last
 
 
+@njit(cache=True, nogil=True)
+def _correlate(row, taps, there, first, last, out):  # type: ignore[no-untyped-def]
+    """Write a trace, given with half of the taps beyond either end, correlated with them where it is valid."""
+    for t in range(len(taps)):
+        weight = taps[t]
+        for k in range(first, last + 1):
+            out[k] += weight * row[k + t]
+    for k in range(first, last + 1):
+        if not there[k]:
+            out[k] = np.float32(0.0)
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def filter_known(volume, valid, taps, out):  # type: ignore[no-untyped-def]
     """Correlate traces with the taps; 0 where they are not valid. The first and the last valid sample repeat."""
     n0, n1, n2 = volume.shape
     half = len(taps) // 2
-    zero = np.float32(0.0)
     for i in prange(n0):
         row = np.empty(n2 + 2 * half, np.float32)
         for j in range(n1):
             there = valid[i, j]
-            out[i, j] = zero
+            out[i, j] = np.float32(0.0)
             first, last = _bridge(volume[i, j], there, row[half : half + n2])
             if first > last:
                 continue
             row[: half + first] = row[half + first]
             row[half + last + 1 :] = row[half + last]
-            for t in range(2 * half + 1):
-                weight = taps[t]
-                for k in range(n2):
-                    out[i, j, k] += weight * row[k + t]
-            for k in range(n2):
-                if not there[k]:
-                    out[i, j, k] = zero
+            _correlate(row, taps, there, first, last, out[i, j])
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -143,13 +148,7 @@ def filter_carried(volume, valid, taps, beyond, out):  # type: ignore[no-untyped
                     above += beyond[t, k] * row[first + half + k]
                     below += beyond[t, k] * row[last + half - k]
                 row[first + half - 1 - t], row[last + half + 1 + t] = above, below
-            for t in range(2 * half + 1):
-                weight = taps[t]
-                for k in range(first, last + 1):
-                    out[i, j, k] += weight * row[k + t]
-            for k in range(first, last + 1):
-                if not there[k]:
-                    out[i, j, k] = zero
+            _correlate(row, taps, there, first, last, out[i, j])
 
 
 @njit(cache=True, nogil=True, parallel=True)

@@ -39,15 +39,19 @@ class Whitening(NamedTuple):
     spectrum : ndarray of shape (n,), float64, or None
         Mean amplitude spectrum of the filtered traces, at frequencies evenly spread from 0 to half a cycle a sample:
         that of the wavelet that is left. None where there are no traces to tell it.
-    period : float
-        Samples in the shortest period of note: nine tenths of the power of the filtered traces have longer ones. 0
-        where there are no traces.
     """
 
     taps: Float32Array
     beyond: Float32Array | None = None
     spectrum: Float64Array | None = None
-    period: float = 0.0
+
+    @property
+    def period(self) -> float:
+        """Samples in the shortest period of note: nine tenths of the filtered traces' power have longer ones.
+
+        0 where there are no traces.
+        """
+        return 0.0 if self.spectrum is None else _shortest_period(self.spectrum**2)
 
 
 def whiten(volume: Float32Array, valid: BoolArray, *, carried: bool = False) -> tuple[Float32Array, Whitening]:
@@ -145,8 +149,7 @@ def whitening_of(first: Float64Array, second: Float64Array, known: BoolArray, *,
     if not power.max() > 0.0:
         return Whitening(_identity(half), beyond)
     taps = _design_taps(_smooth_spectrum(power), _smooth_spectrum(cross), half)
-    spectrum = np.sqrt(power) * np.abs(np.fft.rfft(taps, n_fft))
-    return Whitening(taps, beyond, spectrum, _shortest_period(spectrum**2))
+    return Whitening(taps, beyond, np.sqrt(power) * np.abs(np.fft.rfft(taps, n_fft)))
 
 
 def _shortest_period(power: Float64Array) -> float:
