@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
+from seismo3d._typing import Float64Array
 from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.plot.drawing import BLUE, draw_rose, new_axes
 from seismo3d.plot.traces_of_faults import display_throw
@@ -66,8 +68,7 @@ def throw_histogram(faults: Any, *, ax: Any = None) -> Any:
     weight = np.concatenate(weights) if weights else np.zeros(0)
     known = np.isfinite(throw)
     if known.any():
-        low, high = np.percentile(throw[known], [0.5, 99.5])
-        edges = np.linspace(low, high if high > low else low + 1.0, 31)
+        edges = _bin_edges(*np.percentile(throw[known], [0.5, 99.5]))
         shares = 100.0 * weight[known] / weight[known].sum()
         ax.hist(
             np.clip(throw[known], edges[0], edges[-1]),
@@ -83,3 +84,12 @@ def throw_histogram(faults: Any, *, ax: Any = None) -> Any:
     ax.set_title(f"Throw ({unknown:.0f} % of the area unknown)", fontsize="medium")
     ax.spines[["top", "right"]].set_visible(False)
     return ax
+
+
+def _bin_edges(low: float, high: float) -> Float64Array:
+    """Edges of up to 30 bars, each at least a sixtieth of the axis, which holds zero: thinner ones are not seen."""
+    axis = max(high, 0.0) - min(low, 0.0) or 1.0
+    width = max((high - low) / 30, axis / 60)
+    n = max(math.ceil((high - low) / width - 1e-9), 1)
+    middle = (low + high) / 2
+    return np.linspace(middle - n * width / 2, middle + n * width / 2, n + 1)

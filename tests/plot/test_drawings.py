@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import matplotlib as mpl
@@ -162,6 +163,20 @@ def test_throw_histogram_is_weighted_by_area(ax: Any) -> None:
     centres = np.array([p.get_x() + p.get_width() / 2 for p in ax.patches])
     assert heights.sum() == pytest.approx(100.0)
     assert heights[centres < 0].sum() == pytest.approx(100 * 1413 / (1413 + 1090), abs=1.0)
+
+
+@pytest.mark.parametrize(("throw", "spread"), [(24.0, 0.2), (-24.0, 0.0), (0.0, 0.0)])
+def test_bars_of_throws_that_are_alike_are_wide_enough_to_be_seen(ax: Any, throw: float, spread: float) -> None:
+    faults = make_faults(make_cube())
+    surface = faults.surfaces[0]
+    throws = (np.linspace(throw - spread, throw + spread, len(surface.throw)) / 4.0).astype(np.float32)
+    plot.throw_histogram(replace(faults, surfaces=(replace(surface, throw=throws),)), ax=ax)
+    assert sum(bar.get_height() for bar in ax.patches) == pytest.approx(100.0)
+    left, right = ax.get_xlim()
+    # of an axis some 400 pixels wide, with an edge of half a point on both sides
+    assert min(bar.get_width() for bar in ax.patches) > (right - left) / 80
+    drawn = [bar.get_x() + bar.get_width() / 2 for bar in ax.patches if bar.get_height() > 0]
+    np.testing.assert_allclose(drawn, throw, atol=0.3)
 
 
 def test_empty_fault_set_draws_everywhere(ax: Any) -> None:
