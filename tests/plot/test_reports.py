@@ -5,6 +5,7 @@ import io
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from seismo3d import plot
 from seismo3d.errors import ShapeError
 from seismo3d.plot import rendering
 from seismo3d.plot.picture_set import save_pictures
+from seismo3d.plot.run_reports import ReportPage, write_page
 from seismo3d.seismic.faultset import FaultSet
 
 
@@ -144,3 +146,20 @@ def test_report_refuses_faults_of_another_cube(tmp_path: Path) -> None:
     cube = make_cube()
     with pytest.raises(ShapeError, match="Give the cube"):
         plot.write_report(tmp_path / "r.html", cube[:4], faults=make_faults(cube))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+@pytest.mark.parametrize("width", [1300, 900, 400])
+def test_key_numbers_stay_within_their_tiles(browser: Any, tmp_path: Path, width: int) -> None:
+    numbers = [(value, "what it is") for value in ("12,345", "-1,230 ft", "12.35 km", "51°", "134° / 314°", "2.73 %")]
+    path = write_page(tmp_path / "report.html", ReportPage("Faults", "in a cube", numbers))
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto(path.as_uri())
+    rooms = page.evaluate("""() => [...document.querySelectorAll(".numbers b")].map((number) => {
+        const text = document.createRange();
+        text.selectNodeContents(number);
+        return number.getBoundingClientRect().right - text.getBoundingClientRect().right;
+    })""")
+    page.close()
+    assert len(rooms) == 6
+    assert min(rooms) >= 0

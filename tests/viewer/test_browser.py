@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,24 +15,6 @@ from seismo3d.viewer.storage import open_session
 pytest.importorskip("trame_vtk")
 playwright = pytest.importorskip("playwright.sync_api")
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
-
-_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-_FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Chromium of the system: SEISMO3D_CHROMIUM names it, else it is searched for."""
-    # Debian's own launcher is a script around this file
-    inner = Path("/usr/lib/chromium/chromium")
-    found = os.environ.get("SEISMO3D_CHROMIUM") or (str(inner) if inner.is_file() else None)
-    found = found or next(filter(None, map(shutil.which, _NAMES)), None)
-    if found is None:
-        pytest.skip("no Chromium on this machine: set SEISMO3D_CHROMIUM to one")
-    with playwright.sync_playwright() as driver:
-        opened = driver.chromium.launch(executable_path=found, args=_FLAGS)
-        yield opened
-        opened.close()
 
 
 @pytest.fixture
