@@ -83,16 +83,24 @@ def _row(number: int, surface: FaultSurface, geometry: SurveyGeometry | SectionG
     row: dict[str, Any] = {
         "fault": number,
         "confidence": float(surface.confidence),
-        "likelihood_mean": _mean(surface.likelihood, weights),
+        "likelihood_mean": weighted_mean(surface.likelihood, weights),
     }
     row |= _size(surface, geometry)
     if isinstance(geometry, SurveyGeometry):
         row["strike_deg"] = mean_strike_deg(surface.strike_deg, weights)
-    row["dip_deg"] = _mean(surface.dip_deg, weights)
+    row["dip_deg"] = weighted_mean(surface.dip_deg, weights)
     return row | _throws(surface, weights) | _slips(surface, geometry, weights) | _extents(surface, geometry, cube)
 
 
-def _mean(values: AnyArray, weights: Float64Array) -> float:
+def weighted_mean(values: AnyArray, weights: Float64Array) -> float:
+    """Mean of the values that are known, by weight; NaN where there is none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> weighted_mean(np.array([1.0, 4.0, np.nan]), np.array([2.0, 1.0, 5.0]))
+    2.0
+    """
     values = np.asarray(values, dtype=np.float64)
     known = np.isfinite(values)
     total = weights[known].sum()
@@ -117,7 +125,7 @@ def _size(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry) -> 
 def _throws(surface: FaultSurface, weights: Float64Array) -> dict[str, Any]:
     throw = np.asarray(surface.throw, dtype=np.float64)
     known = np.isfinite(throw)
-    mean = _mean(throw, weights)
+    mean = weighted_mean(throw, weights)
     largest = float(throw[known][np.abs(throw[known]).argmax()]) if known.any() else float("nan")
     row = {"throw_mean_samples": mean, "throw_max_samples": largest}
     if surface.sample_unit != "samples":
@@ -126,7 +134,11 @@ def _throws(surface: FaultSurface, weights: Float64Array) -> dict[str, Any]:
             f"throw_max_{surface.sample_unit}": largest * surface.sample_interval,
         }
     share = float(weights[known].sum() / weights.sum()) if weights.sum() > 0 else 0.0
-    return row | {"throw_known": share, "throw_fit": _mean(surface.throw_fit, weights), "kind": _kind(throw, weights)}
+    return row | {
+        "throw_known": share,
+        "throw_fit": weighted_mean(surface.throw_fit, weights),
+        "kind": _kind(throw, weights),
+    }
 
 
 def measure_slip(
@@ -188,16 +200,18 @@ def _slips(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometry, we
         row = {
             "family": surface.family,
             "generation": surface.generation,
-            "dip_slip_mean_index": _mean(surface.dip_slip, weights),
-            "strike_slip_mean_index": _mean(surface.strike_slip, weights),
+            "dip_slip_mean_index": weighted_mean(surface.dip_slip, weights),
+            "strike_slip_mean_index": weighted_mean(surface.strike_slip, weights),
             "rake_deg": float(np.degrees(np.angle(turned))) if known.any() else float("nan"),
             "slip_certainty": float(surface.slip_certainty),
         }
     if not geometry.has_map:
         return row
     (heave, along), unit = measure_slip(surface, geometry), geometry.length_unit
-    row[f"heave_mean_{unit}"] = _mean(np.abs(heave), weights)
-    return row | ({f"strike_slip_mean_{unit}": _mean(along, weights)} if isinstance(geometry, SurveyGeometry) else {})
+    row[f"heave_mean_{unit}"] = weighted_mean(np.abs(heave), weights)
+    return row | (
+        {f"strike_slip_mean_{unit}": weighted_mean(along, weights)} if isinstance(geometry, SurveyGeometry) else {}
+    )
 
 
 def _kind(throw: Float64Array, weights: Float64Array) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-import numpy as np
-
 from seismo3d._typing import AnyArray
+from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.plot.traces_of_faults import display_throw
+from seismo3d.seismic.fault_table import weighted_mean
+from seismo3d.seismic.faultset import FaultSurface
 from seismo3d.viewer.colours import Scale
 from seismo3d.viewer.interpretation import Fault, Interpretation
 from seismo3d.viewer.panels import HORIZON_COLOURS
@@ -44,14 +46,15 @@ def _fault_row(fault: Fault, scale: Scale) -> dict[str, Any]:
         "kind": "fault",
         "name": f"fault {fault.number}",
         "area": round(fault.surface.area),
-        "throw": _mean(throw),
+        "throw": _mean(fault.surface, throw),
         "unit": unit,
-        "dip": _mean(fault.surface.dip_deg),
+        "dip": _mean(fault.surface, fault.surface.dip_deg),
         "confidence": round(float(fault.surface.confidence), 2),
         "colour": scale.shade(fault.number - 1) if scale.attribute == "fault" else "",
     }
 
 
-def _mean(values: AnyArray) -> float | None:
-    known = values[np.isfinite(values)]
-    return round(float(known.mean()), 1) if len(known) else None
+def _mean(surface: FaultSurface, values: AnyArray) -> float | None:
+    """Mean by area, as in faults.csv."""
+    mean = weighted_mean(values, weigh_vertices(surface.vertices, surface.cells))
+    return round(mean, 1) if math.isfinite(mean) else None

@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import seismo3d as s3
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.seismic.fault_table import tabulate_faults
 from seismo3d.seismic.tracks import Track
 from seismo3d.viewer.session import Session
 
@@ -60,6 +63,22 @@ def test_delete_undo_redo(session):
     assert [row["number"] for row in session.rows()] == [1, 2]
     assert session.redo() == "done again: delete 1"
     assert (session.undo(), session.undo()) == ("undone: delete 1", "nothing to undo")
+
+
+def test_means_of_the_list_are_those_of_the_table(cube, faults):
+    surface = faults.surfaces[0]
+    # most vertices lie where the throw is small, most of the area where it is large
+    vertices = surface.vertices.copy()
+    vertices[:, 2] = (
+        vertices[:, 2].min() + np.ptp(vertices[:, 2]) * np.linspace(0, 1, 20)[np.arange(len(vertices)) % 20] ** 3
+    )
+    throw = 2.0 + vertices[:, 2] / 10.0
+    crowded = replace(faults, surfaces=(replace(surface, vertices=vertices, throw=throw.astype(np.float32)),))
+    row = tabulate_faults(crowded, cube)[0]
+    listed = Session(cube, crowded).rows()[0]
+    assert (listed["throw"], listed["unit"]) == (pytest.approx(row["throw_mean_ms"], abs=0.05), "ms")
+    assert listed["dip"] == pytest.approx(row["dip_deg"], abs=0.05)
+    assert abs(4.0 * throw.mean() - row["throw_mean_ms"]) > 1.0
 
 
 def test_merge_selects_the_new_fault(session):
