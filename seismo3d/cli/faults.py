@@ -160,7 +160,7 @@ def _write_unfaulted(cube: Any, faults: Any, folder: Path, clock: Progress) -> N
     for name, line in list(most_faulted_lines(faults, cube).items())[:2]:
         figure = Figure(figsize=(14.0, 5.6), layout="constrained")
         unfaulted_section(cube, found, faults=faults, axes=figure.subplots(1, 2), **{name: line})
-        figure.savefig(folder / f"unfaulted_{name}_{line:g}.png", dpi=110)
+        figure.savefig(folder / f"unfaulted_{name}_{line:.8g}.png", dpi=110)
 
 
 def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, asked: dict[str, Any]) -> dict[str, float]:

@@ -38,8 +38,8 @@ def _lines(s: dict[str, Any]) -> list[tuple[str, str]]:
     ]
     for name, axis in s["axes"].items():
         unit = f" {s['unit']}" if name == s["domain"] else ""
-        step = f", step {axis['step']:g}{unit}" if axis["step"] is not None else ""
-        lines.append((name, f"{axis['first']:g} to {axis['last']:g}{unit}{step}, {axis['n']} of them"))
+        step = f", step {axis['step']:.8g}{unit}" if axis["step"] is not None else ""
+        lines.append((name, f"{axis['first']:.8g} to {axis['last']:.8g}{unit}{step}, {axis['n']} of them"))
     if s["domain_reason"]:
         lines.append(("domain", f"{s['domain']} ({s['domain_reason']})"))
     lines += _segy_lines(s.get("segy"))

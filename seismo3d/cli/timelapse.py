@@ -97,4 +97,4 @@ def _draw(base: Any, monitor: Any, found: Any, folder: Path) -> None:
         line = float(base[name].values[base.shape[axis] // 2])
         figure = Figure(figsize=(19.0, 5.0), layout="constrained")
         time_lapse_section(base, monitor, found, axes=figure.subplots(1, 4), **{str(name): line})
-        figure.savefig(folder / f"timelapse_{name}_{line:g}.png", dpi=110)
+        figure.savefig(folder / f"timelapse_{name}_{line:.8g}.png", dpi=110)

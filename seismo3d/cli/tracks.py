@@ -199,7 +199,7 @@ def _check_seeds(points: list[tuple[float, ...]], picked: list[Any], cube: Any) 
     wanted = "INLINE,CROSSLINE,TIME" if cube.ndim == 3 else "TRACE,TIME"
     for point in points:
         if len(point) != cube.ndim:
-            text = ",".join(f"{value:g}" for value in point)
+            text = ",".join(f"{value:.8g}" for value in point)
             raise ParameterError(f"--seed is {text!r}; expected {wanted} in a file of {cube.ndim} axes.")
     if picked and cube.ndim == 2:
         raise ParameterError("--horizon is given for a 2D line; it is for cubes. Give --seed TRACE,TIME.")

@@ -26,6 +26,12 @@ def new_axes(width: float, height: float) -> Any:
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
 
 
+def label_axes(ax: Any, x: str, y: str) -> None:
+    """Name both axes, and write line numbers and map coordinates in full: not as what is to be added to 1.2e6."""
+    ax.set(xlabel=x, ylabel=y)
+    ax.ticklabel_format(useOffset=False, style="plain")
+
+
 def draw_rose(
     strike: Float64Array, weight: Float64Array, *, bin_deg: float, names: Sequence[str], title: str, ax: Any = None
 ) -> Any:
@@ -104,8 +110,7 @@ def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float, aspect
         interpolation="antialiased",
         interpolation_stage="rgba",
     )
-    ax.set_xlabel(picture.column_name)
-    ax.set_ylabel(picture.row_name)
+    label_axes(ax, picture.column_name, picture.row_name)
     ax.set_title(picture.title, loc="left", fontsize="medium")
     if not picture.live.all():
         _note_missing(ax, picture)

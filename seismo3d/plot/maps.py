@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d.errors import GeometryError, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.plot.drawing import draw_amplitudes, draw_faults, new_axes
+from seismo3d.plot.drawing import draw_amplitudes, draw_faults, label_axes, new_axes
 from seismo3d.plot.pictures import Picture, axis_coordinates, axis_labels, live_traces, name_axes, take_picture
 from seismo3d.plot.traces_of_faults import check_colour, cut_faults, display_throw, value_colours
 from seismo3d.seismic.cube_checks import check_faults_of
@@ -123,7 +123,8 @@ def throw_map(faults: Any, cube: Any, *, ax: Any = None) -> Any:
         )
     unit = display_throw(faults.surfaces[0])[1] if faults.surfaces else "samples"
     ax.figure.colorbar(colours, ax=ax, label=f"Throw ({unit})", pad=0.02, shrink=0.8)
-    ax.set(xlim=(left, right), ylim=(bottom, top), xlabel=picture.column_name, ylabel=picture.row_name)
+    ax.set(xlim=(left, right), ylim=(bottom, top))
+    label_axes(ax, picture.column_name, picture.row_name)
     ax.set_aspect(_bin_aspect(cube, picture))
     ax.set_title("Throw, seen from above", loc="left", fontsize="medium")
     return ax

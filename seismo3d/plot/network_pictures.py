@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d.errors import ShapeError
-from seismo3d.plot.drawing import new_axes
+from seismo3d.plot.drawing import label_axes, new_axes
 from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.pictures import axis_coordinates, axis_labels
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS
@@ -138,7 +138,7 @@ def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | 
         for end, marker in ((0, "o"), (-1, "s")):
             place = x[path.voxels[end, across]], y[path.voxels[end, down]]
             ax.plot(*place, marker, color="#e6194b", markeredgecolor="white", markersize=8)
-        ax.set(xlabel=labels[across], ylabel=labels[down])
+        label_axes(ax, labels[across], labels[down])
         ax.set_ylim(max(y), min(y)) if down == 2 else ax.invert_yaxis()
         ax.locator_params(axis="x", nbins=6)
     axes[0].set_title(
@@ -235,7 +235,7 @@ def _frame(ax: Any, cube: Any) -> None:
     labels = axis_labels(cube)
     rows, columns = axis_coordinates(cube, 0), axis_coordinates(cube, 1)
     ax.set_facecolor("white")
-    ax.set(xlabel=labels[1], ylabel=labels[0])
+    label_axes(ax, labels[1], labels[0])
     ax.set_xlim(columns[0], columns[-1])
     ax.set_ylim(rows[-1], rows[0])
     ax.locator_params(axis="x", nbins=6)

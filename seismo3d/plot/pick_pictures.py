@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.plot.drawing import new_axes
+from seismo3d.plot.drawing import label_axes, new_axes
 
 
 def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any = None) -> Any:
@@ -49,7 +49,8 @@ def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any
         lines = [geometry.index_to_lines(place_stick(stick, faults.labels))[:, [1, 0]] for stick in chosen]
         ax.add_collection(LineCollection(lines, colors=colour, linewidths=1.4))
     inlines, crosslines = geometry.inline.coordinates(), geometry.crossline.coordinates()
-    ax.set(xlabel="Crossline", ylabel="Inline", xlim=(crosslines[0], crosslines[-1]), ylim=(inlines[-1], inlines[0]))
+    label_axes(ax, "Crossline", "Inline")
+    ax.set(xlim=(crosslines[0], crosslines[-1]), ylim=(inlines[-1], inlines[0]))
     ax.legend(
         handles=[
             Patch(color="0.55", alpha=0.5, label="traced, near picks"),
@@ -104,7 +105,7 @@ def pick_distance_map(
     ax.plot(*here[~common][:, across].T, ",", color="black")
     drawn = ax.scatter(*here[common][:, across].T, c=down, s=4, cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
     ax.figure.colorbar(drawn, ax=ax, label=f"Track below picks ({unit})", pad=0.02, shrink=0.8)
-    ax.set(xlabel="Crossline" if by_lines else "x", ylabel="Inline" if by_lines else "y")
+    label_axes(ax, *("Crossline", "Inline") if by_lines else ("x", "y"))
     if by_lines:
         ax.invert_yaxis()
     ax.set_title(f"{track.name} against {picks.name}", loc="left", fontsize="medium")

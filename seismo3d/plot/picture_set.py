@@ -128,8 +128,8 @@ def _save_section(directory: Path, cube: Any, faults: Any, axis: str, line: floa
     section(cube, ax=drawn, faults=faults, colour="throw", **where)
     drawn.set_ylabel("")
     drawn.set_title("with faults, coloured by throw", loc="left", fontsize="medium")
-    path = directory / (f"section_{axis}_{line:g}.png" if axis else "section_faults.png")
-    caption = f"{axis.capitalize()} {line:g}, the one that crosses most faults" if axis else "The section"
+    path = directory / (f"section_{axis}_{line:.8g}.png" if axis else "section_faults.png")
+    caption = f"{axis.capitalize()} {line:.8g}, the one that crosses most faults" if axis else "The section"
     return _save(figure, path, f"{caption}: as recorded (left) and with faults (right).")
 
 

@@ -133,7 +133,7 @@ def find_index(cube: Any, axis: int, value: float, *, as_index: bool = False) ->
     slack = 1e-3 * _step(coordinates)
     if not low - slack <= value <= high + slack:
         name = "sample" if as_index else name_axes(cube)[axis]
-        raise ParameterError(f"{name} is {value:g}; expected {low:g} to {high:g}. Choose a line of the cube.")
+        raise ParameterError(f"{name} is {value:.8g}; expected {low:.8g} to {high:.8g}. Choose a line of the cube.")
     return index
 
 
@@ -173,14 +173,14 @@ def _picture(cube: Any, names: tuple[str, ...], *, axis: int, index: int) -> Pic
     kept = [k for k in range(len(names)) if k != axis]
     if axis == 2:
         unit = unit_of(cube)
-        mask, title = live, f"{labels[2].split(' (')[0]} {axis_coordinates(cube, 2)[index]:g}"
+        mask, title = live, f"{labels[2].split(' (')[0]} {axis_coordinates(cube, 2)[index]:.8g}"
         title += "" if unit == "samples" else f" {unit}"
         column, row = 1, 0
     else:
         column, row = kept
         mask = np.broadcast_to(live[None, :], values.T.shape)
         values = values.T
-        title = "" if axis < 0 else f"{labels[axis]} {axis_coordinates(cube, axis)[index]:g}"
+        title = "" if axis < 0 else f"{labels[axis]} {axis_coordinates(cube, axis)[index]:.8g}"
     return Picture(
         values=values,
         live=mask & np.isfinite(values),

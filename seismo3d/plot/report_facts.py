@@ -44,8 +44,8 @@ def survey_facts(cube: Any) -> list[tuple[str, str]]:
     facts = []
     for axis, label in enumerate(labels):
         coordinates = axis_coordinates(cube, axis)
-        step = f", step {np.diff(coordinates).mean():g}" if len(coordinates) > 1 else ""
-        facts.append((label, f"{coordinates[0]:g} to {coordinates[-1]:g}{step} ({len(coordinates):,})"))
+        step = f", step {np.diff(coordinates).mean():.8g}" if len(coordinates) > 1 else ""
+        facts.append((label, f"{coordinates[0]:.8g} to {coordinates[-1]:.8g}{step} ({len(coordinates):,})"))
     live = live_traces(cube)
     facts.append(("Live traces", f"{int(live.sum()):,} of {live.size:,} ({_percent(live.mean())})"))
     if len(labels) == 3:

@@ -217,7 +217,7 @@ def _lines_table(network: Any, *, most: int = 60) -> ReportTable:
 def _track_row(number: int, track: Any) -> list[str]:
     known = np.isfinite(track.depth)
     ends = (float(track.depth[known].min()), float(track.depth[known].max())) if known.any() else (math.nan, math.nan)
-    seeds = "; ".join(" ".join(f"{value:g}" for value in seed) for seed in track.seeds[:3])
+    seeds = "; ".join(" ".join(f"{value:.8g}" for value in seed) for seed in track.seeds[:3])
     more = f" and {len(track.seeds) - 3} more" if len(track.seeds) > 3 else ""
     shown = [f"{value:,.1f}" if math.isfinite(value) else "–" for value in ends]
     return [str(number), f"{100 * track.share:.0f} %", f"{_confidence(track):.2f}", *shown, seeds + more]

@@ -25,7 +25,7 @@ def add_axes(plotter: Any, cube: Any, frame: SceneFrame) -> None:
         for value in _round_values(low, high):
             share = (value - low) / (high - low) if high != low else 0.0
             points.append(foot + share * (head - foot) + np.array(away))
-            labels.append(f"{value:g}")
+            labels.append(f"{value:.8g}")
         points.append(foot + 0.5 * (head - foot) + 2.2 * np.array(away))
         labels.append(title)
     plotter.add_point_labels(

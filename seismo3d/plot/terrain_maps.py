@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
-from seismo3d.plot.drawing import draw_rose, new_axes
+from seismo3d.plot.drawing import draw_rose, label_axes, new_axes
 
 _COLOURS = {"step": "#d62728", "trough": "#1f9bcf", "both": "#c218c2", "valley": "#1fa35c"}
 
@@ -168,11 +168,11 @@ def _draw_grid(ax: Any, grid: MapGrid, values: Any, **colours: Any) -> Any:
     ax.set_aspect(y / x)
     if grid.has_place:
         unit = "deg" if grid.unit == "degree" else "m"
-        ax.set(xlabel=f"East ({unit})", ylabel=f"North ({unit})")
+        label_axes(ax, f"East ({unit})", f"North ({unit})")
         if bottom > top:  # rows from south to north: north is still up
             ax.invert_yaxis()
     else:
-        ax.set(xlabel="Column", ylabel="Row")
+        label_axes(ax, "Column", "Row")
     return drawn
 
 

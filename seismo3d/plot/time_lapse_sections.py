@@ -9,7 +9,7 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.geometry.axis import unit_of
-from seismo3d.plot.drawing import amplitude_limits, draw_amplitudes
+from seismo3d.plot.drawing import amplitude_limits, draw_amplitudes, label_axes
 from seismo3d.plot.pictures import Picture, take_picture
 from seismo3d.seismic.preparing import find_level
 
@@ -49,8 +49,7 @@ def time_lapse_section(
     ):  # fmt: skip
         ax.imshow(values, cmap="gray", vmin=low, vmax=high, extent=first.extent, aspect="auto")
         ax.set_title(title, loc="left", fontsize="medium")
-        ax.set_xlabel(first.column_name)
-    axes[0].set_ylabel(first.row_name)
+        label_axes(ax, first.column_name, first.row_name if ax is axes[0] else "")
     _draw_shift(axes[3], shift, unit_of(base))
     return list(axes)
 

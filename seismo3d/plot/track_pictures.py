@@ -10,7 +10,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray
 from seismo3d.errors import ShapeError
-from seismo3d.plot.drawing import new_axes
+from seismo3d.plot.drawing import label_axes, new_axes
 from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.pictures import axis_coordinates, axis_labels, take_picture
 from seismo3d.plot.sections import section
@@ -58,8 +58,7 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
         lines = ax.contour(columns, rows, depth, levels=contours, colors="black", linewidths=0.6)
         ax.clabel(lines, fontsize="x-small", fmt="%g")
     ax.plot(track.seeds[:, 1], track.seeds[:, 0], "*", color="red", markeredgecolor="white", markersize=12)
-    ax.set_xlabel(labels[1])
-    ax.set_ylabel(labels[0])
+    label_axes(ax, labels[1], labels[0])
     ax.invert_yaxis()
     ax.figure.colorbar(drawn, ax=ax, label=labels[2], pad=0.02, shrink=0.8).ax.invert_yaxis()
     return ax
@@ -101,8 +100,7 @@ def loop_map(closure: Any, cube: Any, *, cmap: str = "magma_r", most: float = 1.
     columns, rows = axis_coordinates(cube, 1), axis_coordinates(cube, 0)
     error = np.ma.masked_invalid(closure.error)
     drawn = ax.pcolormesh(columns, rows, error, cmap=cmap, vmin=0.0, vmax=most, shading="nearest")
-    ax.set_xlabel(labels[1])
-    ax.set_ylabel(labels[0])
+    label_axes(ax, labels[1], labels[0])
     ax.invert_yaxis()
     ax.figure.colorbar(drawn, ax=ax, label="median loop error (samples)", pad=0.02, shrink=0.8, extend="max")
     return ax
@@ -187,7 +185,7 @@ def save_track_pictures(
         figure = Figure(figsize=(10.0, 5.5), layout="constrained")
         track_section(cube, tracks, faults=faults, ax=figure.add_subplot(), **where)
         figure.savefig(directory / f"tracks_{name}.png", dpi=130)
-        at = "The section" if not where else f"{name.capitalize()} {where[name]:g}, through the first seed"
+        at = "The section" if not where else f"{name.capitalize()} {where[name]:.8g}, through the first seed"
         files.append(PictureFile(directory / f"tracks_{name}.png", f"{at}, with all tracks."))
     for number, track in enumerate(tracks if np.ndim(cube) == 3 else [], start=1):
         figure = Figure(figsize=(8.0, 6.0), layout="constrained")

@@ -109,7 +109,7 @@ def _on_traces(track: Track, traces: HorizonGrid) -> HorizonGrid:
 
 def _row(number: int, track: Track) -> dict[str, Any]:
     known = np.isfinite(track.depth)
-    seeds = "; ".join(" ".join(f"{value:g}" for value in seed) for seed in track.seeds)
+    seeds = "; ".join(" ".join(f"{value:.8g}" for value in seed) for seed in track.seeds)
     row: dict[str, Any] = {"track": number, "share_traced": track.share, "unit": track.sample_unit, "seeds": seeds}
     if known.any():
         row["confidence_mean"] = float(np.mean(track.confidence[known]))

@@ -307,4 +307,4 @@ def _on_events(
 
 
 def _named(point: Float64Array) -> str:
-    return "(" + ", ".join(f"{value:g}" for value in point) + ")"
+    return "(" + ", ".join(f"{value:.8g}" for value in point) + ")"

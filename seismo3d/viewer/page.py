@@ -68,7 +68,7 @@ class Page:
             across, down = (1, 0) if axis == 2 else (1 - axis, 2)
             for ends, along in ((("left", "across", "right"), across), (("bottom", "down", "top"), down)):
                 numbers = axis_coordinates(session.cube, along)
-                first, last = (f"{numbers[k]:g}" for k in (0, -1))
+                first, last = (f"{numbers[k]:.8g}" for k in (0, -1))
                 low, high = (first, last) if along == across else (last, first)
                 words = (low, axis_labels(session.cube)[along], high)
                 state.update({f"{name}_{end}": word for end, word in zip(ends, words, strict=True)})

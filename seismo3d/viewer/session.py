@@ -209,7 +209,7 @@ class Session:
 
     def label(self, axis: int) -> str:
         """Say which line a panel shows."""
-        return f"{axis_labels(self.cube)[axis]} {axis_coordinates(self.cube, axis)[self.index[axis]]:g}"
+        return f"{axis_labels(self.cube)[axis]} {axis_coordinates(self.cube, axis)[self.index[axis]]:.8g}"
 
     def place(self, axis: int, column: float, row: float) -> Float64Array:
         """Return the index coordinates of a point on a panel, where column and row count from the panel's corner."""

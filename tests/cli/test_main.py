@@ -53,6 +53,11 @@ def test_info_says_what_there_is(run, segy):
         assert words in out
 
 
+def test_info_tells_line_numbers_of_seven_digits_in_full(run, tmp_path):
+    cube = s3.as_cube(np.ones((2, 3, 5), np.float32), interval=4.0).assign_coords(inline=[1234001, 1234002])
+    assert "1234001 to 1234002, step 1" in run("info", s3.write_segy(tmp_path / "a.sgy", cube))[1]
+
+
 def test_info_as_json(run, segy):
     code, out, _ = run("info", segy, "--json", "--domain", "depth")
     got = json.loads(out)

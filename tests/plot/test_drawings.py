@@ -221,3 +221,15 @@ def test_unsigned_bytes_are_drawn_about_their_level() -> None:
         drawn.append(np.array(ax.images[0].get_clim()))
     np.testing.assert_allclose(drawn[0], [-77.0, 77.0], atol=4.0)
     np.testing.assert_allclose(drawn[1] - 128.0, drawn[0], atol=2.0)
+
+
+def test_line_numbers_of_seven_digits_are_written_in_full(ax: Any) -> None:
+    cube = make_cube()
+    cube = cube.assign_coords(inline=cube.inline.values + 1_234_000, crossline=cube.crossline.values + 7_654_000)
+    plot.section(cube, inline=1_234_130, ax=ax)
+    assert ax.get_title(loc="left") == "Inline 1234130"
+    for ax_from_above in (ax, plot.throw_map(make_faults(cube), cube, ax=Figure().subplots())):
+        ax_from_above.figure.canvas.draw()
+        assert "7654500" in [text.get_text() for text in ax_from_above.get_xticklabels()]
+    with pytest.raises(ParameterError, match="inline is 1234099; expected 1234100 to 1234158"):
+        plot.section(cube, inline=1_234_099, ax=ax)

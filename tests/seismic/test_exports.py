@@ -225,3 +225,12 @@ def test_mean_strike_wraps() -> None:
     assert mean_strike_deg(np.array([359.0, 1.0]), np.ones(2)) % 360 == pytest.approx(0.0, abs=1e-9)
     assert mean_strike_deg(np.array([10.0, 90.0, np.nan]), np.array([1.0, 0.0, 5.0])) == pytest.approx(10.0)
     assert np.isnan(mean_strike_deg(np.array([np.nan]), np.ones(1)))
+
+
+def test_seeds_of_tracks_keep_line_numbers_of_seven_digits(tmp_path: Path) -> None:
+    cube = make_cube()
+    cube = cube.assign_coords(inline=cube.inline.values + 1_234_000)
+    depth = np.full(cube.shape[:2], 1100.0, np.float32)
+    seeds = np.array([[1_234_102.0, 501.0, 1100.25]])
+    write_tracks([Track(depth, np.ones_like(depth), seeds, "ms")], cube, directory=tmp_path)
+    assert "1234102 501 1100.25" in (tmp_path / "tracks.csv").read_text()
