@@ -140,7 +140,7 @@ def _say(out: Path, network: Any, path: Any) -> None:
     if path is not None:
         by_way = ", ".join(str(label) for label in path.surfaces) or "none"
         typer.echo(
-            f"flow path: length {path.length:.4g} {path.unit}, {100 * path.share_on_faults:.0f} % on faults "
+            f"flow path: length {path.length:,.0f} {path.unit}, {100 * path.share_on_faults:.0f} % on faults "
             f"({by_way}), {path.straight:.1f} times easier than straight through rock"
         )
     typer.echo(str(out))

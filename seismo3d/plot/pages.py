@@ -27,6 +27,17 @@ def embed_picture(path: Path, caption: str, *, note: str = "", kind: str = "wide
     return {"data": base64.b64encode(path.read_bytes()).decode(), "caption": caption, "note": note, "kind": kind}
 
 
+def in_digits(value: float) -> str:
+    """Return a number to three digits and never as a power of ten: all before the point are written.
+
+    Examples
+    --------
+    >>> in_digits(1234.5), in_digits(-60.37), in_digits(0.01234)
+    ('1,234', '-60.4', '0.0123')
+    """
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
 def in_words(value: Any) -> str:
     """Return a value as text: JSON where it is none."""
     return value if isinstance(value, str) else json.dumps(value, default=str, ensure_ascii=False)

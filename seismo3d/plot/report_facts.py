@@ -9,6 +9,7 @@ import numpy as np
 
 from seismo3d.errors import GeometryError
 from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.plot.pages import in_digits
 from seismo3d.plot.pictures import axis_coordinates, axis_labels, live_traces
 from seismo3d.plot.sections import count_fault_voxels
 from seismo3d.seismic.fault_table import SAMPLE_UNITS, mean_strike_deg, throw_unit
@@ -63,7 +64,7 @@ def key_numbers(faults: Any, cube: Any, rows: list[dict[str, Any]]) -> list[tupl
     # the largest single value of a cube is an outlier more often than not: the mean of a fault holds
     finite = [row[f"throw_mean_{unit}"] for row in rows if math.isfinite(row[f"throw_mean_{unit}"])]
     if finite:
-        numbers.append((f"{max(finite, key=abs):.3g} {unit}", "largest mean throw of a fault"))
+        numbers.append((f"{in_digits(max(finite, key=abs))} {unit}", "largest mean throw of a fault"))
     for short, (far, size) in _FAR.items():
         if rows[0].get(f"length_{short}"):
             longest = max(row[f"length_{short}"] for row in rows)
@@ -105,7 +106,7 @@ def table_cell(key: str, value: Any) -> tuple[str, str]:
         return "–", "-1e99"
     for short, (_, size) in _FAR.items():
         if key == f"area_{short}2":
-            return f"{number / size**2:.3g}", repr(number)
+            return in_digits(number / size**2), repr(number)
     if key == "throw_known":
         return _percent(number), repr(number)
     digits = {

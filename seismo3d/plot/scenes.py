@@ -206,6 +206,7 @@ def _add_faults(plotter: Any, faults: Any, frame: SceneFrame, colour: str) -> No
     values, title = fault_values(faults, colour)
     cmap, low, high = value_colours(values, colour)
     bar = {"title": title, "vertical": True, "position_x": 0.90, "position_y": 0.25, "height": 0.5, "width": 0.05}
-    bar |= {"color": "black", "title_font_size": 20, "label_font_size": 18, "n_labels": 5, "fmt": "{:.3g}"}
+    digits = "{:.0f}" if max(-low, high) >= 100 else "{:.3g}"
+    bar |= {"color": "black", "title_font_size": 20, "label_font_size": 18, "n_labels": 5, "fmt": digits}
     mesh[title] = values
     plotter.add_mesh(mesh, scalars=title, cmap=cmap, clim=(low, high), nan_color="white", scalar_bar_args=bar, **looks)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from seismo3d.errors import Seismo3dError
+from seismo3d.plot.pages import in_digits
 from seismo3d.plot.pictures import axis_coordinates, axis_labels
 from seismo3d.viewer.colours import ATTRIBUTES
 from seismo3d.viewer.layout import PANELS, STYLE, make_template
@@ -140,8 +141,8 @@ class Page:
                 "saved": history.is_saved,
                 "can_save": session.folder is not None and not history.is_saved,
                 "scale_colours": list(scale.shades) if numbers else [],
-                "scale_low": f"{scale.low:.3g}",
-                "scale_high": f"{scale.high:.3g} {scale.unit}".strip(),
+                "scale_low": in_digits(scale.low),
+                "scale_high": f"{in_digits(scale.high)} {scale.unit}".strip(),
             }
         )
 

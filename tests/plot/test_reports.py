@@ -3,6 +3,7 @@ from __future__ import annotations
 import base64
 import io
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -108,6 +109,15 @@ def test_report_is_self_contained_and_whole(drawn: tuple[Path, list], tmp_path: 
     table = text[text.index('id="faults"') : text.index("</table>", text.index('id="faults"'))]
     assert table.count("<tr>") == 3
     assert 'data-key="16.037' in table  # sorted by the whole number, shown as 16.0
+
+
+def test_throws_of_a_thousand_feet_are_no_powers_of_ten(tmp_path: Path) -> None:
+    cube = make_cube().rename(time="depth")
+    cube.attrs["sample_unit"] = "ft"
+    faults = make_faults(cube)
+    high = tuple(replace(surface, sample_interval=400.0, sample_unit="ft") for surface in faults.surfaces)
+    path = plot.write_report(tmp_path / "r.html", cube, faults=replace(faults, surfaces=high), pictures=[])
+    assert "1,604 ft" in Page(path.read_text(encoding="utf-8")).texts
 
 
 def test_scene_falls_back_to_a_sketch_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
