@@ -50,8 +50,8 @@ def save_pictures(
 
     For a cube: ``scene.png``, ``section_inline_N.png`` and ``section_crossline_N.png`` through the most faulted lines,
     ``time_slice.png`` (or ``depth_slice.png``), ``throw_map.png``, ``strike.png`` and ``throw.png``; for a section:
-    ``section_faults.png`` and ``throw.png``. Where the machine has no OpenGL, the scene is drawn with matplotlib and
-    its ``note`` says so.
+    ``section_faults.png`` and ``throw.png``. Where there are no faults, pictures of their throw and strike are left
+    out. Where the machine has no OpenGL, the scene is drawn with matplotlib and its ``note`` says so.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def save_pictures(
         The pictures in the order in which a report shows them.
     """
     directory = Path(directory)
-    jobs = _section_jobs(directory) if len(name_axes(cube)) == 2 else _cube_jobs(directory, faults, cube)
+    jobs = _section_jobs(directory, faults) if len(name_axes(cube)) == 2 else _cube_jobs(directory, faults, cube)
     files = []
     for number, job in enumerate(jobs):
         if progress is not None:
@@ -92,26 +92,31 @@ def _cube_jobs(directory: Path, faults: Any, cube: Any) -> list[_Job]:
     def line_job(axis: str) -> _Job:
         return lambda cube, faults: _save_section(directory, cube, faults, axis, lines[axis])
 
-    return [
+    seen: list[_Job] = [
         lambda cube, faults: _save_scene(directory / "scene.png", cube, faults),
         line_job(inline),
         line_job(crossline),
         lambda cube, faults: _save_slice(directory / slice_name, cube, faults, lines[level]),
+    ]
+    if not faults.surfaces:
+        return seen
+    return [
+        *seen,
         lambda cube, faults: _save_throw_map(directory / "throw_map.png", cube, faults),
         lambda cube, faults: _save_strike(directory / "strike.png", cube, faults),
         lambda _, faults: _save_throw(directory / "throw.png", faults),
     ]
 
 
-def _section_jobs(directory: Path) -> list[_Job]:
-    return [
-        lambda cube, faults: _save_section(directory, cube, faults, "", 0.0),
-        lambda _, faults: _save_throw(directory / "throw.png", faults),
-    ]
+def _section_jobs(directory: Path, faults: Any) -> list[_Job]:
+    seen: list[_Job] = [lambda cube, faults: _save_section(directory, cube, faults, "", 0.0)]
+    return [*seen, lambda _, faults: _save_throw(directory / "throw.png", faults)] if faults.surfaces else seen
 
 
 def _save_scene(path: Path, cube: Any, faults: Any) -> PictureFile:
-    caption = "Fault surfaces in the cube, coloured by throw, in front of its back walls and floor."
+    caption = "The cube's back walls and floor."
+    if faults.surfaces:
+        caption = "Fault surfaces in the cube, coloured by throw, in front of its back walls and floor."
     try:
         save_scene(path, cube, faults=faults)
     except RenderError as error:
@@ -121,14 +126,18 @@ def _save_scene(path: Path, cube: Any, faults: Any) -> PictureFile:
 
 
 def _save_section(directory: Path, cube: Any, faults: Any, axis: str, line: float) -> PictureFile:
+    where: dict[str, Any] = {axis: line} if axis else {}
+    path = directory / (f"section_{axis}_{line:.8g}.png" if axis else "section_faults.png")
+    if not faults.surfaces:
+        figure = _figure(9.0, 5.6)
+        section(cube, ax=figure.subplots(), **where)
+        return _save(figure, path, f"{axis.capitalize()} {line:.8g}." if axis else "The section.")
     figure = _figure(14.0, 5.6)
     plain, drawn = figure.subplots(1, 2, sharex=True, sharey=True)
-    where: dict[str, Any] = {axis: line} if axis else {}
     section(cube, ax=plain, **where)
     section(cube, ax=drawn, faults=faults, colour="throw", **where)
     drawn.set_ylabel("")
     drawn.set_title("with faults, coloured by throw", loc="left", fontsize="medium")
-    path = directory / (f"section_{axis}_{line:.8g}.png" if axis else "section_faults.png")
     caption = f"{axis.capitalize()} {line:.8g}, the one that crosses most faults" if axis else "The section"
     return _save(figure, path, f"{caption}: as recorded (left) and with faults (right).")
 
@@ -139,7 +148,8 @@ def _save_slice(path: Path, cube: Any, faults: Any, level: float) -> PictureFile
     where: dict[str, Any] = {name: level}
     ax = time_slice(cube, faults=faults, colour="surface", ax=figure.subplots(), **where)
     ax.locator_params(axis="x", nbins=6)
-    return _save(figure, path, f"{ax.get_title(loc='left')}: one colour a fault, as in the table.", kind="half")
+    colours = ": one colour a fault, as in the table" if faults.surfaces else ""
+    return _save(figure, path, f"{ax.get_title(loc='left')}{colours}.", kind="half")
 
 
 def _save_throw_map(path: Path, cube: Any, faults: Any) -> PictureFile:

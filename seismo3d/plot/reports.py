@@ -83,10 +83,12 @@ def _page(cube: Any, faults: Any, title: str, pictures: list[dict[str, str]], ru
         for row in rows[:_MOST_ROWS]
     ]
     timings = run.pop("timings_s", {})
+    section = len(name_axes(cube)) == 2
     return fill_template(
         "report.html.jinja",
         title=title,
-        section=len(name_axes(cube)) == 2,
+        section=section,
+        slice="" if section else "depth slice" if name_axes(cube)[2] == "depth" else "time slice",
         survey=survey_facts(cube),
         numbers=key_numbers(faults, cube, rows),
         headings=[heading for _, heading in columns],

@@ -173,3 +173,30 @@ def test_key_numbers_stay_within_their_tiles(browser: Any, tmp_path: Path, width
     page.close()
     assert len(rooms) == 6
     assert min(rooms) >= 0
+
+
+def test_pictures_of_a_cube_without_faults_promise_none(tmp_path: Path) -> None:
+    cube = make_cube()
+    none = FaultSet((), *(cube.copy(data=np.zeros(cube.shape, t)) for t in ("f4", "i4", "f4")))
+    pictures = save_pictures(tmp_path, cube, faults=none)
+    assert [picture.path.name for picture in pictures] == [
+        "scene.png", "section_inline_128.png", "section_crossline_519.png", "time_slice.png",
+    ]  # fmt: skip
+    assert not any("fault" in picture.caption.lower() for picture in pictures)
+    section = make_section()[0]
+    none = FaultSet((), *(section.copy(data=np.zeros(section.shape, t)) for t in ("f4", "i4", "f4")))
+    assert [picture.caption for picture in save_pictures(tmp_path, section, faults=none)] == ["The section."]
+
+
+def test_colours_of_the_table_are_said_to_be_where_they_are(tmp_path: Path) -> None:
+    cube = make_cube()
+    in_depth = cube.rename(time="depth")
+    section, of_section = make_section()
+    for number, (shown, faults, place) in enumerate(
+        ((cube, make_faults(cube), "time slice"), (in_depth, make_faults(in_depth), "depth slice"),
+         (section, of_section, None))
+    ):  # fmt: skip
+        path = plot.write_report(tmp_path / f"{number}.html", shown, faults=faults, pictures=[])
+        text = path.read_text(encoding="utf-8")
+        assert re.findall(r"its colour on the (\w+ \w+)", text) == ([place] if place else [])
+        assert ('class="chip"' in text) == (place is not None)
