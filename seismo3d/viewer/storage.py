@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -123,7 +124,7 @@ def choose_folder(path: str | Path, out: str | Path | None, *, overwrite: bool =
     Raises
     ------
     FileAccessError
-        If the folder has something in it that would be replaced.
+        If the folder has something in it that would be replaced, or the one asked for cannot be written.
     """
     opened = Path(path)
     if out is None and (opened / TRACKS).is_file():
@@ -131,6 +132,9 @@ def choose_folder(path: str | Path, out: str | Path | None, *, overwrite: bool =
     folder = Path(f"{opened.resolve().stem if opened.is_file() else opened.resolve().name}-edited")
     folder = folder if out is None else Path(out)
     check_folder(folder)
+    # who only looks needs no folder to write to
+    if out is not None and not os.access(_nearest_place(folder), os.W_OK | os.X_OK):
+        raise FileAccessError(f"{folder} cannot be written: permission denied. Choose another (--out).")
     same = folder.exists() and opened.exists() and folder.resolve() == opened.resolve()
     if (folder / TRACKS).is_file() and not same and not overwrite:
         raise FileAccessError(
@@ -146,15 +150,21 @@ def check_folder(folder: Path) -> None:
     Raises
     ------
     FileAccessError
-        If it is a file, or neither empty nor an earlier session's.
+        If it is a file or would lie in one, or is neither empty nor an earlier session's.
     """
-    if folder.exists() and not folder.is_dir():
-        raise FileAccessError(f"{folder} is a file; expected a folder to save to. Choose another name (--out).")
+    place = _nearest_place(folder)
+    if not place.is_dir():
+        raise FileAccessError(f"{place} is a file; expected a folder to save to. Choose another name (--out).")
     if folder.is_dir() and any(folder.iterdir()) and not (folder / TRACKS).is_file():
         raise FileAccessError(
             f"{folder} holds what the viewer did not save; expected a new folder, an empty one, or an earlier "
             "session's. Choose another (--out)."
         )
+
+
+def _nearest_place(folder: Path) -> Path:
+    """Return a folder, or the nearest place above it that is there."""
+    return next(place for place in (folder, *folder.absolute().parents) if place.exists())
 
 
 def save_session(folder: str | Path, cube: Any, state: Interpretation, *, opened: FaultSet | None) -> Path:

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -210,6 +212,20 @@ def test_the_folder_to_save_to(tmp_path, monkeypatch):
         choose_folder("run", "run")
     with pytest.raises(FileAccessError, match="is a file"):
         choose_folder("run", "mine/letter.txt")
+
+
+def test_folders_that_could_not_be_saved_to_are_refused_before_there_are_edits(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cube.sgy").write_bytes(b"")
+    for name in ("cube.sgy", "cube.sgy/edited", "cube.sgy/new/edited"):
+        with pytest.raises(FileAccessError, match=r"cube\.sgy is a file; expected a folder to save to"):
+            choose_folder("run", name)
+    assert choose_folder("run", "new/edited") == Path("new/edited")
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(FileAccessError, match=r"new/edited cannot be written: permission denied\. Choose another"):
+        choose_folder("run", "new/edited")
+    # who only looks has asked for none
+    assert choose_folder("run", None) == Path("run-edited")
 
 
 def test_the_cube_is_also_looked_for_beside_the_folder(tmp_path, cube, faults, monkeypatch):
