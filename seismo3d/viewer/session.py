@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array, Progress
-from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.errors import FileAccessError, GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.plot.pictures import axis_coordinates, axis_labels
 from seismo3d.seismic.cube_checks import check_faults_of
@@ -41,7 +41,7 @@ from seismo3d.viewer.panels import (
     segments_path,
 )
 from seismo3d.viewer.slices import SliceReader
-from seismo3d.viewer.storage import check_folder, save_session
+from seismo3d.viewer.storage import check_folder, last_save, save_session
 from seismo3d.viewer.tracing import REACHES, Tracer, blank_faults, follow, resample
 
 MODES = ("look", "seed", "stick", "split")
@@ -122,8 +122,10 @@ class Session:
             _check_track(track, self.reader.shape)
         self.cube = cube
         self.folder = None if folder is None else Path(folder)
+        self._last_save: tuple[int, int] | None = None
         if self.folder is not None:
             check_folder(self.folder)
+            self._last_save = last_save(self.folder)
         self.tracer = Tracer(cube)
         self.history = History(begin(faults, tracks))
         self.selected: frozenset[int] = frozenset()
@@ -326,13 +328,22 @@ class Session:
         ParameterError
             If the session has none.
         FileAccessError
-            If it cannot be written.
+            If it cannot be written, or another session has saved to it since this one began or last saved.
         """
         if self.folder is None:
             raise ParameterError("the session has no folder; expected one to save to. Give one when it is opened.")
         with self._writing:
             state = self.state
-            save_session(self.folder, self.cube, state, opened=self._opened)
+            found = last_save(self.folder)
+            if found not in (None, self._last_save):
+                raise FileAccessError(
+                    f"{self.folder} was saved by another session meanwhile, which would be lost. Give that folder "
+                    "another name, and save again."
+                )
+            try:
+                save_session(self.folder, self.cube, state, opened=self._opened)
+            finally:
+                self._last_save = last_save(self.folder)
             if state is self.state:
                 self.history.mark_saved()
         return f"saved in {self.folder}"

@@ -162,6 +162,15 @@ def check_folder(folder: Path) -> None:
         )
 
 
+def last_save(folder: Path) -> tuple[int, int] | None:
+    """Tell saves of a folder apart: which file its tracks are now, and since when; None where nothing was saved."""
+    try:
+        found = (folder / TRACKS).stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns
+
+
 def _nearest_place(folder: Path) -> Path:
     """Return a folder, or the nearest place above it that is there."""
     return next(place for place in (folder, *folder.absolute().parents) if place.exists())

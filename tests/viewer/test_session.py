@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import seismo3d as s3
-from seismo3d.errors import GeometryError, ParameterError, ShapeError
+from seismo3d.errors import FileAccessError, GeometryError, ParameterError, ShapeError
 from seismo3d.seismic.fault_table import tabulate_faults
 from seismo3d.seismic.tracks import Track
 from seismo3d.viewer.session import Session
@@ -152,6 +152,27 @@ def test_a_seed_becomes_a_horizon(cube):
     assert panel.horizons[0]["d"].startswith("M")
     assert session.undo() == "undone: trace horizon 1"
     assert session.panel(0).horizons == []
+
+
+def test_what_another_session_saved_meanwhile_is_not_replaced(session, cube, faults, tmp_path):
+    other = Session(cube, faults, folder=session.folder)
+    other.select([1])
+    other.delete_selected()
+    other.save()
+    session.select([2])
+    session.delete_selected()
+    with pytest.raises(FileAccessError, match="was saved by another session meanwhile"):
+        session.save()
+    assert not session.history.is_saved
+    other.save()  # its own
+    session.folder.rename(tmp_path / "others")
+    assert session.save() == f"saved in {session.folder}"
+    assert session.save() == f"saved in {session.folder}"
+    kept = [len(s3.FaultSet.load(folder).surfaces) for folder in (session.folder, tmp_path / "others")]
+    assert kept == [1, 1]
+    # a session that opens what was saved goes on from it
+    again = Session(cube, s3.FaultSet.load(session.folder), folder=session.folder)
+    again.save()
 
 
 def test_save_needs_a_folder_and_marks_the_state(session, cube, faults):
