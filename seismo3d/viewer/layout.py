@@ -17,7 +17,8 @@ _PANEL = """
   <div class="s3-axes"><span>{{ @_left }}</span><span>{{ @_across }}</span><span>{{ @_right }}</span></div>
   <svg class="s3-view" :viewBox="'0 0 ' + @_columns + ' ' + @_rows" preserveAspectRatio="none"
     :style="{cursor: mode === 'look' ? 'pointer' : 'crosshair'}"
-    @click="trigger('click', [#, $event.clientX - $event.currentTarget.getBoundingClientRect().left,
+    @click="$event.detail < 2 && trigger('click', [#,
+      $event.clientX - $event.currentTarget.getBoundingClientRect().left,
       $event.clientY - $event.currentTarget.getBoundingClientRect().top,
       $event.currentTarget.getBoundingClientRect().width, $event.currentTarget.getBoundingClientRect().height])">
     <image :href="@_image" x="0" y="0" :width="@_columns" :height="@_rows" preserveAspectRatio="none" />

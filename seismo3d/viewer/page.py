@@ -244,9 +244,13 @@ class Page:
         self._show_all()
         self._say(words, is_error=is_error)
 
-    async def _do_long(self, call: Callable[[], str], words: str) -> None:
-        """Do something long in a thread; the page stays alive, and edits wait."""
+    def _do_long(self, call: Callable[[], str], words: str) -> None:
+        """Do something long in a thread; the page stays alive, and edits wait from now on."""
         self._say(words, busy=True)
+        self._start(self._finish(call))
+
+    async def _finish(self, call: Callable[[], str]) -> None:
+        """Wait for something long, and show what came of it."""
         is_error = False
         try:
             words = await asyncio.to_thread(call)
@@ -284,11 +288,11 @@ class Page:
         if self._state.busy:
             return
         report = self._report("tracing")
-        self._start(self._do_long(lambda: self._session.trace_picked(progress=report), "tracing"))
+        self._do_long(lambda: self._session.trace_picked(progress=report), "tracing")
 
     def _save(self) -> None:
         if not self._state.busy:
-            self._start(self._do_long(self._session.save, "saving"))
+            self._do_long(self._session.save, "saving")
 
     def _choose(self, name: str, value: str) -> None:
         self._do(lambda: self._session.choose(name, value))

@@ -53,13 +53,14 @@ def says(page, words):
     playwright.expect(page.locator(".s3-status")).to_contain_text(words, timeout=60_000)
 
 
-def click(page, panel, column, row):
+def click(page, panel, column, row, *, times=1):
     """Click a place of a panel, in index units from its corner."""
     view = page.locator(f"[data-panel={panel}] svg.s3-view")
     _, _, columns, rows = (float(word) for word in view.get_attribute("viewBox").split())
     box = view.bounding_box()
     # at the very place, past what lies on it: the drawing has no parts that take clicks
-    page.mouse.click(box["x"] + column / columns * box["width"], box["y"] + row / rows * box["height"])
+    at = box["x"] + column / columns * box["width"], box["y"] + row / rows * box["height"]
+    page.mouse.click(*at, click_count=times)
 
 
 def names(page):
@@ -94,6 +95,19 @@ def test_a_click_on_a_reflector_traces_a_track(pages, segy):
     page.locator("[data-do=undo]").click()
     says(page, "undone: trace horizon 1")
     playwright.expect(track).to_have_count(0)
+
+
+def test_a_double_click_is_one_click(pages, segy, faulted):
+    page = pages(show(segy, faulted, open_browser=False))
+    click(page, "sample", 20.75, 5.0, times=2)
+    says(page, "fault 1 selected")
+    playwright.expect(page.locator("[data-panel=sample] .s3-selected")).to_have_count(1)
+    page.locator("[data-mode=stick]").click()
+    playwright.expect(page.locator("[data-mode=stick]")).to_have_class("s3-on")
+    click(page, "inline", 10.5, 12.0, times=2)
+    says(page, "1 point picked")
+    click(page, "inline", 10.5, 27.5)
+    says(page, "2 points picked")
 
 
 def test_a_stick_is_picked_and_traced(pages, segy, faulted):

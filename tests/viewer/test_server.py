@@ -129,7 +129,13 @@ def test_defects_are_told_and_do_not_leave_the_page_waiting(viewer, caplog):
     def fail():
         raise ZeroDivisionError("by nought")
 
-    asyncio.run_coroutine_threadsafe(page._do_long(fail, "tracing"), viewer._loop).result(timeout=60)
+    async def try_it():
+        page._do_long(fail, "tracing")
+        # what comes before the job has begun waits too
+        assert state.busy
+        await asyncio.gather(*page._jobs)
+
+    asyncio.run_coroutine_threadsafe(try_it(), viewer._loop).result(timeout=60)
     assert (state.busy, state.is_error) == (False, True)
     assert "this failed in a way it should not: ZeroDivisionError" in state.message
     assert "the viewer failed" in caplog.text
