@@ -48,6 +48,9 @@ def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any
         chosen = [stick for stick in sticks if stick.fault in names]
         lines = [geometry.index_to_lines(place_stick(stick, faults.labels))[:, [1, 0]] for stick in chosen]
         ax.add_collection(LineCollection(lines, colors=colour, linewidths=1.4))
+        # an upright stick is a point from above
+        nodes = np.concatenate(lines) if lines else np.zeros((0, 2))
+        ax.plot(*nodes.T, ".", color=colour, markersize=3)
     inlines, crosslines = geometry.inline.coordinates(), geometry.crossline.coordinates()
     label_axes(ax, "Crossline", "Inline")
     ax.set(xlim=(crosslines[0], crosslines[-1]), ylim=(inlines[-1], inlines[0]))
@@ -60,7 +63,8 @@ def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any
         ],
         loc="lower right", fontsize="small", framealpha=0.9,
     )  # fmt: skip
-    ax.set_title(f"{100 * score.within:.0f} % of the sticks within {score.tolerance:g}", loc="left", fontsize="medium")
+    within = f"{100 * score.within:.0f} % of the sticks within {score.tolerance:g} traces and samples"
+    ax.set_title(within, loc="left", fontsize="medium")
     return ax
 
 
