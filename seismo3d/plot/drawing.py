@@ -16,7 +16,8 @@ from seismo3d.seismic.preparing import find_level
 BLUE = "#2b6ca3"
 """Colour of bars and petals."""
 
-_NO_DATA = "#e9edf2"
+NO_DATA = "#e9edf2"
+"""Colour of places without data."""
 
 
 def new_axes(width: float, height: float) -> Any:
@@ -99,7 +100,7 @@ def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float, aspect
     """
     low, high = amplitude_limits(picture.values[picture.live], clip)
     masked = np.ma.masked_array(picture.values, mask=~picture.live)
-    ax.set_facecolor(_NO_DATA)
+    ax.set_facecolor(NO_DATA)
     drawn = ax.imshow(
         masked,
         cmap=cmap,
@@ -182,5 +183,5 @@ def _note_missing(ax: Any, picture: Picture) -> None:
     from matplotlib.patches import Patch
 
     share = 100.0 * (1.0 - picture.live.mean())
-    patch = Patch(facecolor=_NO_DATA, edgecolor="0.4", label=f"no data ({share:.2g} %)")
+    patch = Patch(facecolor=NO_DATA, edgecolor="0.4", label=f"no data ({share:.2g} %)")
     ax.legend(handles=[patch], loc="lower right", fontsize="x-small", framealpha=0.9, handlelength=1.2)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import Float64Array
+from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.geometry.axis import unit_of
-from seismo3d.plot.drawing import amplitude_limits, draw_amplitudes, label_axes
+from seismo3d.plot.drawing import NO_DATA, amplitude_limits, draw_amplitudes, label_axes
 from seismo3d.plot.pictures import Picture, take_picture
 from seismo3d.seismic.preparing import find_level
 
@@ -33,21 +33,26 @@ def time_lapse_section(
     Returns
     -------
     list of matplotlib Axes
-        Base and differences on one colour scale. The monitor is brought to the base's strength first.
+        Base and differences on one colour scale. The monitor is brought to the base's strength first; places that one
+        of the two does not reach are empty. Shifts of both signs are red and blue about white.
     """
     if axes is None:
         import matplotlib.pyplot as plt
 
         axes = plt.subplots(1, 4, figsize=(19.0, 5.0), layout="constrained", sharex=True, sharey=True)[1]
     first, raw, carried, shift = (take_picture(c, **where) for c in (base, monitor, alignment.aligned, alignment.shift))
-    seen, changed, moved = (_about_zero(picture) for picture in (first, raw, carried))
+    pictures = (first, raw, carried)
+    seen, changed, moved = (_about_zero(picture) for picture in pictures)
+    known = [_has_data(picture) & _has_data(first) for picture in pictures]
     scale = _strength(seen[first.live]) / max(_strength(changed[raw.live]), 1e-30)
     low, high = amplitude_limits(seen[first.live], 99.0)
-    for ax, values, title in zip(
-        axes[:3], (seen, changed * scale - seen, moved * scale - seen),
+    for ax, values, there, title in zip(
+        axes[:3], (seen, changed * scale - seen, moved * scale - seen), known,
         (f"{first.title}: base", "Monitor less base", "The same, aligned"), strict=True,
     ):  # fmt: skip
-        ax.imshow(values, cmap="gray", vmin=low, vmax=high, extent=first.extent, aspect="auto")
+        ax.set_facecolor(NO_DATA)
+        shown = np.ma.masked_array(values, mask=~there)
+        ax.imshow(shown, cmap="gray", vmin=low, vmax=high, extent=first.extent, aspect="auto")
         ax.set_title(title, loc="left", fontsize="medium")
         label_axes(ax, first.column_name, first.row_name if ax is axes[0] else "")
     _draw_shift(axes[3], shift, unit_of(base))
@@ -57,8 +62,14 @@ def time_lapse_section(
 def _draw_shift(ax: Any, picture: Picture, unit: str) -> None:
     drawn = draw_amplitudes(ax, picture, cmap="RdBu_r", clip=99.5)
     finite = picture.values[np.isfinite(picture.values)]
-    if len(finite):
-        drawn.set_clim(*np.percentile(finite, [0.5, 99.5]))
+    low, high = np.percentile(finite, [0.5, 99.5]) if len(finite) else (0.0, 0.0)
+    if low < 0.0 < high:
+        # white is no shift, and red and blue are its signs
+        high = max(-low, high)
+        low = -high
+    else:
+        drawn.set_cmap("viridis")
+    drawn.set_clim(low, high)
     ax.figure.colorbar(drawn, ax=ax, label=f"Monitor deeper by ({unit})", pad=0.02, shrink=0.8)
     ax.set_title("Shift", loc="left", fontsize="medium")
     ax.set_ylabel("")
@@ -68,6 +79,13 @@ def _about_zero(picture: Picture) -> Float64Array:
     """Amplitudes less what all of them share, 0 where there are none."""
     values = picture.values.astype(np.float64)
     return np.nan_to_num(values - find_level(values[picture.live])) * picture.live
+
+
+def _has_data(picture: Picture) -> BoolArray:
+    """Tell where there is data: not on traces without any, nor before a trace's first and past its last amplitude."""
+    full = picture.live & (picture.values != 0.0)
+    ends = np.logical_or.accumulate(full, axis=0), np.logical_or.accumulate(full[::-1], axis=0)[::-1]
+    return np.asarray(ends[0] & ends[1])
 
 
 def _strength(values: Float64Array) -> float:

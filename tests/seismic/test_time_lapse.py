@@ -124,6 +124,16 @@ def test_coordinates_and_units_are_those_of_the_base(folded: SyntheticCube) -> N
     axes = time_lapse_section(base, monitor, found, axes=Figure().subplots(1, 4), inline=1020)
     before, after = (np.abs(axes[k].images[0].get_array())[14:-16].mean() for k in (1, 2))
     assert after < 0.4 * before
+    # a monitor that lies deeper has nothing that meets the foot of the base: no difference is shown there
+    unknown = np.ma.getmaskarray(axes[2].images[0].get_array())
+    assert unknown[-1].all()
+    assert unknown[:-3, 5:].mean() < 0.01
+    # all shifts are of one sign: no colour has the look of the other
+    assert axes[3].images[0].get_cmap().name == "viridis"
+    mixed = replace(found, shift=found.shift - 8.0)
+    shift = time_lapse_section(base, monitor, mixed, axes=Figure().subplots(1, 4), inline=1020)[3].images[0]
+    low, high = shift.get_clim()
+    assert (shift.get_cmap().name, low) == ("RdBu_r", -high)
 
 
 def test_large_cubes_are_thinned_for_the_coarse_step(folded: SyntheticCube, monkeypatch: pytest.MonkeyPatch) -> None:
