@@ -141,6 +141,9 @@ class Viewer:
             given = request.query.get("secret") or request.cookies.get(name) or ""
             if host not in _LOCAL or not hmac.compare_digest(given.encode(), self.token.encode()):
                 raise http.HTTPForbidden(text="This page needs the address that seismo3d printed, token included.\n")
+            if request.path in ("/", "/index.html") and not request.query.get("secret"):
+                # the page takes the token out of its address, and needs it there again when it is reloaded
+                raise http.HTTPFound(f"/index.html?secret={self.token}")
             response = await handler(request)
             if "secret" in request.query and not response.prepared:
                 response.set_cookie(name, self.token, httponly=True, samesite="Strict")

@@ -197,6 +197,18 @@ def test_a_lazy_cube_is_shown_coarse_and_then_sharp(pages, segy, monkeypatch):
     page.wait_for_function(f"({sizes})().then((s) => s[0] === 30 && s[1] === 50)")
 
 
+def test_a_page_that_is_reloaded_goes_on(pages, segy, faulted):
+    page = pages(show(segy, faulted, open_browser=False))
+    page.locator("tr[data-row='1']").click()
+    page.locator("[data-do=delete]").click()
+    says(page, "delete 1")
+    page.reload()
+    page.wait_for_selector("[data-panel=inline] image[href^=data]", timeout=30_000)
+    assert names(page) == ["fault 2"]
+    page.locator("[data-do=undo]").click()
+    says(page, "undone: delete 1")
+
+
 def test_without_the_token_there_is_no_page(browser, segy):
     viewer = show(segy, open_browser=False)
     page = browser.new_page()

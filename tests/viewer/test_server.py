@@ -40,7 +40,12 @@ def test_only_the_token_opens_the_page(viewer):
     cookie = page.headers["Set-Cookie"]
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
-    assert get(viewer, "/index.html", Cookie=cookie.split(";")[0]).status == 200
+    known = {"Cookie": cookie.split(";")[0]}
+    assert get(viewer, "/vue.global.js", **known).status == 200
+    # without the token in its address the page would not connect
+    for path in ("/", "/index.html", "/index.html?secret="):
+        again = get(viewer, path, **known)
+        assert (again.status, again.headers["Location"]) == (302, f"/index.html?secret={viewer.token}")
     for path in ("/", "/index.html", "/index.html?secret=", "/index.html?secret=guess", "/ws", "/vue.global.js"):
         assert get(viewer, path).status == 403
 
