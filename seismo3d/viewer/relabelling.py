@@ -36,7 +36,7 @@ def as_faults(cube: Any, state: Interpretation, *, opened: FaultSet | None) -> F
     -------
     FaultSet
     """
-    faults = sorted(state.faults, key=lambda fault: -fault.surface.area)
+    faults = in_order(state)
     shape = tuple(int(n) for n in cube.shape)
     if opened is None and int(np.prod(shape)) > _LARGEST:
         raise ParameterError(
@@ -55,6 +55,11 @@ def as_faults(cube: Any, state: Interpretation, *, opened: FaultSet | None) -> F
         throw=_like(cube, throw, "throw"),
         settings=dict(opened.settings) if opened is not None else {},
     )
+
+
+def in_order(state: Interpretation) -> list[Fault]:
+    """Return the faults of an interpretation as they are numbered in files: largest first."""
+    return sorted(state.faults, key=lambda fault: -fault.surface.area)
 
 
 def _start_volumes(shape: tuple[int, ...], opened: FaultSet | None) -> tuple[Int32Array, Float32Array, Float32Array]:

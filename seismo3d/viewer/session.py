@@ -40,6 +40,7 @@ from seismo3d.viewer.panels import (
     nearest_fault,
     segments_path,
 )
+from seismo3d.viewer.relabelling import in_order
 from seismo3d.viewer.slices import SliceReader
 from seismo3d.viewer.storage import check_folder, last_save, save_session
 from seismo3d.viewer.tracing import REACHES, Tracer, blank_faults, follow, resample
@@ -321,7 +322,7 @@ class Session:
         return f"done again: {words}" if words else "nothing to do again"
 
     def save(self) -> str:
-        """Save to the session's folder.
+        """Save to the session's folder, and say so, and where numbers there are not those of the list.
 
         Raises
         ------
@@ -346,7 +347,9 @@ class Session:
                 self._last_save = last_save(self.folder)
             if state is self.state:
                 self.history.mark_saved()
-        return f"saved in {self.folder}"
+        numbers = [fault.number for fault in in_order(state)]
+        differ = numbers != list(range(1, len(numbers) + 1))
+        return f"saved in {self.folder}" + (", where faults are numbered anew, largest first" if differ else "")
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a table of faults and horizons, one a row, for the page's list."""

@@ -188,6 +188,17 @@ def test_save_needs_a_folder_and_marks_the_state(session, cube, faults):
         Session(cube, faults).save()
 
 
+def test_saving_says_where_the_files_number_faults_anew(session):
+    # the second is the larger
+    assert session.save() == f"saved in {session.folder}, where faults are numbered anew, largest first"
+    rows = (session.folder / "faults.csv").read_text().splitlines()[1:]
+    areas = [float(row.split(",")[3]) for row in rows]
+    assert areas == pytest.approx([session.state.faults[k].surface.area for k in (1, 0)], rel=1e-6)
+    session.select([2])
+    session.delete_selected()
+    assert session.save() == f"saved in {session.folder}"
+
+
 def test_settings_are_refused_by_name(session):
     for name in ("mode", "attribute", "cmap", "reach"):
         with pytest.raises(ParameterError, match=f"{name} is 'purple'"):
