@@ -128,7 +128,9 @@ def clean_volume(
 def refuse_dead(live: BoolArray, name: str = "cube") -> None:
     """Refuse a cube or section without any data."""
     if not live.any():
-        raise ShapeError(f"{name} has no live trace. Give a {name} with data.")
+        raise ShapeError(
+            f"{name} has no live trace: all are missing, or of one value throughout. Give a {name} with data."
+        )
 
 
 def check_live(live: BoolArray, *, is_section: bool = False) -> None:

@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 import seismo3d as s3
-from seismo3d.errors import Seismo3dWarning
-from seismo3d.seismic.preparing import clean_volume, find_valid, mark_data, print_traces, repeats_itself
+from seismo3d.errors import Seismo3dWarning, ShapeError
+from seismo3d.seismic.preparing import clean_volume, find_valid, mark_data, print_traces, refuse_dead, repeats_itself
 from seismo3d.seismic.section_tracks import thicken
 
 SHAPE = (64, 48, 64)
@@ -119,3 +119,10 @@ def test_traces_far_denser_than_their_wavelet_are_told_with_what_to_do(rng: np.r
         clean_volume(dense[..., ::3] + drift)
         # what was integrated, as to impedances, is mostly slow and still has the reflections' own detail
         clean_volume(np.cumsum(dense[..., ::3], axis=2))
+
+
+def test_a_cube_of_one_value_is_refused_as_what_it_is() -> None:
+    with pytest.raises(ShapeError, match="cube has no live trace: all are missing, or of one value throughout"):
+        s3.trace_faults(np.full((20, 20, 40), 3.0, np.float32))
+    with pytest.raises(ShapeError, match="section has no live trace: all are missing, or of one value"):
+        refuse_dead(np.zeros(20, bool), "section")
