@@ -148,7 +148,7 @@ def _save_slice(path: Path, cube: Any, faults: Any, level: float) -> PictureFile
     where: dict[str, Any] = {name: level}
     ax = time_slice(cube, faults=faults, colour="surface", ax=figure.subplots(), **where)
     ax.locator_params(axis="x", nbins=6)
-    colours = ": one colour a fault, as in the table" if faults.surfaces else ""
+    colours = ": one colour a fault" if faults.surfaces else ""
     return _save(figure, path, f"{ax.get_title(loc='left')}{colours}.", kind="half")
 
 

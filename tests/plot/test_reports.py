@@ -63,6 +63,8 @@ def test_pictures_of_a_cube(drawn: tuple[Path, list]) -> None:  # type: ignore[t
     assert re.fullmatch(r"section_crossline_\d+\.png", names[2])
     assert names[3:] == ["time_slice.png", "throw_map.png", "strike.png", "throw.png"]
     assert sorted(entry.name for entry in folder.iterdir()) == sorted(names)
+    # which pages show the pictures, and whether with a table in these colours, is not theirs to say
+    assert pictures[3].caption == "Time 1120 ms: one colour a fault."
     for picture in pictures:
         with Image.open(picture.path) as image:
             pixels = np.asarray(image.convert("RGB")).astype(int)
