@@ -198,13 +198,14 @@ def _print_json(out: Path, faults: Any, cube: Any, timings: dict[str, float]) ->
 
 def _say(out: Path, faults: Any, cube: Any, timings: dict[str, float]) -> None:  # noqa: ARG001 - they follow on stderr
     """Print the largest faults and where the report is."""
+    from seismo3d.geometry.bearings import whole_deg
     from seismo3d.seismic.fault_table import tabulate_faults, throw_unit
 
     rows = tabulate_faults(faults, cube)
     typer.echo(f"{len(rows)} {'fault' if len(rows) == 1 else 'faults'}")
     for row in rows[:10]:
         unit = throw_unit(row)
-        strike = f"strike {row['strike_deg']:5.0f}  " if "strike_deg" in row else ""
+        strike = f"strike {whole_deg(row['strike_deg']):5.0f}  " if "strike_deg" in row else ""
         throws = f"throw {row[f'throw_mean_{unit}']:7.1f} mean {row[f'throw_max_{unit}']:7.1f} largest ({unit})"
         typer.echo(
             f"{row['fault']:4d}  {strike}dip {row['dip_deg']:3.0f}  {throws}  confidence {row['confidence']:.2f}"

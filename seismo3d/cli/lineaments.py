@@ -82,13 +82,15 @@ def _draw(folder: Path, elevation: Any, found: Any) -> None:
 
 
 def _say(out: Path, found: Any, steps: Any) -> None:
+    from seismo3d.geometry.bearings import whole_deg
+
     unit = "m" if found.grid.has_place else "cells"
     heights = {id(scarp.lineament): scarp for scarp in steps}
     typer.echo(f"{len(found)} {'lineament' if len(found) == 1 else 'lineaments'}")
     for number, line in enumerate(found.lines[:10], start=1):
         scarp = heights.get(id(line))
-        step = "" if scarp is None else f"  scarp {scarp.height_m:.2f} m facing {scarp.facing_deg:.0f}"
-        strike = f"{number:4d}  strike {line.strike_deg:4.0f}  length {line.length:9.0f} {unit}"
+        step = "" if scarp is None else f"  scarp {scarp.height_m:.2f} m facing {whole_deg(scarp.facing_deg):.0f}"
+        strike = f"{number:4d}  strike {whole_deg(line.strike_deg, turn=180.0):4.0f}  length {line.length:9.0f} {unit}"
         typer.echo(f"{strike}  confidence {line.confidence:.2f}{step}")
     if len(found) > 10:
         typer.echo(f"... {len(found) - 10} more in {out / 'lineaments.csv'}")

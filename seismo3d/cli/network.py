@@ -124,18 +124,21 @@ def _as_end(word: str, cube: Any, columns: tuple[int, ...] | None) -> Any:
 
 
 def _say(out: Path, network: Any, path: Any) -> None:
-    n, n_zones = network.graph.number_of_nodes(), len(network.zones)
+    from seismo3d.geometry.bearings import whole_deg
+
+    n, n_zones, n_lines = network.graph.number_of_nodes(), len(network.zones), len(network.intersections)
     kinds = {kind: sum(line.kind == kind for line in network.intersections) for kind in ("cross", "abut", "corner")}
     typer.echo(
         f"{n} {'fault' if n == 1 else 'faults'} in {n_zones} connected {'zone' if n_zones == 1 else 'zones'}; "
-        f"{len(network.intersections)} intersections ({kinds['cross']} cross, {kinds['abut']} end at another, "
-        f"{kinds['corner']} both end); intensity {network.intensity:.3g} 1/{network.unit}"
+        f"{n_lines} {'intersection' if n_lines == 1 else 'intersections'} ({kinds['cross']} cross, "
+        f"{kinds['abut']} end at another, {kinds['corner']} both end); "
+        f"intensity {network.intensity:.3g} 1/{network.unit}"
     )
     for number, entry in enumerate(network.sets, start=1):
         words = "1 fault" if len(entry.surfaces) == 1 else f"{len(entry.surfaces)} faults"
         typer.echo(
-            f"set {number}: strike {entry.strike_deg:3.0f}  dip {entry.dip_deg:2.0f}  spread {entry.spread_deg:2.0f}  "
-            f"{words}, {100 * entry.share:.0f} % of the area"
+            f"set {number}: strike {whole_deg(entry.strike_deg):3.0f}  dip {entry.dip_deg:2.0f}  "
+            f"spread {entry.spread_deg:2.0f}  {words}, {100 * entry.share:.0f} % of the area"
         )
     if path is not None:
         by_way = ", ".join(str(label) for label in path.surfaces) or "none"

@@ -32,6 +32,17 @@ def wrap_deg(angle: Any) -> Float64Array:
     return np.where(turned.astype(np.float32) == np.float32(360.0), 0.0, turned)
 
 
+def whole_deg(angle: float, *, turn: float = 360.0) -> float:
+    """Round to whole degrees below a full turn: what rounds to the turn is 0.
+
+    Examples
+    --------
+    >>> whole_deg(359.8), whole_deg(179.7), whole_deg(179.7, turn=180.0)
+    (0.0, 180.0, 0.0)
+    """
+    return float(np.round(angle) % turn)
+
+
 def bearing_deg(east: AnyArray, north: AnyArray) -> Float64Array:
     """Return the direction of vectors, in [0, 360).
 

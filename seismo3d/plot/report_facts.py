@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d.errors import GeometryError
+from seismo3d.geometry.bearings import whole_deg
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.plot.pages import in_digits
 from seismo3d.plot.pictures import axis_coordinates, axis_labels, live_traces
@@ -74,6 +75,7 @@ def key_numbers(faults: Any, cube: Any, rows: list[dict[str, Any]]) -> list[tupl
     if "strike_deg" in rows[0]:
         doubled = mean_strike_deg(2 * np.array([row["strike_deg"] for row in rows]), weights) / 2
         if math.isfinite(doubled):
+            doubled = whole_deg(doubled, turn=180.0)
             numbers.append((f"{doubled:.0f}° / {doubled + 180:.0f}°", "mean strike"))
     share = _fault_share(faults)
     numbers.append((_percent(share), "of all voxels lie on a fault"))
@@ -107,12 +109,13 @@ def table_cell(key: str, value: Any) -> tuple[str, str]:
     for short, (_, size) in _FAR.items():
         if key == f"area_{short}2":
             return in_digits(number / size**2), repr(number)
+    if key == "strike_deg":
+        return f"{whole_deg(number):.0f}", repr(number)
     if key == "throw_known":
         return _percent(number), repr(number)
     digits = {
         "fault": 0,
         "confidence": 2,
-        "strike_deg": 0,
         "dip_deg": 0,
         "area_index": 0,
         "length_index": 0,

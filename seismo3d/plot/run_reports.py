@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d.geometry.bearings import whole_deg
 from seismo3d.io._files import written_aside
 from seismo3d.plot.pages import fill_template, in_words
 from seismo3d.plot.picture_set import PictureFile
@@ -186,7 +187,7 @@ def network_page(
 
 def _sets_table(network: Any) -> ReportTable:
     rows = [
-        [str(k), str(len(entry.surfaces)), f"{100 * entry.share:.0f} %", f"{entry.strike_deg:.0f}",
+        [str(k), str(len(entry.surfaces)), f"{100 * entry.share:.0f} %", f"{whole_deg(entry.strike_deg):.0f}",
          f"{entry.dip_deg:.0f}", f"{entry.spread_deg:.0f}"]
         for k, entry in enumerate(network.sets, start=1)
     ]  # fmt: skip

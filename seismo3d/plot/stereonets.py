@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
+from seismo3d.geometry.bearings import whole_deg
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS
 from seismo3d.seismic.orientations import kamb_density, mean_pole
 
@@ -60,7 +61,7 @@ def _draw_sets(ax: Any, network: Any) -> None:
     largest = max((network.graph.nodes[n]["area"] for n in network.graph), default=1.0)
     for number, entry in enumerate(network.sets):
         colour = SURFACE_COLOURS[number % len(SURFACE_COLOURS)]
-        name = f"{entry.strike_deg:.0f}/{entry.dip_deg:.0f}, {100 * entry.share:.0f} % of the area"
+        name = f"{whole_deg(entry.strike_deg):.0f}/{entry.dip_deg:.0f}, {100 * entry.share:.0f} % of the area"
         ax.plot(*_great_circle(entry.strike_deg, entry.dip_deg), color=colour, linewidth=1.4, label=name)
         for label in entry.surfaces:
             chosen = poles.labels == label

@@ -37,7 +37,7 @@ def test_network_is_written_beside_the_faults(folder: Path, capsys: pytest.Captu
     assert run("network", folder) == 0
     assert {path.name for path in (folder / "network").iterdir()} == FILES
     said = capsys.readouterr().out
-    assert said.splitlines()[0].startswith("2 faults in 1 connected zone; 1 intersections (1 cross")
+    assert said.splitlines()[0].startswith("2 faults in 1 connected zone; 1 intersection (1 cross")
     record = json.loads((folder / "network" / "run.json").read_text())
     assert record["network"]["intersections"] == 1
     assert record["input"]["file"] == "faultset.npz"

@@ -122,6 +122,17 @@ def test_throws_of_a_thousand_feet_are_no_powers_of_ten(tmp_path: Path) -> None:
     assert "1,604 ft" in Page(path.read_text(encoding="utf-8")).texts
 
 
+def test_strikes_that_round_to_a_full_turn_are_0(tmp_path: Path) -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    surface = faults.surfaces[0]
+    north = replace(faults, surfaces=(replace(surface, strike_deg=np.full_like(surface.strike_deg, 359.7)),))
+    path = plot.write_report(tmp_path / "r.html", cube, faults=north, pictures=[])
+    text = path.read_text(encoding="utf-8")
+    assert "0° / 180°" in Page(text).texts
+    assert re.search(r'<td data-key="359\.[67]\d*">0</td>', text)
+
+
 def test_scene_falls_back_to_a_sketch_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rendering, "find_windowless", lambda: ("", "no OpenGL here"))
     cube = make_cube()
