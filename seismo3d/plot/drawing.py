@@ -72,6 +72,9 @@ def draw_rose(
     ax.set_theta_direction(-1)
     ax.bar(centres, np.tile(length, 2), width=np.pi / n, color=BLUE, edgecolor="white", linewidth=0.6)
     ax.set_xticks(np.radians([0, 90, 180, 270]), names)
+    for label, side in zip(ax.get_xticklabels(), ("center", "left", "center", "right"), strict=True):
+        # beside the circle, not across it
+        label.set_horizontalalignment(side)
     ax.set_yticks([])
     ax.set_title(title, fontsize="medium")
     return ax

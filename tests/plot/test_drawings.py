@@ -165,6 +165,21 @@ def test_throw_histogram_is_weighted_by_area(ax: Any) -> None:
     assert heights[centres < 0].sum() == pytest.approx(100 * 1413 / (1413 + 1090), abs=1.0)
 
 
+@pytest.mark.parametrize("from_north", [False, True])
+def test_names_of_directions_lie_outside_the_rose(from_north: bool) -> None:
+    figure = Figure(figsize=(5.2, 4.6), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    rose = figure.add_subplot(projection="polar")
+    plot.strike_rose(make_faults(make_cube()), from_north=from_north, ax=rose)
+    figure.canvas.draw()
+    circle = rose.get_window_extent()
+    for label in rose.get_xticklabels():
+        if label.get_text():
+            box = label.get_window_extent()
+            assert not box.overlaps(circle), label.get_text()
+            assert box.x1 <= figure.bbox.x1
+
+
 @pytest.mark.parametrize(("throw", "spread"), [(24.0, 0.2), (-24.0, 0.0), (0.0, 0.0)])
 def test_bars_of_throws_that_are_alike_are_wide_enough_to_be_seen(ax: Any, throw: float, spread: float) -> None:
     faults = make_faults(make_cube())
