@@ -80,14 +80,14 @@ def _draw_net(ax: Any, from_north: bool) -> None:
     for azimuth in range(0, 360, 30):
         c, s = np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))
         ax.plot([s, 1.03 * s], [c, 1.03 * c], color="black", linewidth=0.8)
-    for name, (east, north) in zip(
+    for name, (east, north), side in zip(
         ("N", "E", "S", "W") if from_north else ("inline axis", "crossline\naxis", "", ""),
-        ((0, 1.1), (1.1, 0), (0, -1.1), (-1.1, 0)), strict=True,
+        ((0, 1.1), (1.06, 0), (0, -1.1), (-1.06, 0)), ("center", "left", "center", "right"), strict=True,
     ):  # fmt: skip
-        ax.text(east, north, name, ha="center", va="center", fontsize="small")
+        ax.text(east, north, name, ha=side, va="center", fontsize="small")
     ax.plot(0, 0, "+", color="black", markersize=7)
     ax.set_aspect("equal")
-    ax.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
+    ax.set(xlim=(-1.2, 1.2 if from_north else 1.5), ylim=(-1.2, 1.2))
     ax.axis("off")
     ax.set_title("Poles of faults, lower hemisphere, equal area", fontsize="medium")
 

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from fake_faults import make_cube, make_faults, make_section
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox, TransformedBbox
 
 from seismo3d import plot
 from seismo3d.errors import ShapeError
@@ -54,6 +56,19 @@ def test_stereonet_has_a_dot_a_fault_and_a_circle_a_set(ax: Any) -> None:
     np.testing.assert_allclose(west, [-np.sqrt(2) * np.sin(np.radians(63.43 / 2)), 0.0], atol=1e-3)
     np.testing.assert_allclose(south, [0.0, -np.sqrt(2) * np.sin(np.radians(37.5))], atol=1e-3)
     assert len(ax.get_legend().get_texts()) == 2
+
+
+@pytest.mark.parametrize("from_north", [False, True])
+def test_names_of_directions_lie_outside_the_net(from_north: bool) -> None:
+    figure = Figure(figsize=(5.6, 5.8), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    net = plot.stereonet(fracture_network(make_faults(make_cube())), from_north=from_north, ax=figure.add_subplot())
+    figure.canvas.draw()
+    circle = TransformedBbox(Bbox([[-1, -1], [1, 1]]), net.transData)
+    for text in net.texts:
+        box = text.get_window_extent()
+        assert not text.get_text() or not box.overlaps(circle), text.get_text()
+        assert not text.get_text() or box.x1 <= net.get_window_extent().x1
 
 
 def test_without_faults_pictures_say_so_and_their_scales_begin_at_0() -> None:
