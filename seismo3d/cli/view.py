@@ -28,7 +28,11 @@ def run(
         None, "--out", "-o", help="Folder that Save writes. [default: the name with -edited, in the current folder]"
     ),
     port: int = typer.Option(
-        0, min=0, max=65535, help="Port to listen on, on this machine only. [default: a free one]"
+        0,
+        min=0,
+        max=65535,
+        show_default=False,
+        help="Port to listen on, on this machine only. [default: a free one]",
     ),
     browser: bool = typer.Option(True, help="Open the page; without it only its address is printed."),
     overwrite: bool = typer.Option(

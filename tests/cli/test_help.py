@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -25,6 +26,14 @@ def test_help_ends_with_examples(name, capsys):
     examples = out[out.index("Examples:") :].splitlines()[1:]
     assert examples
     assert all(line.startswith(f"    seismo3d {name} ") or line == f"    seismo3d {name}" for line in examples)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_an_option_has_one_default(name, capsys):
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert re.findall(r"\[default: [^]]*\] \[default: [^]]*\]", said) == []
 
 
 @pytest.mark.parametrize("name", COMMANDS)
