@@ -12,12 +12,15 @@ from seismo3d._typing import AnyArray, BoolArray
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.misfit import NOISES
 from seismo3d.seismic.sheet_distances import SheetNodes
+from seismo3d.seismic.term_fits import fit_terms
 from seismo3d.seismic.throw import SheetSides, SheetThrow, every_sample
 
 # samples from the edge of a mute within which a sheet lies beside it, and how far off its sides are read
 _BESIDE, _WITHIN = 8, 16
 # root of the area across a cube, in traces times samples, from which on there is room for faults of any strength
 _ROOM = 90.0
+# traces over which a sheet's course along its strike is smoothed
+_COURSE = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +53,11 @@ class ChoiceSettings:
         What is less tall and weaker than `sure_strength` stands by itself only where its moved sides match by so much
         in the median, and, if it is steep, from this height on: edges of channels are steep and low.
     sure_strength : float
-        Strength of what is no channel's edge whatever its shape.
+        Strength of what is no channel's edge whatever its shape, unless it winds.
+    winding, winding_height : float
+        Slope of its course along the strike, root mean square about a bend, from which on a sheet winds, and the median
+        height up to which it is a channel's edge then, however strong and near to a fault: faults bend, but rivers
+        meander.
     unlike_fit, unlike_score : float
         What fits by less than the first, on the mean over the whole of it, stands by itself only with a mean support of
         the second: nothing tells that its sides, which are unlike wherever they are taken back to, were ever one.
@@ -102,6 +109,8 @@ class ChoiceSettings:
     low_fit: float = 0.6
     steep_height: float = 40.0
     sure_strength: float = 33.0
+    winding: float = 0.2
+    winding_height: float = 40.0
     unlike_fit: float = 0.25
     unlike_score: float = 0.65
     little_matched: float = 0.12
@@ -315,7 +324,7 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
     for n in (int(n) for n in np.lexsort((-significance, leftover))):
         sheet, throw = candidates[n]
         stands = not sheet.leftover and _stands(sheet, throw, settings)
-        if not (stands or _may_join(sheet, throw, settings)):
+        if not (stands or _may_join(sheet, throw, settings)) or _winds(sheet, settings):
             continue
         nodes = SheetNodes.of(sheet)
         near = [host for host in hosts if nodes.touches(host.nodes, settings.gap)]
@@ -397,6 +406,22 @@ def _is_clear(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool
     """Tell whether a low sheet's sides match where it puts them, and its shape is not that of a channel's edge."""
     is_low_edge = dip_deg(sheet) >= settings.steep_deg and _height(sheet) < settings.steep_height
     return _median_fit(sheet, throw) >= settings.low_fit and not is_low_edge
+
+
+def _winds(sheet: Sheet, settings: ChoiceSettings) -> bool:
+    """Tell whether a low sheet winds along its strike, as the edge of a channel does."""
+    rows, columns = np.nonzero(sheet.inside)
+    n_nodes = np.bincount(rows)
+    there = np.flatnonzero(n_nodes)
+    n_nodes = n_nodes[there]
+    if len(there) < 3 or np.median(n_nodes) * sheet.step > settings.winding_height:
+        return False
+    s, z = ((a - a.mean()) / max(a.std(), 1.0) for a in (rows, columns))
+    terms = (np.ones_like(s), s, z, s * s, s * z, z * z)
+    _, off = fit_terms(terms, sheet.w[rows, columns].astype(np.float64))
+    course = ndimage.gaussian_filter1d(np.bincount(rows, off)[there] / n_nodes, _COURSE, mode="nearest")
+    slope = np.gradient(course, there.astype(np.float64))
+    return bool(np.sqrt(np.average(slope * slope, weights=n_nodes)) >= settings.winding)
 
 
 def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:

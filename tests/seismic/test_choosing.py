@@ -21,6 +21,7 @@ from seismo3d.seismic.choosing import (
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.throw import SheetSides, SheetThrow
 from seismo3d.synthetic import fault_cube
+from seismo3d.synthetic.bodies import Channel
 
 SETTINGS = ChoiceSettings()
 
@@ -312,6 +313,44 @@ def test_company_whose_sides_match_well_may_have_moved_less():
 def test_a_low_edge_is_no_fault_by_itself(change, stands):
     shape = {"rows": 60, "columns": 18, "score": 0.6} | change
     assert chosen(candidate(**shape)) == ([0] if stands else [])
+
+
+def course_of(rows, columns, offsets):
+    """A strong sheet whose course along its strike is offset so; rows traces by 2 * columns samples, dipping."""
+    sheet, throw = candidate(rows, columns, score=1.0, dip=70.0)
+    return replace(sheet, w=sheet.w + np.asarray(offsets, np.float32)[:, None]), throw
+
+
+ALONG = np.arange(130.0)
+
+
+@pytest.mark.parametrize(
+    ("offsets", "columns", "stands"),
+    [
+        (12.0 * np.sin(ALONG * 2.0 * np.pi / 64.0), 16, False),
+        (12.0 * np.sin(ALONG * 2.0 * np.pi / 64.0), 30, True),
+        (3.0 * np.sin(ALONG * 2.0 * np.pi / 128.0), 16, True),
+        (60.0 * (ALONG / 130.0) ** 2, 16, True),
+    ],
+    ids=["winds", "winds, high", "is wavy", "is an arc"],
+)
+def test_what_is_low_and_winds_is_a_channels_edge(offsets, columns, stands):
+    winding = course_of(len(ALONG), columns, offsets)
+    assert chosen(winding) == ([0] if stands else [])
+
+
+def test_a_channels_edge_beside_a_fault_is_no_company():
+    edge = course_of(len(ALONG), 16, 12.0 * np.sin(ALONG * 2.0 * np.pi / 64.0))
+    host = candidate(rows=130, columns=60, origin=(30.0, 0.0), score=0.9, dip=70.0)
+    straight = course_of(len(ALONG), 16, 0.0 * ALONG)
+    assert chosen(host, edge) == [0]
+    assert chosen(host, straight) == [0, 1]
+
+
+def test_a_cube_with_a_deep_meandering_channel_has_no_fault():
+    channel = Channel(40.0, 28.0, (64.0, 48.0), 10.0, (14.0, 90.0, 2.0), 8.0, 1.6, 0.3)
+    cube = fault_cube("fault_free", seed=5, shape=(128, 96, 96), channels=(channel,), noise=0.0)
+    assert not (s3.trace_faults(cube.seismic).labels > 0).any()
 
 
 @pytest.mark.parametrize(
