@@ -86,7 +86,7 @@ def _score_faults(folder: Path, picks: list[Path], aside: Path, tolerance: float
         scores.append({"picks": file.name, **asdict(score)})
         figure = Figure(figsize=(7.5, 7.0), layout="constrained")
         picked_faults_map(faults, sticks, score, ax=figure.add_subplot())
-        figure.savefig(aside / f"score_{number:02d}.png", dpi=130)
+        figure.savefig(aside / f"score_{number:02d}.png", dpi=130, bbox_inches="tight", pad_inches=0.08)
     return scores
 
 
@@ -114,7 +114,7 @@ def _score_tracks(
         figure = Figure(figsize=(7.5, 6.5), layout="constrained")
         track = next(track for track in tracks if track.name == score.track)
         pick_distance_map(track, horizon, unit=unit, cube=survey, apart=apart, ax=figure.add_subplot())
-        figure.savefig(aside / f"score_{number:02d}.png", dpi=130)
+        figure.savefig(aside / f"score_{number:02d}.png", dpi=130, bbox_inches="tight", pad_inches=0.08)
     return scores
 
 

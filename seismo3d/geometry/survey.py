@@ -123,6 +123,14 @@ class SurveyGeometry:
         """Whether the crossline axis lies clockwise of the inline axis, seen from above: right-handed, samples down."""
         return float(np.linalg.det(self.east_north)) < 0
 
+    @property
+    def inlines_up(self) -> bool:
+        """Whether inline indices grow upwards on a view from above that has crosslines to the right.
+
+        So that it is no mirror image of the map; without a map inlines go downwards, as rows do.
+        """
+        return self.has_map and self.is_right_handed
+
     def index_to_map(self, points: ArrayLike) -> Float64Array:
         """Carry fractional index points to (x, y, z).
 

@@ -80,7 +80,7 @@ def draw_rose(
     return ax
 
 
-def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float, aspect: Any = "auto") -> Any:
+def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float) -> Any:
     """Draw a picture with colours symmetric about what its amplitudes share; places without data get a flat colour.
 
     Parameters
@@ -93,8 +93,6 @@ def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float, aspect
         A matplotlib colour map.
     clip : float
         Percentile of the amplitude's size that gets the strongest colour.
-    aspect : str or float
-        As in ``Axes.imshow``.
 
     Returns
     -------
@@ -110,7 +108,7 @@ def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float, aspect
         vmin=low,
         vmax=high,
         extent=picture.extent,
-        aspect=aspect,
+        aspect="auto",
         interpolation="antialiased",
         interpolation_stage="rgba",
     )

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.errors import GeometryError, ShapeError
-from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.plot.drawing import draw_amplitudes, draw_faults, label_axes, new_axes
-from seismo3d.plot.pictures import Picture, axis_coordinates, axis_labels, live_traces, name_axes, take_picture
+from seismo3d.errors import ShapeError
+from seismo3d.plot.drawing import NO_DATA, draw_amplitudes, draw_faults, new_axes
+from seismo3d.plot.map_frame import MapFrame
+from seismo3d.plot.pictures import live_traces, name_axes, take_picture
 from seismo3d.plot.traces_of_faults import check_colour, cut_faults, display_throw, value_colours
 from seismo3d.seismic.cube_checks import check_faults_of
 
@@ -46,7 +46,8 @@ def time_slice(
     Returns
     -------
     matplotlib Axes
-        Crosslines to the right, inlines downwards; bins drawn in their true proportions.
+        Crosslines to the right, inlines up or down as on the map, downwards without one; bins drawn in their true
+        proportions.
 
     Raises
     ------
@@ -64,9 +65,9 @@ def time_slice(
         where["sample"] = cube.shape[2] // 2
     picture = take_picture(cube, **where)
     ax = new_axes(7.5, 7.0) if ax is None else ax
-    draw_amplitudes(
-        ax, picture, cmap=cmap, clip=clip, aspect=_bin_aspect(cube, picture) if picture.axis == 2 else "auto"
-    )
+    draw_amplitudes(ax, picture, cmap=cmap, clip=clip)
+    if picture.axis == 2:
+        MapFrame.from_cube(cube).lay_out(ax)
     if faults is not None:
         draw_faults(ax, cut_faults(faults, picture), colour=colour)
     return ax
@@ -87,7 +88,7 @@ def throw_map(faults: Any, cube: Any, *, ax: Any = None) -> Any:
     Returns
     -------
     matplotlib Axes
-        Crosslines to the right, inlines downwards. Unknown throw is white; the area without data is hatched.
+        As of :func:`time_slice`. Unknown throw is white; the area without data is hatched.
 
     Raises
     ------
@@ -100,19 +101,15 @@ def throw_map(faults: Any, cube: Any, *, ax: Any = None) -> Any:
     from matplotlib.colors import Normalize
 
     check_faults_of(cube, faults)
-    if len(name_axes(cube)) == 2:
-        raise ShapeError(f"cube has shape {np.shape(cube)}: a section has no map. Use plot.section.")
-    picture = _blank_picture(cube)
+    frame = MapFrame.from_cube(cube)
     ax = new_axes(7.5, 7.0) if ax is None else ax
-    left, right, bottom, top = picture.extent
-    ax.contourf(picture.columns, picture.rows, ~picture.live, levels=[0.5, 1.5], hatches=["///"], colors="#e9edf2")
+    ax.contourf(frame.columns, frame.rows, ~live_traces(cube), levels=[0.5, 1.5], hatches=["///"], colors=NO_DATA)
     everything = [display_throw(surface)[0] for surface in faults.surfaces]
     name, low, high = value_colours(np.concatenate(everything) if everything else np.zeros(0), "throw")
     colours = ScalarMappable(Normalize(low, high), colormaps[name].with_extremes(bad="white"))
     triangles, values, depths = [], [], []
     for surface, throw in zip(faults.surfaces, everything, strict=True):
-        corners = np.stack(picture.place(surface.vertices[:, 1], surface.vertices[:, 0]), axis=1)[surface.cells]
-        triangles.append(corners)
+        triangles.append(frame.place(surface.vertices)[surface.cells])
         values.append(throw[surface.cells].mean(axis=1))
         depths.append(surface.vertices[surface.cells, 2].mean(axis=1))
     if triangles:
@@ -123,28 +120,6 @@ def throw_map(faults: Any, cube: Any, *, ax: Any = None) -> Any:
         )
     unit = display_throw(faults.surfaces[0])[1] if faults.surfaces else "samples"
     ax.figure.colorbar(colours, ax=ax, label=f"Throw ({unit})", pad=0.02, shrink=0.8)
-    ax.set(xlim=(left, right), ylim=(bottom, top))
-    label_axes(ax, picture.column_name, picture.row_name)
-    ax.set_aspect(_bin_aspect(cube, picture))
+    frame.lay_out(ax)
     ax.set_title("Throw, seen from above", loc="left", fontsize="medium")
     return ax
-
-
-def _blank_picture(cube: Any) -> Picture:
-    row_name, column_name, *_ = axis_labels(cube)
-    live = live_traces(cube)
-    rows, columns = axis_coordinates(cube, 0), axis_coordinates(cube, 1)
-    return Picture(np.zeros(live.shape), live, rows, columns, row_name, column_name, "", 2, 0.0)
-
-
-def _bin_aspect(cube: Any, picture: Picture) -> float:
-    """Height over width of a unit on the picture, so that bins have their true proportions (square without a map)."""
-    left, right, bottom, top = picture.extent
-    rows, columns = picture.values.shape
-    square = abs((right - left) / columns) / abs((top - bottom) / rows)
-    try:
-        inline_bin, crossline_bin = SurveyGeometry.from_cube(cube).bin_size
-    except GeometryError:
-        return square
-    ratio = inline_bin / crossline_bin
-    return square * ratio if np.isfinite(ratio) and 0.1 <= ratio <= 10 else square

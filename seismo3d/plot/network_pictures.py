@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._typing import Float64Array
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import label_axes, new_axes
+from seismo3d.plot.map_frame import MapFrame
 from seismo3d.plot.picture_set import PictureFile
-from seismo3d.plot.pictures import axis_coordinates, axis_labels
+from seismo3d.plot.pictures import at_index, axis_coordinates, axis_labels
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS
 from seismo3d.seismic.cube_checks import check_faults_of
 
@@ -35,8 +37,8 @@ def network_map(network: Any, faults: Any, cube: Any, *, ax: Any = None) -> Any:
     Returns
     -------
     matplotlib Axes
-        Crosslines to the right, inlines downwards. Intersections are black: whole lines where faults cross, dashed
-        where one ends at the other, dotted where both end.
+        As of :func:`seismo3d.plot.time_slice`. Intersections are black: whole lines where faults cross, dashed where
+        one ends at the other, dotted where both end.
 
     Raises
     ------
@@ -47,18 +49,21 @@ def network_map(network: Any, faults: Any, cube: Any, *, ax: Any = None) -> Any:
     from matplotlib.lines import Line2D
 
     _check(faults, cube)
+    frame = MapFrame.from_cube(cube)
     ax = new_axes(7.5, 7.0) if ax is None else ax
     for number, zone in enumerate(network.zones):
         colour = SURFACE_COLOURS[number % len(SURFACE_COLOURS)]
         for label in zone.surfaces:
             surface = faults.surfaces[label - 1]
-            corners = _on_map(surface.vertices, cube)[surface.cells]
-            ax.add_collection(PolyCollection(list(corners), facecolors=colour, edgecolors="none", alpha=0.35))
-            ax.annotate(str(label), _on_map(surface.vertices, cube).mean(axis=0), fontsize="small", ha="center")
+            places = frame.place(surface.vertices)
+            corners = list(places[surface.cells])
+            ax.add_collection(PolyCollection(corners, facecolors=colour, edgecolors="none", alpha=0.35))
+            ax.annotate(str(label), places.mean(axis=0), fontsize="small", ha="center")
     for line in network.intersections:
-        ends = _on_map(line.points, cube)[line.segments]
+        ends = frame.place(line.points)[line.segments]
         ax.add_collection(LineCollection(list(ends), colors="black", linewidths=1.6, linestyles=_LINES[line.kind]))
-    _frame(ax, cube)
+    frame.lay_out(ax)
+    ax.locator_params(axis="x", nbins=6)
     kinds = [kind for kind in _LINES if any(line.kind == kind for line in network.intersections)]
     words = {"cross": "they cross", "abut": "one ends at the other", "corner": "both end"}
     handles = [Line2D([], [], color="black", linestyle=_LINES[kind], label=words[kind]) for kind in kinds]
@@ -85,15 +90,17 @@ def density_map(network: Any, cube: Any, *, ax: Any = None) -> Any:
     Returns
     -------
     matplotlib Axes
-        Crosslines to the right, inlines downwards.
+        As of :func:`seismo3d.plot.time_slice`.
     """
+    frame = MapFrame.from_cube(cube)
     ax = new_axes(7.5, 6.5) if ax is None else ax
     n = np.shape(cube)[2]
     thick = np.diff(np.minimum(np.arange(network.density.shape[2] + 1) * network.cell[2], n))
     mean = network.density @ (thick / thick.sum())
-    edges = [_edges(axis_coordinates(cube, axis), network.cell[axis]) for axis in (0, 1)]
-    drawn = ax.pcolormesh(edges[1], edges[0], mean, cmap="magma_r", vmin=0.0, vmax=float(mean.max()) or 1.0)
-    _frame(ax, cube)
+    down, across = (_cell_edges(lines, network.cell[k]) for k, lines in enumerate((frame.rows, frame.columns)))
+    drawn = ax.pcolormesh(across, down, mean, cmap="magma_r", vmin=0.0, vmax=float(mean.max()) or 1.0)
+    frame.lay_out(ax)
+    ax.locator_params(axis="x", nbins=6)
     ax.figure.colorbar(drawn, ax=ax, label=f"Fault area over volume (1/{network.unit})", pad=0.02, shrink=0.8)
     ax.set_title("Fault density (P32), mean over depth", loc="left", fontsize="medium")
     return ax
@@ -139,8 +146,9 @@ def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | 
             place = x[path.voxels[end, across]], y[path.voxels[end, down]]
             ax.plot(*place, marker, color="#e6194b", markeredgecolor="white", markersize=8)
         label_axes(ax, labels[across], labels[down])
-        ax.set_ylim(max(y), min(y)) if down == 2 else ax.invert_yaxis()
+        ax.set_ylim(max(y), min(y))
         ax.locator_params(axis="x", nbins=6)
+    MapFrame.from_cube(cube).lay_out(axes[0])
     axes[0].set_title(
         f"Length {path.length:.0f} {path.unit}, {100 * path.share_on_faults:.0f} % on faults",
         loc="left",
@@ -215,30 +223,9 @@ def _likelihood_near(path: Any, faults: Any, *, reach: float = 8.0) -> tuple[Any
     return voxels, likelihood[tuple(voxels.T)]
 
 
-def _on_map(points: Any, cube: Any) -> Any:
-    """(crossline, inline) coordinates of index points."""
-    columns = []
-    for axis in (1, 0):
-        numbers = axis_coordinates(cube, axis)
-        step = (numbers[-1] - numbers[0]) / max(len(numbers) - 1, 1)
-        columns.append(numbers[0] + step * np.asarray(points, dtype=np.float64)[:, axis])
-    return np.column_stack(columns)
-
-
-def _edges(numbers: Any, cell: int) -> Any:
-    step = (numbers[-1] - numbers[0]) / max(len(numbers) - 1, 1) or 1.0
-    index = np.minimum(np.arange(-(-len(numbers) // cell) + 1) * cell, len(numbers)) - 0.5
-    return numbers[0] + step * index
-
-
-def _frame(ax: Any, cube: Any) -> None:
-    labels = axis_labels(cube)
-    rows, columns = axis_coordinates(cube, 0), axis_coordinates(cube, 1)
-    ax.set_facecolor("white")
-    label_axes(ax, labels[1], labels[0])
-    ax.set_xlim(columns[0], columns[-1])
-    ax.set_ylim(rows[-1], rows[0])
-    ax.locator_params(axis="x", nbins=6)
+def _cell_edges(lines: Float64Array, cell: int) -> Float64Array:
+    """Line numbers at the edges of cells of so many lines; the last one may be narrower."""
+    return at_index(lines, np.minimum(np.arange(-(-len(lines) // cell) + 1) * cell, len(lines)) - 0.5)
 
 
 def _check(faults: Any, cube: Any) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d.plot.drawing import label_axes, new_axes
+from seismo3d.plot.map_frame import MapFrame
 
 
 def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any = None) -> Any:
@@ -28,32 +29,29 @@ def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any
     -------
     matplotlib Axes
         Surfaces that agree with the picks in grey, new ones in blue; sticks of faults that were found in green, of
-        missed ones in red, and none of faults that lie outside the cube.
+        missed ones in red, and none of faults that lie outside the cube. As of :func:`seismo3d.plot.time_slice`.
     """
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    from seismo3d.geometry.survey import SurveyGeometry
     from seismo3d.seismic.picks import place_stick
 
+    frame = MapFrame.from_cube(faults.labels)
     ax = new_axes(7.5, 7.0) if ax is None else ax
-    geometry = SurveyGeometry.from_cube(faults.labels)
     for label, surface in enumerate(faults.surfaces, start=1):
-        places = geometry.index_to_lines(surface.vertices)[:, [1, 0]]
+        places = frame.place(surface.vertices)
         colour = "#56b4e9" if label in score.new else "0.55"
         ax.add_collection(PolyCollection(list(places[surface.cells]), facecolors=colour, edgecolors="none", alpha=0.5))
     for missed, colour in ((False, "#009e73"), (True, "#d62728")):
         names = {row.name for row in score.faults if (row.name in score.missed) == missed}
         chosen = [stick for stick in sticks if stick.fault in names]
-        lines = [geometry.index_to_lines(place_stick(stick, faults.labels))[:, [1, 0]] for stick in chosen]
+        lines = [frame.place(place_stick(stick, faults.labels)) for stick in chosen]
         ax.add_collection(LineCollection(lines, colors=colour, linewidths=1.4))
         # an upright stick is a point from above
         nodes = np.concatenate(lines) if lines else np.zeros((0, 2))
         ax.plot(*nodes.T, ".", color=colour, markersize=3)
-    inlines, crosslines = geometry.inline.coordinates(), geometry.crossline.coordinates()
-    label_axes(ax, "Crossline", "Inline")
-    ax.set(xlim=(crosslines[0], crosslines[-1]), ylim=(inlines[-1], inlines[0]))
+    frame.lay_out(ax)
     ax.legend(
         handles=[
             Patch(color="0.55", alpha=0.5, label="traced, near picks"),
@@ -110,7 +108,9 @@ def pick_distance_map(
     drawn = ax.scatter(*here[common][:, across].T, c=down, s=4, cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
     ax.figure.colorbar(drawn, ax=ax, label=f"Track below picks ({unit})", pad=0.02, shrink=0.8)
     label_axes(ax, *("Crossline", "Inline") if by_lines else ("x", "y"))
-    if by_lines:
+    if cube is not None and by_lines:
+        MapFrame.from_cube(cube).turn(ax)
+    elif by_lines:
         ax.invert_yaxis()
     ax.set_title(f"{track.name} against {picks.name}", loc="left", fontsize="medium")
     return ax

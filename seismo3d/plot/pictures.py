@@ -53,12 +53,12 @@ class Picture:
     @property
     def extent(self) -> tuple[float, float, float, float]:
         """Left, right, bottom, top edges of the picture in coordinates, half a cell beyond the centres."""
-        dx, dy = _step(self.columns) / 2, _step(self.rows) / 2
-        return self.columns[0] - dx, self.columns[-1] + dx, self.rows[-1] + dy, self.rows[0] - dy
+        (left, right), (top, bottom) = outer_edges(self.columns), outer_edges(self.rows)
+        return left, right, bottom, top
 
     def place(self, column_index: AnyArray, row_index: AnyArray) -> tuple[Float64Array, Float64Array]:
         """Turn fractional indices into coordinates on the picture."""
-        return _interpolate(self.columns, column_index), _interpolate(self.rows, row_index)
+        return at_index(self.columns, column_index), at_index(self.rows, row_index)
 
 
 def take_picture(cube: Any, **chosen: float | None) -> Picture:
@@ -114,6 +114,20 @@ def axis_coordinates(cube: Any, axis: int) -> Float64Array:
     if hasattr(cube, "dims") and cube.dims[axis] in cube.coords:
         return np.asarray(cube[cube.dims[axis]].values, dtype=np.float64)
     return np.arange(cube.shape[axis], dtype=np.float64)
+
+
+def outer_edges(coordinates: Float64Array) -> tuple[float, float]:
+    """Coordinates half a step before the first and past the last, whichever way they go."""
+    first, last = at_index(coordinates, np.array([-0.5, len(coordinates) - 0.5]))
+    return float(first), float(last)
+
+
+def at_index(coordinates: Float64Array, index: AnyArray) -> Float64Array:
+    """Coordinates at fractional indices, carried on beyond both ends."""
+    step = (coordinates[-1] - coordinates[0]) / (len(coordinates) - 1) if len(coordinates) > 1 else 1.0
+    index = np.asarray(index, dtype=np.float64)
+    inside = np.clip(index, 0, len(coordinates) - 1)
+    return np.interp(inside, np.arange(len(coordinates)), coordinates) + (index - inside) * step
 
 
 def axis_labels(cube: Any) -> tuple[str, ...]:
@@ -196,11 +210,3 @@ def _picture(cube: Any, names: tuple[str, ...], *, axis: int, index: int) -> Pic
 
 def _step(coordinates: Float64Array) -> float:
     return float(np.abs(np.diff(coordinates)).mean()) if len(coordinates) > 1 else 1.0
-
-
-def _interpolate(coordinates: Float64Array, index: AnyArray) -> Float64Array:
-    """Coordinates at fractional indices, carried on beyond both ends."""
-    step = (coordinates[-1] - coordinates[0]) / max(len(coordinates) - 1, 1) if len(coordinates) > 1 else 1.0
-    index = np.asarray(index, dtype=np.float64)
-    inside = np.clip(index, 0, len(coordinates) - 1)
-    return np.interp(inside, np.arange(len(coordinates)), coordinates) + (index - inside) * step

@@ -8,6 +8,7 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.plot.drawing import draw_amplitudes, draw_faults, new_axes
+from seismo3d.plot.map_frame import MapFrame
 from seismo3d.plot.pictures import Picture, axis_coordinates, live_traces, name_axes, take_picture
 from seismo3d.plot.traces_of_faults import check_colour, cut_faults
 from seismo3d.seismic.cube_checks import check_faults_of
@@ -120,6 +121,8 @@ def likelihood(
     drawn = ax.imshow(
         shown, cmap="plasma", vmin=0, vmax=1, extent=picture.extent, aspect="auto", interpolation="nearest"
     )
+    if picture.axis == 2:
+        MapFrame.from_cube(cube).lay_out(ax)
     ax.figure.colorbar(drawn, ax=ax, label="Fault likelihood", pad=0.02, shrink=0.8)
     return ax
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from seismo3d._typing import AnyArray
 from seismo3d.errors import ShapeError
-from seismo3d.plot.drawing import label_axes, new_axes
+from seismo3d.plot.drawing import NO_DATA, new_axes
+from seismo3d.plot.map_frame import MapFrame
 from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.pictures import axis_coordinates, axis_labels, take_picture
 from seismo3d.plot.sections import section
@@ -38,7 +39,7 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
     Returns
     -------
     matplotlib Axes
-        Crosslines to the right, inlines down; seeds as stars.
+        As of :func:`seismo3d.plot.time_slice`; seeds as stars.
 
     Raises
     ------
@@ -48,19 +49,18 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
     _check(track, cube)
     if track.depth.ndim != 2:
         raise ShapeError(f"track has shape {track.depth.shape}: one of a section has no map. Use plot.track_section.")
-    rows, columns = axis_coordinates(cube, 0), axis_coordinates(cube, 1)
-    labels = axis_labels(cube)
+    frame = MapFrame.from_cube(cube)
+    rows, columns = frame.rows, frame.columns
     ax = new_axes(8.0, 6.0) if ax is None else ax
     depth = np.ma.masked_invalid(track.depth)
-    ax.set_facecolor("#e9edf2")
+    ax.set_facecolor(NO_DATA)
     drawn = ax.pcolormesh(columns, rows, depth, cmap=cmap, shading="nearest")
     if depth.count() and min(depth.shape) > 1 and np.ptp(depth.compressed()) > 0:
         lines = ax.contour(columns, rows, depth, levels=contours, colors="black", linewidths=0.6)
         ax.clabel(lines, fontsize="x-small", fmt="%g")
     ax.plot(track.seeds[:, 1], track.seeds[:, 0], "*", color="red", markeredgecolor="white", markersize=12)
-    label_axes(ax, labels[1], labels[0])
-    ax.invert_yaxis()
-    ax.figure.colorbar(drawn, ax=ax, label=labels[2], pad=0.02, shrink=0.8).ax.invert_yaxis()
+    frame.lay_out(ax)
+    ax.figure.colorbar(drawn, ax=ax, label=axis_labels(cube)[2], pad=0.02, shrink=0.8).ax.invert_yaxis()
     return ax
 
 
@@ -83,7 +83,7 @@ def loop_map(closure: Any, cube: Any, *, cmap: str = "magma_r", most: float = 1.
     Returns
     -------
     matplotlib Axes
-        Crosslines to the right, inlines down.
+        As of :func:`seismo3d.plot.time_slice`.
 
     Raises
     ------
@@ -94,14 +94,12 @@ def loop_map(closure: Any, cube: Any, *, cmap: str = "magma_r", most: float = 1.
         raise ShapeError(
             f"closure has shape {closure.error.shape}; expected {tuple(cube.shape[:-1])}. Give the cube it is of."
         )
-    labels = axis_labels(cube)
+    frame = MapFrame.from_cube(cube)
     ax = new_axes(8.0, 6.0) if ax is None else ax
-    ax.set_facecolor("#e9edf2")
-    columns, rows = axis_coordinates(cube, 1), axis_coordinates(cube, 0)
+    ax.set_facecolor(NO_DATA)
     error = np.ma.masked_invalid(closure.error)
-    drawn = ax.pcolormesh(columns, rows, error, cmap=cmap, vmin=0.0, vmax=most, shading="nearest")
-    label_axes(ax, labels[1], labels[0])
-    ax.invert_yaxis()
+    drawn = ax.pcolormesh(frame.columns, frame.rows, error, cmap=cmap, vmin=0.0, vmax=most, shading="nearest")
+    frame.lay_out(ax)
     ax.figure.colorbar(drawn, ax=ax, label="median loop error (samples)", pad=0.02, shrink=0.8, extend="max")
     return ax
 
@@ -191,12 +189,12 @@ def save_track_pictures(
         figure = Figure(figsize=(8.0, 6.0), layout="constrained")
         track_map(track, cube, ax=figure.add_subplot())
         path = directory / f"track_{number:02d}_map.png"
-        figure.savefig(path, dpi=130)
+        figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.08)
         files.append(PictureFile(path, f"Track {number} from above, with contours; seeds are stars.", kind="half"))
     if closure is not None and closure.n_loops:
         figure = Figure(figsize=(8.0, 6.0), layout="constrained")
         loop_map(closure, cube, ax=figure.add_subplot())
-        figure.savefig(directory / "loops.png", dpi=130)
+        figure.savefig(directory / "loops.png", dpi=130, bbox_inches="tight", pad_inches=0.08)
         text = f"By how many samples closed loops of {closure.length} traces miss, in the median of each trace."
         files.append(PictureFile(directory / "loops.png", text, kind="half"))
     return files

@@ -76,6 +76,7 @@ def test_azimuths(rotation, left_handed):
     across = (rotation + (270 if left_handed else 90)) % 360
     assert geometry.crossline_axis_azimuth_deg == pytest.approx(across, abs=1e-9)
     assert geometry.is_right_handed is not left_handed
+    assert geometry.inlines_up is not left_handed
 
 
 @pytest.mark.parametrize("inlines", [1, -1])
@@ -93,6 +94,7 @@ def test_without_a_map_strikes_go_by_the_numbers_of_lines_in_whatever_order(inli
     assert geometry.inline_axis_azimuth_deg == (0.0 if inlines > 0 else 180.0)
     assert geometry.crossline_axis_azimuth_deg == (90.0 if crosslines > 0 else 270.0)
     assert geometry.is_right_handed is (inlines * crosslines > 0)
+    assert not geometry.inlines_up
 
 
 @given(st.floats(0, 359), st.floats(5, 85), st.floats(0, 359), st.booleans(), st.floats(-0.4, 0.4))

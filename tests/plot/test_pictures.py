@@ -35,6 +35,8 @@ def test_bare_arrays_count_from_zero() -> None:
     picture = take_picture(values, crossline=7)
     np.testing.assert_array_equal(picture.values, values[:, 7].T)
     assert picture.extent == (-0.5, 29.5, 49.5, -0.5)
+    falling = take_picture(make_cube()[::-1, ::-1], time=1100)
+    assert falling.extent == (539.5, 499.5, 99.0, 159.0)
     assert take_picture(values).index == 15
 
 
