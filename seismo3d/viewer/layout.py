@@ -21,17 +21,19 @@ _PANEL = """
       $event.clientX - $event.currentTarget.getBoundingClientRect().left,
       $event.clientY - $event.currentTarget.getBoundingClientRect().top,
       $event.currentTarget.getBoundingClientRect().width, $event.currentTarget.getBoundingClientRect().height])">
-    <image :href="@_image" x="0" y="0" :width="@_columns" :height="@_rows" preserveAspectRatio="none" />
-    <g fill="none" stroke-linecap="round" pointer-events="none">
-      <line :x1="@_lines[0]" :x2="@_lines[0]" y1="0" :y2="@_rows" class="s3-cross" />
-      <line x1="0" :x2="@_columns" :y1="@_lines[1]" :y2="@_lines[1]" class="s3-cross" />
-      <path v-if="@_selected" :d="@_selected" class="s3-selected" />
-      <path v-for="(part, k) in @_faults" :key="'h' + k" :d="part.d" class="s3-halo" />
-      <path v-for="(part, k) in @_faults" :key="'f' + k" :d="part.d" :stroke="part.stroke" class="s3-fault" />
-      <path v-for="part in @_horizons" :key="'t' + part.number" :d="part.d" :stroke="part.stroke" class="s3-horizon"
-        :data-horizon="part.number" />
-      <polyline v-if="@_picked.length" :points="@_picked.map((p) => p.join(',')).join(' ')" class="s3-stick" />
-      <path v-for="(p, k) in @_picked" :key="'p' + k" :d="'M' + p[0] + ' ' + p[1] + 'l0 0.001'" class="s3-point" />
+    <g :transform="@_flip">
+      <image :href="@_image" x="0" y="0" :width="@_columns" :height="@_rows" preserveAspectRatio="none" />
+      <g fill="none" stroke-linecap="round" pointer-events="none">
+        <line :x1="@_lines[0]" :x2="@_lines[0]" y1="0" :y2="@_rows" class="s3-cross" />
+        <line x1="0" :x2="@_columns" :y1="@_lines[1]" :y2="@_lines[1]" class="s3-cross" />
+        <path v-if="@_selected" :d="@_selected" class="s3-selected" />
+        <path v-for="(part, k) in @_faults" :key="'h' + k" :d="part.d" class="s3-halo" />
+        <path v-for="(part, k) in @_faults" :key="'f' + k" :d="part.d" :stroke="part.stroke" class="s3-fault" />
+        <path v-for="part in @_horizons" :key="'t' + part.number" :d="part.d" :stroke="part.stroke" class="s3-horizon"
+          :data-horizon="part.number" />
+        <polyline v-if="@_picked.length" :points="@_picked.map((p) => p.join(',')).join(' ')" class="s3-stick" />
+        <path v-for="(p, k) in @_picked" :key="'p' + k" :d="'M' + p[0] + ' ' + p[1] + 'l0 0.001'" class="s3-point" />
+      </g>
     </g>
   </svg>
   <div class="s3-sides"><span>{{ @_top }}</span><span>{{ @_down }}</span><span>{{ @_bottom }}</span></div>

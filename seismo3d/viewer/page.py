@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from seismo3d.errors import Seismo3dError
+from seismo3d.plot.map_frame import MapFrame
 from seismo3d.plot.pages import in_digits
 from seismo3d.plot.pictures import axis_coordinates, axis_labels
 from seismo3d.viewer.colours import ATTRIBUTES
@@ -49,6 +50,7 @@ class Page:
         self._state = server.state
         self._session = session
         self._scene = SceneKeeper(session)
+        self._inlines_up = MapFrame.from_cube(session.cube).inlines_up
         self._mapped: tuple[Any, ...] | None = None
         self._turn = [0, 0, 0]
         self._view: Any = None
@@ -67,10 +69,13 @@ class Page:
         for axis, name in enumerate(PANELS):
             state[f"{name}_index"], state[f"{name}_count"] = session.index[axis], session.reader.shape[axis]
             across, down = (1, 0) if axis == 2 else (1 - axis, 2)
+            rising = axis == 2 and self._inlines_up
+            # an SVG's rows go downwards
+            state[f"{name}_flip"] = f"translate(0 {session.reader.shape[down]}) scale(1 -1)" if rising else ""
             for ends, along in ((("left", "across", "right"), across), (("bottom", "down", "top"), down)):
                 numbers = axis_coordinates(session.cube, along)
                 first, last = (f"{numbers[k]:.8g}" for k in (0, -1))
-                low, high = (first, last) if along == across else (last, first)
+                low, high = (first, last) if along == across or rising else (last, first)
                 words = (low, axis_labels(session.cube)[along], high)
                 state.update({f"{name}_{end}": word for end, word in zip(ends, words, strict=True)})
             most = _COARSE if session.reader.is_lazy else 1024
@@ -278,6 +283,8 @@ class Page:
 
     def _click(self, axis: int, across: float, down: float, width: float, height: float) -> None:
         axis = int(axis)
+        if axis == 2 and self._inlines_up:
+            down = height - down
         rows, columns = (int(self._state[f"{PANELS[axis]}_{side}"]) for side in ("rows", "columns"))
         pixels = (float(width) / columns, float(height) / rows)
         self._do(lambda: self._session.click(axis, across / pixels[0], down / pixels[1], pixels=pixels))

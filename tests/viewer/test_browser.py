@@ -54,10 +54,13 @@ def says(page, words):
 
 
 def click(page, panel, column, row, *, times=1):
-    """Click a place of a panel, in index units from its corner."""
+    """Click a place of a panel, in index units from the corner where its indices begin."""
     view = page.locator(f"[data-panel={panel}] svg.s3-view")
     _, _, columns, rows = (float(word) for word in view.get_attribute("viewBox").split())
     box = view.bounding_box()
+    if panel == "sample":
+        # the survey is right-handed: its inlines go upwards
+        row = rows - row
     # at the very place, past what lies on it: the drawing has no parts that take clicks
     at = box["x"] + column / columns * box["width"], box["y"] + row / rows * box["height"]
     page.mouse.click(*at, click_count=times)
@@ -81,6 +84,19 @@ def test_a_slice_moves_with_its_slider(pages, segy, faulted):
     page.locator("[data-panel=inline] .s3-step").nth(1).click()
     playwright.expect(label).to_have_text("Inline 110")
     assert page.locator("[data-panel=inline] .s3-fault").count() == 2
+
+
+def test_the_slice_from_above_lies_as_on_the_map(pages, segy, faulted):
+    page = pages(show(segy, faulted, open_browser=False))
+    assert page.locator("[data-panel=sample] .s3-sides span").all_inner_texts() == ["158", "Inline", "100"]
+    # past the faults: the fifth inline and the eleventh crossline
+    click(page, "sample", 10.5, 4.5)
+    says(page, "slices moved")
+    playwright.expect(page.locator("[data-panel=inline] .s3-label")).to_have_text("Inline 108")
+    playwright.expect(page.locator("[data-panel=crossline] .s3-label")).to_have_text("Crossline 510")
+    view, line = (page.locator(f"[data-panel=sample] {part}").last.bounding_box() for part in ("svg.s3-view", "line"))
+    from_below = (view["y"] + view["height"] - line["y"]) / view["height"]
+    assert from_below == pytest.approx(4.5 / 30, abs=0.01)
 
 
 def test_a_click_on_a_reflector_traces_a_track(pages, segy):
