@@ -8,9 +8,10 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
-from seismo3d.plot.drawing import draw_rose, label_axes, new_axes
+from seismo3d.plot.drawing import NO_DATA, draw_rose, label_axes, new_axes
 
 _COLOURS = {"step": "#d62728", "trough": "#1f9bcf", "both": "#c218c2", "valley": "#1fa35c"}
+_NO_CHANGE = "#d8d8d8"
 
 
 def terrain(elevation: Any, *, lines: Any = None, outcrops: Any = (), ax: Any = None) -> Any:
@@ -47,7 +48,7 @@ def terrain(elevation: Any, *, lines: Any = None, outcrops: Any = (), ax: Any = 
 
 
 def change_map(change: Any, *, ax: Any = None) -> Any:
-    """Draw the significant change of an elevation map; grey where it is below the level of detection.
+    """Draw the significant change of an elevation map; grey where there is none, hatched where a map is unknown.
 
     Parameters
     ----------
@@ -59,13 +60,23 @@ def change_map(change: Any, *, ax: Any = None) -> Any:
     -------
     matplotlib Axes
     """
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
     grid = MapGrid.from_elevation(change.difference)
     d, significant = np.asarray(change.difference), np.asarray(change.significant)
+    known = np.isfinite(d)
     ax = _map_axes(grid) if ax is None else ax
-    _draw_grid(ax, grid, np.ma.masked_invalid(np.where(np.isfinite(d), 0.0, np.nan)), cmap="Greys", vmin=-1.0, vmax=3.0)
+    # what is not drawn over shows through; white is a change of about nothing
+    unknown: dict[str, Any] = {"facecolor": NO_DATA, "edgecolor": "0.6", "hatch": "///"}
+    ax.patch.set(**unknown)
+    _draw_grid(ax, grid, np.ma.masked_array(np.zeros(d.shape), ~known), cmap=ListedColormap([_NO_CHANGE]))
     limit = float(np.percentile(np.abs(d[significant]), 98.0)) if significant.any() else 1.0
     drawn = _draw_grid(ax, grid, np.ma.masked_array(d, ~significant), cmap="RdBu", vmin=-limit, vmax=limit)
     ax.figure.colorbar(drawn, ax=ax, label="Elevation gained (m)", pad=0.02, shrink=0.8)
+    key = [Patch(facecolor=_NO_CHANGE, label=f"not significant at {100 * change.confidence:g} %")]
+    key += [] if known.all() else [Patch(**unknown, label="no data")]
+    ax.legend(handles=key, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize="small", frameon=False)
     return ax
 
 

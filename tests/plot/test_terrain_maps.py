@@ -5,6 +5,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from fake_terrain import make_scarp, place
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from seismo3d import plot
 from seismo3d.errors import ParameterError
@@ -63,6 +65,32 @@ def test_change_and_profile(drawn, rng):
     after.values[20:40, 20:40] += 5.0
     ax = plot.change_map(compare(dem, after))
     assert ax.images[1].get_array().count() == pytest.approx(400, rel=0.05)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["not significant at 95 %"]
     profile = plot.scarp_profile(scarps(dem, found)[0])
     z = profile.lines[0].get_ydata()
     assert z[0] - z[-1] > 2.0
+
+
+def test_the_key_of_a_change_map_tells_no_change_from_no_data(drawn, rng):
+    dem, _ = drawn
+    after = dem.copy(data=(dem.values + rng.normal(0.0, 0.1, dem.shape)).astype("f4"))
+    after.values[20:40, 20:40] += 5.0
+    after.values[:30, -30:] = np.nan
+    figure = Figure(figsize=(6, 6), dpi=80)
+    FigureCanvasAgg(figure)
+    ax = plot.change_map(compare(dem, after, confidence=0.9), ax=figure.add_subplot())
+    key = dict(
+        zip([text.get_text() for text in ax.get_legend().get_texts()], ax.get_legend().get_patches(), strict=True)
+    )
+    assert list(key) == ["not significant at 90 %", "no data"]
+    figure.canvas.draw()
+    seen = np.asarray(figure.canvas.buffer_rgba())[..., :3] / 255.0
+    grid = MapGrid.from_elevation(dem)
+    for (column, row), name in (((100.0, 100.0), "not significant at 90 %"), ((185.0, 15.0), "no data")):
+        x, y = np.rint(ax.transData.transform(grid.to_map([[column, row]])[0])).astype(int)
+        place = seen[seen.shape[0] - 1 - y - 4 : seen.shape[0] - y + 4, x - 4 : x + 5].reshape(-1, 3)
+        colours, counts = np.unique(place, axis=0, return_counts=True)
+        # the hatch goes over some of it
+        np.testing.assert_allclose(colours[counts.argmax()], key[name].get_facecolor()[:3], atol=0.01)
+        # white is what has changed by about nothing
+        assert colours[counts.argmax()].max() < 0.96
