@@ -39,7 +39,7 @@ def occupancy_map(occupancy: Any, *, path: Any = None, traversability: Any = Non
     image = np.empty((*occupancy.shape, 3))
     for value, colour in ((0, _FREE), (1, _OCCUPIED), (2, _UNKNOWN)):
         image[occupancy.cells == value] = to_rgb(colour)
-    legend = {"occupied": _OCCUPIED, "unknown": _UNKNOWN}
+    legend = {"free": _FREE, "occupied": _OCCUPIED, "unknown": _UNKNOWN}
     if traversability is not None:
         free = occupancy.cells == 0
         dear = np.clip((traversability.cost / 128.0 - 1.0) / 4.0, 0.0, 1.0)[:, :, None]
@@ -52,7 +52,7 @@ def occupancy_map(occupancy: Any, *, path: Any = None, traversability: Any = Non
     handles = [Patch(facecolor=colour, edgecolor="0.5", label=name) for name, colour in legend.items()]
     handles = [*ax.get_legend_handles_labels()[0], *handles]
     ax.legend(
-        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, fontsize="x-small", frameon=False
+        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=6, fontsize="x-small", frameon=False
     )
     ax.set(xlabel="x (m)", ylabel="y (m)", xlim=(left, right), ylim=(low, high))
     ax.set_aspect("equal")

@@ -25,7 +25,7 @@ def test_map_shows_cells_where_they_are_and_the_path_on_them():
         np.testing.assert_allclose(segments[0][0], path.poses[0, :2])
         np.testing.assert_allclose(segments[-1][-1], path.poses[-1, :2])
         names = [text.get_text() for text in ax.get_legend().get_texts()]
-        assert names == ["start", "goal", "occupied", "unknown", "not for its middle"]
+        assert names == ["start", "goal", "free", "occupied", "unknown", "not for its middle"]
     finally:
         plt.close(ax.figure)
 
