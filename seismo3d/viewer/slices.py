@@ -12,6 +12,7 @@ import numpy as np
 from seismo3d._typing import Float32Array
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import amplitude_limits
+from seismo3d.plot.pictures import live_traces
 
 _KEPT_BYTES = 256 * 2**20
 # percentile of the amplitude's size that gets the strongest colour
@@ -25,8 +26,8 @@ class Slice:
     Attributes
     ----------
     values : ndarray of shape (rows, columns), float32
-        Amplitudes, NaN where there are none. A vertical slice has samples as rows and traces as columns, a horizontal
-        one inlines as rows and crosslines as columns.
+        Amplitudes, NaN where there are none, as on traces that the cube says are not live. A vertical slice has samples
+        as rows and traces as columns, a horizontal one inlines as rows and crosslines as columns.
     steps : (int, int)
         Of how many rows and columns one was taken.
     shape : (int, int)
@@ -65,6 +66,7 @@ class SliceReader:
         self._data = cube.data if hasattr(cube, "dims") else cube
         self.shape: tuple[int, int, int] = (int(cube.shape[0]), int(cube.shape[1]), int(cube.shape[2]))
         self.is_lazy = not isinstance(self._data, np.ndarray)
+        self._live = live_traces(cube)
         self._kept: OrderedDict[tuple[int, int, int], Slice] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -101,7 +103,9 @@ class SliceReader:
         steps = [-(-n // most) for n in sides]
         cut: list[Any] = [slice(None, None, step) for step in steps]
         cut.insert(axis, slice(index, index + 1))
-        values = np.asarray(self._data[tuple(cut)], dtype=np.float32).squeeze(axis)
+        values = np.asarray(self._data[tuple(cut)], dtype=np.float32)
+        # dead traces are zero in the file; of a lazy cube they are told only where that needs no reading
+        values = np.where(self._live[tuple(cut[:2])][:, :, None], values, np.float32(np.nan)).squeeze(axis)
         if axis == 2:
             return Slice(values, (steps[0], steps[1]), (sides[0], sides[1]))
         return Slice(np.ascontiguousarray(values.T), (steps[1], steps[0]), (sides[1], sides[0]))
