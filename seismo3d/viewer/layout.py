@@ -90,8 +90,10 @@ _PAGE = """
     </div>
     <div class="s3-list">
       <div class="s3-actions">
-        <button data-do="delete" :disabled="busy || !chosen.length" @click="trigger('delete')">Delete</button>
-        <button data-do="merge" :disabled="busy || chosen.length < 2" @click="trigger('merge')">Merge</button>
+        <button data-do="delete" :disabled="busy || !chosen.length"
+          @click="$event.detail < 2 && trigger('delete')">Delete</button>
+        <button data-do="merge" :disabled="busy || chosen.length < 2"
+          @click="$event.detail < 2 && trigger('merge')">Merge</button>
         <button :disabled="!chosen.length" @click="trigger('select', [[]])">None</button>
       </div>
       <table><thead><tr><th></th><th>area</th><th>throw</th><th>dip</th><th>conf.</th></tr></thead><tbody>

@@ -126,6 +126,21 @@ def test_a_double_click_is_one_click(pages, segy, faulted):
     says(page, "2 points picked")
 
 
+def test_what_is_double_clicked_is_deleted_or_merged_once(pages, segy, faulted):
+    page = pages(show(segy, faulted, open_browser=False))
+    status = page.locator(".s3-status")
+    for button, rows, words in (("merge", ("1", "2"), "merge 1, 2"), ("delete", ("3",), "delete 3")):
+        for row in rows if button == "merge" else ():
+            page.locator(f"tr[data-row='{row}']").click()
+        playwright.expect(page.locator("tr.s3-chosen")).to_have_count(len(rows))
+        page.locator(f"[data-do={button}]").dblclick()
+        says(page, words)
+        # the answer to a second click would be here by then
+        page.wait_for_timeout(500)
+        assert status.inner_text() == words
+        assert "s3-bad" not in status.get_attribute("class")
+
+
 def test_a_stick_is_picked_and_traced(pages, segy, faulted):
     page = pages(show(segy, faulted, open_browser=False))
     page.locator("[data-mode=stick]").click()
