@@ -102,9 +102,9 @@ _PAGE = """
           @click="trigger('toggle', [row.number])">
           <td><i v-if="row.colour" :style="{background: row.colour}"></i>{{ row.name }}</td>
           <template v-if="row.kind === 'fault'"><td>{{ row.area }}</td>
-            <td>{{ row.throw === null ? '' : row.throw + ' ' + row.unit }}</td><td>{{ row.dip }}</td>
-            <td>{{ row.confidence }}</td></template>
-          <td v-else colspan="4">on {{ row.share }} %% of all traces</td>
+            <td>{{ row.throw === null ? '' : row.throw.toFixed(1) + ' ' + row.unit }}</td>
+            <td>{{ row.dip?.toFixed(1) }}</td><td>{{ row.confidence.toFixed(2) }}</td></template>
+          <td v-else colspan="4">on {{ row.share.toFixed(1) }} %% of all traces</td>
         </tr></tbody></table>
       <p v-if="!rows.length" class="s3-hint">No faults yet. Choose Stick, click two or more points down a break on one
         section, and trace it; or choose Seed and click on a reflector.</p>

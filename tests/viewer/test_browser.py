@@ -141,6 +141,12 @@ def test_what_is_double_clicked_is_deleted_or_merged_once(pages, segy, faulted):
         assert "s3-bad" not in status.get_attribute("class")
 
 
+def test_numbers_of_the_list_have_their_trailing_zeros(pages, segy, faulted):
+    page = pages(show(segy, faulted, open_browser=False))
+    cells = [page.locator(f"tr[data-row='{row}'] td").all_inner_texts()[2:] for row in ("1", "2")]
+    assert cells == [["16.0 ms", "63.4", "0.80"], ["-8.0 ms", "75.0", "0.50"]]
+
+
 def test_a_stick_is_picked_and_traced(pages, segy, faulted):
     page = pages(show(segy, faulted, open_browser=False))
     page.locator("[data-mode=stick]").click()
