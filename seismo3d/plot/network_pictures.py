@@ -185,13 +185,14 @@ def save_network_pictures(directory: str | Path, network: Any, faults: Any, *, p
     directory, cube = Path(directory), faults.labels
     north = hasattr(cube, "dims") and SurveyGeometry.from_cube(cube).has_map
     origin = "from north" if north else "from the inline axis: the cube has no map coordinates"
+    dips = "; dips in bins and samples" if network.unit == "bin" else ""
     jobs: list[tuple[str, tuple[float, float], Any, dict[str, str], str]] = [
         ("map", (7.5, 7.0), lambda ax: network_map(network, faults, cube, ax=ax), {},
          "All faults from above, one colour a connected zone, and the lines in which they meet."),
         ("density", (7.5, 6.5), lambda ax: density_map(network, cube, ax=ax), {},
          "Fault area over volume, averaged over depth."),
         ("stereonet", (5.6, 5.8), lambda ax: stereonet(network, from_north=north, ax=ax), {},
-         f"Poles of the faults, the mean plane of each set, and density after Kamb; azimuths {origin}."),
+         f"Poles of the faults, the mean plane of each set, and density after Kamb; azimuths {origin}{dips}."),
         ("rose", (4.8, 4.6), lambda ax: strike_rose(faults, from_north=north, ax=ax), {"projection": "polar"},
          f"Strike, {origin}. The area of a petal is its share of the fault area."),
     ]  # fmt: skip

@@ -62,6 +62,11 @@ _LOOP = (
     "must come out at the same sample. How far it misses says how well neighbouring traces were registered, without "
     "knowing the truth; loops that cross a fault or a dead trace are left out."
 )
+_STRIKE = "Strike follows the right-hand rule: looking along it, the fault dips to the right."
+_DIP_IN_BINS = (
+    "Dips, angles between faults and the spread of a set are those of the surfaces in bins and samples: true ones need "
+    "a map and, in a time cube, velocities."
+)
 
 
 def write_page(path: str | Path, page: ReportPage) -> Path:
@@ -178,6 +183,7 @@ def network_page(
         ("Zone", "Faults that are connected, directly or through others."),
         ("Set", "Faults of about one orientation. The spread is the angle about the mean pole that holds 68 %."),
         ("Fault area over volume", "P32: it does not depend on the direction in which the faults are sampled."),
+        ("Strike and dip", _STRIKE + (f" {_DIP_IN_BINS}" if network.unit == "bin" else "")),
     ]
     tables = [_sets_table(network), _zones_table(network), _lines_table(network)]
     subtitle = "Network of the faults traced by seismo3d"

@@ -16,9 +16,11 @@ from PIL import Image
 from seismo3d import plot
 from seismo3d.errors import ShapeError
 from seismo3d.plot import rendering
+from seismo3d.plot.network_pictures import save_network_pictures
 from seismo3d.plot.picture_set import save_pictures
-from seismo3d.plot.run_reports import ReportPage, write_page
+from seismo3d.plot.run_reports import ReportPage, network_page, write_page
 from seismo3d.seismic.faultset import FaultSet
+from seismo3d.seismic.network import fracture_network
 
 
 class Page(HTMLParser):
@@ -213,3 +215,16 @@ def test_colours_of_the_table_are_said_to_be_where_they_are(tmp_path: Path) -> N
         text = path.read_text(encoding="utf-8")
         assert re.findall(r"its colour on the (\w+ \w+)", text) == ([place] if place else [])
         assert ('class="chip"' in text) == (place is not None)
+
+
+def test_the_report_of_a_network_says_what_its_dips_are(tmp_path: Path) -> None:
+    in_time = make_cube()
+    in_depth = in_time.rename(time="depth").assign_attrs(sample_unit="m")
+    for cube, is_true in ((in_time, False), (in_depth, True), (in_depth.drop_vars(["cdp_x", "cdp_y"]), False)):
+        faults = make_faults(cube)
+        network = fracture_network(faults)
+        pictures = save_network_pictures(tmp_path, network, faults)
+        page = network_page(network, None, cube, title="Network", pictures=pictures, run={})
+        assert ("in bins and samples" in dict(page.meanings)["Strike and dip"]) is not is_true
+        (net,) = (picture for picture in pictures if picture.path.name == "stereonet.png")
+        assert net.caption.endswith("dips in bins and samples.") is not is_true
