@@ -12,6 +12,7 @@ from seismo3d._typing import AnyArray, BoolArray
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.misfit import NOISES
 from seismo3d.seismic.sheet_distances import SheetNodes
+from seismo3d.seismic.sheet_tips import share_out_of_view
 from seismo3d.seismic.term_fits import fit_terms
 from seismo3d.seismic.throw import SheetSides, SheetThrow, every_sample
 
@@ -64,6 +65,9 @@ class ChoiceSettings:
     little_matched, little_fit : float
         Share of what slopes, and median fit, from which on its sides are alike all the same: a large throw leads out of
         view from most places, and where it does not, chaotic beds and noise match by chance, but not so well.
+    closed, closed_out : float
+        Likeness of the layers beyond both its ends from which on a sheet ends within them, and the share of it whose
+        throw leads out of view from which on its sides were never one then; beside a strong fault it may be cut off.
     host_strength : float
         Strength of a fault beside which weaker ones are looked for: faults come in families, and cut each other up.
     company_area, company_strength, company_length : float
@@ -115,6 +119,8 @@ class ChoiceSettings:
     unlike_score: float = 0.65
     little_matched: float = 0.12
     little_fit: float = 0.8
+    closed: float = 0.85
+    closed_out: float = 0.2
     host_strength: float = 33.0
     company_area: float = 200.0
     company_strength: float = 11.0
@@ -148,6 +154,7 @@ class ChoiceSettings:
             low_fit=0.0,
             unlike_fit=0.0,
             steep_height=0.0,
+            closed=np.inf,
             host_strength=np.inf,
             company_strength=2.8,
             company_area=24.0,
@@ -328,6 +335,8 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
             continue
         nodes = SheetNodes.of(sheet)
         near = [host for host in hosts if nodes.touches(host.nodes, settings.gap)]
+        if not near and _is_walled(sheet, throw, settings):
+            continue
         if any(_is_upright(sheet, throw, nodes, host, settings) for host in near):
             continue
         is_host = stands and significance[n] >= settings.host_strength
@@ -422,6 +431,11 @@ def _winds(sheet: Sheet, settings: ChoiceSettings) -> bool:
     course = ndimage.gaussian_filter1d(np.bincount(rows, off)[there] / n_nodes, _COURSE, mode="nearest")
     slope = np.gradient(course, there.astype(np.float64))
     return bool(np.sqrt(np.average(slope * slope, weights=n_nodes)) >= settings.winding)
+
+
+def _is_walled(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+    """Tell whether layers run on above and below a sheet though its throw, from much of it, leads beyond its ends."""
+    return throw.runs_on >= settings.closed and share_out_of_view(sheet, throw.throw) >= settings.closed_out
 
 
 def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:

@@ -48,9 +48,18 @@ from seismo3d.seismic.section_scores import (
     weigh_crests,
     weigh_line,
 )
+from seismo3d.seismic.sheet_tips import continue_sheet, likeness_beyond
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface, order_by_area
-from seismo3d.seismic.throw import SheetSides, SheetThrow, ThrowSettings, gather_sides, match_sides, slopes_beside
+from seismo3d.seismic.throw import (
+    SheetSides,
+    SheetThrow,
+    ThrowSettings,
+    farther_off,
+    gather_sides,
+    match_sides,
+    slopes_beside,
+)
 
 # support, in standard deviations of the evidence, at which a fault is as likely as not
 _EVEN = 0.6
@@ -238,8 +247,11 @@ def trace_faults(
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
-        sides = gather_sides(volume, valid, slopes, sheet, settings=settings.throw)
-        moving.append(measure_moving(sheet, sides, volume.shape, found.noise, settings))
+        sides, beyond = (
+            gather_sides(volume, valid, slopes, part, settings=settings.throw, off=farther_off(sheet, settings.throw))
+            for part in (sheet, continue_sheet(sheet, volume.shape[2]))
+        )
+        moving.append(measure_moving(sheet, sides, beyond, volume.shape, found.noise, settings))
     report("surfaces", 0.0)
     numbers = choose_faults(moving, settings.choice.for_size(volume.shape))
     chosen = [sheets[number] for number in numbers]
@@ -325,10 +337,19 @@ def find_candidates(
 
 
 def measure_moving(
-    sheet: Sheet, sides: SheetSides, shape: tuple[int, ...], noise: float, settings: FaultSettings
+    sheet: Sheet,
+    sides: SheetSides,
+    beyond: SheetSides,
+    shape: tuple[int, ...],
+    noise: float,
+    settings: FaultSettings,
 ) -> tuple[Sheet, SheetThrow]:
-    """Return what of a sheet moves its two sides, across their layers, and its throw, in a cube so large and noisy."""
+    """Return what of a sheet moves its two sides, across their layers, and its throw, in a cube so large and noisy.
+
+    Its sides are given, and what is read in the same way where it is continued beyond its ends.
+    """
     measured = match_sides(sheet, sides.both, sides.known, settings=settings.throw)
+    measured = replace(measured, runs_on=likeness_beyond(sheet, beyond))
     crossing = end_along_layers(end_in_mutes(sheet, sides, shape), sides, settings.choice)
     return end_where_still(crossing, measured, settings.choice, noise=noise)
 

@@ -104,6 +104,9 @@ class SheetThrow:
         Number of the fault that the sheet is a part of; -1 where that is not told.
     generation : int
         Length of the longest chain of faults that moved one after the other, all of them later.
+    runs_on : float
+        How alike, 1 at most, the layers on both sides are, unmoved, above its upper end and below its lower one: the
+        lesser; 0 where that is not told.
     """
 
     throw: Float32Array
@@ -113,6 +116,7 @@ class SheetThrow:
     slip_certainty: float = 0.0
     family: int = -1
     generation: int = 0
+    runs_on: float = 0.0
 
 
 def gather_sides(

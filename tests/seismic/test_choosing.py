@@ -347,8 +347,25 @@ def test_a_channels_edge_beside_a_fault_is_no_company():
     assert chosen(host, straight) == [0, 1]
 
 
-def test_a_cube_with_a_deep_meandering_channel_has_no_fault():
-    channel = Channel(40.0, 28.0, (64.0, 48.0), 10.0, (14.0, 90.0, 2.0), 8.0, 1.6, 0.3)
+@pytest.mark.parametrize(
+    ("runs_on", "throw", "beside", "stands"),
+    [(0.95, 16.0, False, False), (0.6, 16.0, False, True), (0.95, 2.0, False, True), (0.95, 16.0, True, True)],
+    ids=["walls", "layers broken beyond it", "leads within", "cut off by a fault"],
+)
+def test_walls_that_end_within_layers_that_run_on_are_no_fault(runs_on, throw, beside, stands):
+    sheet, moved = candidate(rows=80, columns=24, score=0.7, throw=throw, origin=(6.0, 0.0))
+    walls = sheet, replace(moved, runs_on=runs_on)
+    others = [candidate(rows=80, columns=60, score=0.9)] if beside else []
+    assert (len(others) in chosen(*others, walls)) == stands
+
+
+@pytest.mark.parametrize(
+    ("thickness", "meander", "half_width"),
+    [(28.0, (14.0, 90.0, 2.0), 8.0), (24.0, (10.0, 70.0, 1.0), 6.0)],
+    ids=["found whole", "found in pieces"],
+)
+def test_a_cube_with_a_deep_channel_has_no_fault(thickness, meander, half_width):
+    channel = Channel(40.0, thickness, (64.0, 48.0), 10.0, meander, half_width, 1.6, 0.3)
     cube = fault_cube("fault_free", seed=5, shape=(128, 96, 96), channels=(channel,), noise=0.0)
     assert not (s3.trace_faults(cube.seismic).labels > 0).any()
 

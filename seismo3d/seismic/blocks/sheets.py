@@ -21,6 +21,7 @@ from seismo3d.seismic.flanks import join_flanks
 from seismo3d.seismic.layer_strain import LayerSlopes, join_slopes, sample_slopes
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.placing import place_sheet, read_profile
+from seismo3d.seismic.sheet_tips import continue_sheet
 from seismo3d.seismic.throw import (
     SheetSides,
     SheetThrow,
@@ -103,29 +104,32 @@ def place_facts(run: BlockRun) -> None:
 
 
 def sides(run: BlockRun, number: int) -> None:
-    """Read both sides of every sheet where it passes through a block."""
+    """Read both sides of every sheet, and of its continuation beyond its ends, where they pass through a block."""
     settings, sheets = run.settings.throw, placed_sheets(run)
+    beyond = [continue_sheet(sheet, run.plan.shape[2]) for sheet in sheets]
 
     def read(around: Around, place: int, part: Sheet, w: Float32Array) -> tuple[Float32Array, BoolArray]:
-        off = farther_off(sheets[place], settings)
+        off = farther_off(sheets[place % len(sheets)], settings)
         both, known, tilts = gather_sides(
             around.volume, around.valid, around.slopes, part, settings=settings, w=w, off=off, corner=around.corner
         )
         return np.concatenate([both, tilts]), np.concatenate([known, known]) > 0.0
 
-    read_parts(run, "sides", number, sheets, read)
+    read_parts(run, "sides", number, [*sheets, *beyond], read)
 
 
 def sides_facts(run: BlockRun) -> None:
     """Note which blocks each of them passes through."""
-    note_blocks(run, "sides", count_placed(run))
+    note_blocks(run, "sides", 2 * count_placed(run))
 
 
 def throw(run: BlockRun, number: int) -> None:
     """Find the throw of a sheet, and where it ends."""
     sheet = placed_sheets(run)[number]
     ratio, _ = final_noise(run)
-    moving, measured = measure_moving(sheet, _joined_sides(run, sheet, number), run.plan.shape, ratio, run.settings)
+    sides = _joined_sides(run, sheet, number)
+    beyond = _joined_sides(run, continue_sheet(sheet, run.plan.shape[2]), number + count_placed(run))
+    moving, measured = measure_moving(sheet, sides, beyond, run.plan.shape, ratio, run.settings)
     run.write_part("throw", number, {**pack("sheet", [moving]), **pack("throw", [measured])})
 
 
