@@ -273,9 +273,10 @@ def meet_surface(
         good &= known
         far = np.where(known, np.einsum("ni,ni->n", point - origins, normal) / np.where(known, across, 1.0), depth)
         depth = np.where((far > 0.1) & (far < 20.0), far, depth)
-    around = np.stack([prediction.points[r + i, c + j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
-    distance = np.einsum("kni,i->kn", around.astype(np.float64) - T[:3, 3], T[:3, 2])
-    smooth = np.ptp(np.where(np.isfinite(distance), distance, 1e9), axis=0) < 0.05 * depth
+    around = np.stack([prediction.points[r + i, c + j] for i in (-1, 0, 1) for j in (-1, 0, 1)]).astype(np.float64)
+    # off the surface's own plane: along a wall that is seen aslant depth alone changes from pixel to pixel
+    off = np.einsum("kni,ni->kn", around - T[:3, 3], prediction.normals[r, c].astype(np.float64))
+    smooth = np.ptp(np.where(np.isfinite(off), off, 1e9), axis=0) < 0.05 * depth
     return origins + depth[:, None] * directions, good & smooth
 
 
