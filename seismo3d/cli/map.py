@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from seismo3d.robot.mesh import Mesh
     from seismo3d.robot.results import Closed, Tracked
     from seismo3d.robot.sequence import RgbdSequence
+    from seismo3d.robot.trajectory import Trajectory
 
 EXAMPLES = (
     "seismo3d map desk -o desk-map",
@@ -79,15 +80,15 @@ def run(
             clock("loops", 0.0)
             closed = mapper.close_loops()
         clock("export", 0.0)
-        facts = _facts(mapper, opened, found, closed)
-        mesh = mapper.mesh()
+        shown, mesh = _shown(mapper)
+        facts = {**_facts(mapper, opened, found, closed), "shown_map": shown}
         if len(mesh.triangles) == 0:
             raise GeometryError(
                 f"{sequence} has {facts['frames']} frames, {facts['located']} of them located, which is too little to "
                 "show a surface; expected frames that overlap. Check the intrinsics and depth_scale in camera.json, or "
                 "give the frames between these."
             )
-        _write(mapper, mesh, opened, found, aside, cell)
+        _write(mapper, mesh, shown, opened, found, aside, cell)
         timings = clock.stop()
         asked = {
             "voxel_size": voxel_size, "far": far, "total_variation": total_variation, "cell": cell,
@@ -120,6 +121,21 @@ def _calibrated(opened: RgbdSequence, show: Progress) -> list[Any]:
     return cameras
 
 
+def _shown(mapper: Mapper) -> tuple[int, Mesh]:
+    """Return the number and mesh of the local map that is drawn: the current one, or the last before it with a surface.
+
+    A map that was begun by the last frames shows none yet.
+    """
+    from seismo3d.robot.mesh import extract_mesh
+
+    before = [state for state in reversed(mapper.maps.every) if state is not mapper.state]
+    for state in (mapper.state, *before):
+        mesh = extract_mesh(state.surface)
+        if len(mesh.triangles):
+            return state.number, mesh
+    return mapper.state.number, mesh
+
+
 def _states(mapper: Mapper, found: list[Tracked]) -> list[tuple[str, int | None]]:
     """Return each frame's state and local map; one that was located in a local map that was given up is dropped."""
     path = mapper.trajectory
@@ -150,7 +166,9 @@ def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], closed: C
     }
 
 
-def _write(mapper: Mapper, mesh: Mesh, opened: RgbdSequence, found: list[Tracked], folder: Path, cell: float) -> None:
+def _write(
+    mapper: Mapper, mesh: Mesh, shown: int, opened: RgbdSequence, found: list[Tracked], folder: Path, cell: float
+) -> None:
     from importlib.util import find_spec
 
     from seismo3d.graph.poses import write_g2o
@@ -174,10 +192,10 @@ def _write(mapper: Mapper, mesh: Mesh, opened: RgbdSequence, found: list[Tracked
     elevation = make_ground(mesh, cell=cell)
     ending = "tif" if find_spec("rasterio") is not None else "npz"
     write_elevation(folder / f"elevation.{ending}", elevation)
-    _draw(mapper, mesh, occupancy, folder)
+    _draw(mapper.trajectory, mesh, shown, occupancy, folder)
 
 
-def _draw(mapper: Mapper, mesh: Any, occupancy: Any, folder: Path) -> None:
+def _draw(path: Trajectory, mesh: Mesh, shown: int, occupancy: Any, folder: Path) -> None:
     import cv2
     from matplotlib.figure import Figure
 
@@ -185,12 +203,12 @@ def _draw(mapper: Mapper, mesh: Any, occupancy: Any, folder: Path) -> None:
     from seismo3d.plot.robot_maps import occupancy_map
 
     figure = Figure(figsize=(9.0, 4.5), layout="constrained")
-    trajectory_plot(mapper.trajectory, ax=figure.add_subplot())
+    trajectory_plot(path, ax=figure.add_subplot())
     figure.savefig(folder / "trajectory.png", dpi=130)
     figure = Figure(figsize=(8.0, 7.0), layout="constrained")
     occupancy_map(occupancy, ax=figure.add_subplot())
     figure.savefig(folder / "occupancy.png", dpi=130)
-    image = surface_picture(mesh, T_world_map=occupancy.T_world_map, trajectory=mapper.trajectory)
+    image = surface_picture(mesh, T_world_map=occupancy.T_world_map, trajectory=path.of_map(shown))
     cv2.imwrite(str(folder / "map.png"), image[:, :, ::-1])
 
 

@@ -19,7 +19,7 @@ from seismo3d.registration.observability import assess
 from seismo3d.registration.result import Registration
 from seismo3d.registration.sensitivity import rematched_form
 from seismo3d.registration.solvers import Prior, solve_form
-from seismo3d.registration.stages import Task, overlap_of, scale_of
+from seismo3d.registration.stages import GOOD_OVERLAP, Task, overlap_of, scale_of
 from seismo3d.registration.unseen import without
 from seismo3d.registration.wide_search import draw
 
@@ -28,8 +28,11 @@ LEAST_OVERLAP = 0.15
 N_PROBES = 500
 
 
-def assemble(task: Task, found: LoopResult, stage: str) -> Registration:
-    """Turn the loop's last state into a result in the input's units."""
+def assemble(task: Task, found: LoopResult, stage: str, *, stands_out: bool = True) -> Registration:
+    """Turn the loop's last state into a result in the input's units.
+
+    ``stands_out`` says whether a search over poses found nothing elsewhere that is nearly as good.
+    """
     frame, joint = task.pair.frame, found.joint
     Q, meat, weight = _bread_and_meat(task, found)
     sure = assess(Q, meat, found.A, found.t, model=task.model, frame=frame, ratio=joint.ratio, limits=task.limits)
@@ -48,7 +51,7 @@ def assemble(task: Task, found: LoopResult, stage: str) -> Registration:
         information=freeze(sure.information),
         rmse=math.sqrt(squares) * frame.size,
         overlap=overlap,
-        state=_state(found, overlap, at_bounds),
+        state=_state(found, overlap, at_bounds, stands_out=stands_out),
         certificate=_certify(task, found, joint.form, weight),
         unobservable=sure.unobservable,
         model=task.model,
@@ -61,13 +64,14 @@ def assemble(task: Task, found: LoopResult, stage: str) -> Registration:
     )
 
 
-def _state(found: LoopResult, overlap: float, at_bounds: tuple[str, ...]) -> str:
+def _state(found: LoopResult, overlap: float, at_bounds: tuple[str, ...], *, stands_out: bool) -> str:
     surface = found.joint.surface
     if surface is not None and surface.matched * len(surface.residuals) < 6:
         return "no_overlap"
     if not found.settled:
         return "not_converged"
-    return "poor_fit" if overlap < LEAST_OVERLAP or "scale" in at_bounds else "converged"
+    by_chance = not stands_out and overlap < GOOD_OVERLAP
+    return "poor_fit" if by_chance or overlap < LEAST_OVERLAP or "scale" in at_bounds else "converged"
 
 
 def _bread_and_meat(task: Task, found: LoopResult) -> tuple[Float64Array, Float64Array, float]:

@@ -90,7 +90,9 @@ def register(
     Returns
     -------
     Registration
-        Not converging, no overlap and a poor fit are states of the result, not errors.
+        Not converging, no overlap and a poor fit are states of the result, not errors. Where the global stage has run,
+        a poor fit is also what chance explains: the poses that it tried led each somewhere else, and to nearly as good
+        an answer. Without it a fit that overlaps by a seventh counts as converged, whatever the scans show.
 
     Raises
     ------
@@ -121,21 +123,22 @@ def register(
         target, source, model, start, stages, matches, alpha, voxel_size, constraints, settings, n_threads
     )
     task = replace(task, tables=_tables(task, correspondences))
-    found, stage = run_local(task, first), "local"
+    found, stage, stands_out = run_local(task, first), "local", True
     if "global" in stages:
-        task, found, stage = led_by_extent(task, found, stage)
+        task, found, stage, stands_out = led_by_extent(task, found, stage)
     # what the extents led to was searched for at its size
     if "global" in stages and stage == "local" and (not is_sure(task, found) or "local" not in stages):
         task, found, stage = led_by_rasters(task, first, found, stage)
         if not is_sure(task, found) or stage == "local":
-            found, stage = search(task, found, stage)
+            found, stage, tried = search(task, found, stage)
+            stands_out = tried.stands_out(found)
     if "polish" in stages:
         polished = polish(
             task.target.points, task.source.points, task.pair.frame, found, task.model, task.prior, task.limits
         )
         if polished is not None:
             return assemble(task, replace(found, A=polished[0], t=polished[1]), stage)
-    return assemble(task, found, stage)
+    return assemble(task, found, stage, stands_out=stands_out)
 
 
 def _prepare(

@@ -60,7 +60,8 @@ class Registration:
         The state is ``"converged"``.
     state : str
         ``"converged"``, ``"not_converged"`` (steps ran out), ``"no_overlap"`` (too few pairs within reach),
-        ``"poor_fit"`` (a minimum whose overlap or residual fails the test, or whose scale ran to a bound).
+        ``"poor_fit"`` (a minimum with little overlap; one of less than good overlap beside which a search found others
+        that fit nearly as well, as it does on unrelated scans; or one whose scale ran to a bound).
     certificate : Certificate or None
         Bound on the distance to the global minimum for the final pairs; None for models without one.
     unobservable : tuple of Direction

@@ -7,14 +7,16 @@ grows past it. So the source is brought to the size of the target, aligned rigid
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d.registration.chance import Tried
 from seismo3d.registration.constraints import Constraints
 from seismo3d.registration.dense import prepare_pair
 from seismo3d.registration.icp import LoopResult
+from seismo3d.registration.quadratic import Frame
 from seismo3d.registration.result import SIZE_IS_FREE
 from seismo3d.registration.solvers import Limits, Prior
 from seismo3d.registration.stages import Task, is_sure, run, run_local, scale_of, search, surface_cost
@@ -30,7 +32,22 @@ GOOD_COST = 0.2
 """Robust cost, of at most 1 and measured both ways, below which a local answer at such a scale is taken."""
 
 
-def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, LoopResult, str]:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Settled:
+    """A source that was brought to a size and aligned rigidly, in a frame, and what the poses tried for it led to."""
+
+    to_size: Float64Array
+    T_target_source: Float64Array
+    frame: Frame
+    tried: Tried
+
+    def stands_out(self, found: LoopResult, frame: Frame) -> bool:
+        """Return whether an answer in another frame, of the source as it was, fits better than chance explains."""
+        A, t = self.frame.enter(frame.leave(found.A, found.t) @ np.linalg.inv(self.to_size))
+        return self.tried.stands_out(replace(found, A=A, t=t))
+
+
+def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, LoopResult, str, bool]:
     """Start again from the scale of both scans' extents where that is another; keep the better of both answers.
 
     Extent is the median distance from the median point, which far-off points hardly move. Where the scans overlap in
@@ -47,19 +64,20 @@ def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, Loop
 
     Returns
     -------
-    (Task, LoopResult, str)
-        The task has voxels that suit the scale, if that answer won.
+    (Task, LoopResult, str, bool)
+        The task has voxels that suit the scale, if that answer won. The last one says whether it stands out from what
+        the poses that were tried at its size led to.
     """
     if task.model not in SIZE_IS_FREE or task.features is not None:
-        return task, found, stage
+        return task, found, stage, True
     scale = scale_of_extents(task.target, task.source)
     if scale is None:
-        return task, found, stage
+        return task, found, stage, True
     before = float(np.exp(np.log(np.maximum(scale_of(found.A), 1e-12)).mean()))
     is_near = abs(math.log(scale / before)) < SAME_SCALE
     is_good = is_sure(task, found) and surface_cost(task, found) < GOOD_COST
     if (is_near and is_good) or not _allowed(task, scale):
-        return task, found, stage
+        return task, found, stage, True
     # the target's voxels are to be as fine as the source's at its true size
     pair = prepare_pair(
         task.target,
@@ -89,14 +107,15 @@ def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, Loop
         to_size = np.eye(task.source.dim + 1)
         to_size[:-1, :-1] = factor * scale * turn
         to_size[:-1, -1] = target_middle - factor * scale * turn @ source_middle
-        settled = Prior(*pair.frame.enter(_settle_rigidly(task, to_size) @ to_size))
+        settled = _settle_rigidly(task, to_size)
+        at_size = Prior(*pair.frame.enter(settled.T_target_source @ to_size))
         # on smooth ground coarse voxels lead away again, and the finest alone may not reach
-        answers += [run(sized_task, settled), run(finest, settled)]
-    answer = min(answers, key=lambda one: surface_cost(sized_task, one))
+        answers += [(run(sized_task, at_size), settled), (run(finest, at_size), settled)]
+    answer, settled = min(answers, key=lambda one: surface_cost(sized_task, one[0]))
     other = enter(found.A, found.t)
     if surface_cost(sized_task, answer) < surface_cost(sized_task, replace(found, A=other.A, t=other.t)) - 1e-3:
-        return sized_task, answer, "global"
-    return task, found, stage
+        return sized_task, answer, "global", settled.stands_out(answer, pair.frame)
+    return task, found, stage, True
 
 
 def scale_of_extents(target: Scan, source: Scan) -> float | None:
@@ -115,8 +134,8 @@ def usual_scale(target: Scan, source: Scan, T_start: Float64Array) -> tuple[floa
     return min(1.0, float(ratios.min())) / USUAL_RANGE, max(1.0, float(ratios.max())) * USUAL_RANGE
 
 
-def _settle_rigidly(task: Task, to_size: Float64Array) -> Float64Array:
-    """Return the rigid transform that aligns the source, brought to size, with the target."""
+def _settle_rigidly(task: Task, to_size: Float64Array) -> _Settled:
+    """Align the source, brought to size, with the target rigidly."""
     d = task.source.dim
     points = task.source.points @ to_size[:d, :d].T + to_size[:d, d]
     turn = to_size[:d, :d] / scale_of(to_size[:d, :d])
@@ -133,8 +152,8 @@ def _settle_rigidly(task: Task, to_size: Float64Array) -> Float64Array:
     limits = Limits(*Constraints().limits("rigid", d, pair.frame.size))
     rigid = Task(task.target, source, pair, None, start, limits, "rigid", task.settings)
     # smooth ground overlaps itself a little aside: a good overlap does not end the search
-    found, _ = search(rigid, run_local(rigid, start), "local")
-    return pair.frame.leave(found.A, found.t)
+    found, _, tried = search(rigid, run_local(rigid, start), "local")
+    return _Settled(to_size, pair.frame.leave(found.A, found.t), pair.frame, tried)
 
 
 def _extent(points: Float64Array) -> tuple[Float64Array, float]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d.registration.chance import Tried
 from seismo3d.registration.dense import DensePair
 from seismo3d.registration.feature_pairs import feature_term
 from seismo3d.registration.icp import LoopResult, run_levels
@@ -107,13 +109,14 @@ def _feature_reach(pair: DensePair) -> float:
     return max(0.05, 1.5 * pair.target[0].size)
 
 
-def _joint_cost(task: Task, found: LoopResult) -> float:
+def _joint_cost(task: Task, found: LoopResult, level: int | None = None) -> float:
     """Return the surfaces' robust cost, plus the share of features that disagree, plus what is missing of many.
 
     A handful of features agrees with any pose by chance, many do not: where most matches are wrong, the share alone
-    would leave the choice to surfaces that fit as well upside down.
+    would leave the choice to surfaces that fit as well upside down. Costs are those on a middle level where none is
+    given.
     """
-    cost = surface_cost(task, found)
+    cost = _cost(task, found, _middle_level(task.pair) if level is None else level)
     if task.features is None:
         return cost
     n_all = len(task.features.target)
@@ -136,8 +139,14 @@ def led_by_rasters(task: Task, first: Prior, found: LoopResult, stage: str) -> t
     return task, found, stage
 
 
-def search(task: Task, found: LoopResult, stage: str) -> tuple[LoopResult, str]:
-    """Try poses from features or shape; keep the answer with the lowest cost on a middle level."""
+def search(task: Task, found: LoopResult, stage: str) -> tuple[LoopResult, str, Tried]:
+    """Try poses from features or shape; keep the answer with the lowest cost on a middle level.
+
+    Returns
+    -------
+    (LoopResult, str, Tried)
+        Answer, its stage, and what all poses led to on a coarser level.
+    """
     pair, settings = task.pair, task.settings
     level = _middle_level(pair)
     rough = level + 1 if level + 1 < len(pair.target) else level
@@ -156,7 +165,7 @@ def search(task: Task, found: LoopResult, stage: str) -> tuple[LoopResult, str]:
             model=task.model,
             settings=quick,
         )
-        ranked.append((_cost(task, trial, rough), len(ranked), trial))
+        ranked.append((_joint_cost(task, trial, rough), len(ranked), trial))
     ranked.sort(key=lambda item: item[:2])
     best, best_cost = found, _joint_cost(task, found)
     below = replace(settings, wide_search=False)
@@ -174,7 +183,9 @@ def search(task: Task, found: LoopResult, stage: str) -> tuple[LoopResult, str]:
         cost = _joint_cost(task, finished)
         if cost < best_cost - 1e-3:
             best, best_cost, stage = finished, cost, "global"
-    return best, stage
+    ends = tuple(trial for _, _, trial in ranked)
+    tried = Tried(pair.source[rough].surface, pair.target[rough].size, partial(_joint_cost, task, level=rough), ends)
+    return best, stage, tried
 
 
 def scale_of(A: Float64Array) -> Float64Array:

@@ -155,3 +155,27 @@ def follow_patches(
             else:
                 found[n] = known and 0.0 <= u <= columns - 1 and 0.0 <= v <= rows - 1
         places[n, 0], places[n, 1] = u, v
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def compare_patches(
+    before: AnyArray, now: AnyArray, pixels: Float64Array, places: Float64Array, likeness: Float64Array
+) -> None:
+    """Write the correlation of the patches about pixels (n, 2) of a padded image and about places of another one.
+
+    The pixels and places lie in the images.
+    """
+    for n in range(pixels.shape[0]):
+        old_row, old_column, a0, a1, a2, a3 = _corners(pixels[n, 0], pixels[n, 1])
+        row, column, b0, b1, b2, b3 = _corners(places[n, 0], places[n, 1])
+        x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(-RADIUS, RADIUS + 1):
+            for j in range(-RADIUS, RADIUS + 1):
+                r, c = old_row + i, old_column + j
+                old = a0 * before[r, c] + a1 * before[r, c + 1] + a2 * before[r + 1, c] + a3 * before[r + 1, c + 1]
+                r, c = row + i, column + j
+                new = b0 * now[r, c] + b1 * now[r, c + 1] + b2 * now[r + 1, c] + b3 * now[r + 1, c + 1]
+                x, y, xx, xy, yy = x + old, y + new, xx + old * old, xy + old * new, yy + new * new
+        many = _SIDE * _SIDE
+        spread = (xx - x * x / many) * (yy - y * y / many)
+        likeness[n] = (xy - x * y / many) / math.sqrt(spread) if spread > 0.0 else 0.0

@@ -81,6 +81,32 @@ def weigh_misses(miss: Float64Array, weights: Float64Array) -> tuple[float, int]
 
 
 @nb.njit(cache=True, nogil=True)
+def told_normals(normals: Float64Array, weights: Float64Array, bend: float) -> Float64Array:
+    """Return normals (n, 3) without what they say along directions in which they vary by their noise alone.
+
+    ``bend`` is the mean square of that noise about each axis. Along a corridor, or a wall, noise holds a frame where it
+    is taken to be: each normal says a little of it, and they are thousands.
+    """
+    total, moments = 0.0, np.zeros((3, 3))
+    for i in range(normals.shape[0]):
+        total += weights[i]
+        for a in range(3):
+            for b in range(3):
+                moments[a, b] += weights[i] * normals[i, a] * normals[i, b]
+    values, vectors = np.linalg.eigh(moments)
+    told = normals.copy()
+    for k in range(2):
+        if values[k] < bend * total:
+            for i in range(normals.shape[0]):
+                along = 0.0
+                for a in range(3):
+                    along += normals[i, a] * vectors[a, k]
+                for a in range(3):
+                    told[i, a] -= along * vectors[a, k]
+    return told
+
+
+@nb.njit(cache=True, nogil=True)
 def centre_of(first: Float64Array, second: Float64Array) -> Float64Array:
     """Mean (3) of the points of two arrays (n, 3) together."""
     out = np.zeros(3)
@@ -183,7 +209,7 @@ def fit_frame(
     rays: Float64Array,
     focal: tuple[float, float],
     uses: tuple[tuple[bool, bool], tuple[bool, bool]],
-    lead: tuple[int, int, float],
+    lead: tuple[int, int, float, bool],
     least: tuple[float, float],
     max_steps: int,
 ) -> Any:
@@ -193,8 +219,9 @@ def fit_frame(
     first steps, and all later ones, ``per_plane`` how many pixels of the half image count as one pair. ``points``,
     ``T_depth_pixel``, ``rays`` are the landmarks, ``focal`` the image's focal lengths in pixels. ``uses`` says far from
     the solution and near it whether planes and landmarks are used. Landmarks take the first ``lead[0]`` steps alone
-    where at least ``lead[1]`` agree and are off by more than ``lead[2]`` pixels. Steps below ``least`` (rad and m) end
-    the coarse part and the whole.
+    where at least ``lead[1]`` agree and are off by more than ``lead[2]`` pixels; with ``lead[3]`` they alone say where
+    the frame is along directions in which the planes' normals vary by noise alone. Steps below ``least`` (rad and m)
+    end the coarse part and the whole.
 
     Returned are the number of steps, 0 where nothing is left to fit it by, the pose, the last step's form Q with (A, t)
     and its frame (centres of source and target, size); of its planes whether there are any, source, target, normals,
@@ -245,9 +272,10 @@ def fit_frame(
         if with_planes:
             share = every * every / (4.0 * per_plane)
             spread_planes = weigh_planes(residual[:count_new], sigma[:count_new], share, weights[:count_new])
-            Q_new += plane_form(
-                _framed(s, c_source, size), _framed(g, c_target, size), normal[:count_new], weights[:count_new]
-            )
+            told = normal[:count_new]
+            if lead[3] and with_rays:
+                told = told_normals(told, weights[:count_new], 0.5 * bent)
+            Q_new += plane_form(_framed(s, c_source, size), _framed(g, c_target, size), told, weights[:count_new])
         if with_rays:
             Q_new += point_form_full(_framed(on_rays, c_source, size), _framed(points, c_target, size), information)
         if not _is_useful(Q_new):

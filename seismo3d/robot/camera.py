@@ -41,18 +41,25 @@ class Camera:
 
     def __post_init__(self) -> None:
         T = np.array(self.T_body_camera, dtype=np.float64)
-        if (
-            T.shape != (4, 4)
-            or not np.isfinite(T).all()
-            or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-6)
-        ):
-            raise ParameterError("T_body_camera is no rigid homogeneous matrix; expected shape (4, 4) with a rotation.")
+        if not _is_motion(T):
+            raise ParameterError(
+                "T_body_camera is no rigid homogeneous matrix; expected shape (4, 4) with a rotation, which does not "
+                "mirror, and a last row of 0 0 0 1."
+            )
         object.__setattr__(self, "T_body_camera", freeze(T))
         as_number(self.clock_offset, "clock_offset")
         if self.readout is not None:
             as_number(self.readout, "readout", low=0.0, high=0.2)
         if self.depth_delay is not None:
             as_number(self.depth_delay, "depth_delay", low=-0.2, high=0.2)
+
+
+def _is_motion(T: Float64Array) -> bool:
+    """Return whether an array is a homogeneous matrix that turns and shifts, and does nothing else."""
+    if T.shape != (4, 4) or not np.isfinite(T).all() or not np.allclose(T[3], [0.0, 0.0, 0.0, 1.0], atol=1e-6):
+        return False
+    R = T[:3, :3]
+    return bool(np.allclose(R @ R.T, np.eye(3), atol=1e-6) and np.linalg.det(R) > 0.0)
 
 
 def as_robot_camera(camera: object) -> Camera:

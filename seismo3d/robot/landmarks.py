@@ -27,6 +27,9 @@ _TOP = 3
 _MOST = 150
 """Landmarks of a view that are looked for at most, evenly from the most to the least distinct."""
 
+_LEAST_ALIKE = 0.5
+"""Correlation of a patch with what it was found as; the noise of a bare wall, followed to where it fits, has 0.3."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
@@ -270,9 +273,10 @@ def meet_surface(
         good &= known
         far = np.where(known, np.einsum("ni,ni->n", point - origins, normal) / np.where(known, across, 1.0), depth)
         depth = np.where((far > 0.1) & (far < 20.0), far, depth)
-    around = np.stack([prediction.points[r + i, c + j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
-    distance = np.einsum("kni,i->kn", around.astype(np.float64) - T[:3, 3], T[:3, 2])
-    smooth = np.ptp(np.where(np.isfinite(distance), distance, 1e9), axis=0) < 0.05 * depth
+    around = np.stack([prediction.points[r + i, c + j] for i in (-1, 0, 1) for j in (-1, 0, 1)]).astype(np.float64)
+    # off the surface's own plane: along a wall that is seen aslant depth alone changes from pixel to pixel
+    off = np.einsum("kni,ni->kn", around - T[:3, 3], prediction.normals[r, c].astype(np.float64))
+    smooth = np.ptp(np.where(np.isfinite(off), off, 1e9), axis=0) < 0.05 * depth
     return origins + depth[:, None] * directions, good & smooth
 
 
@@ -300,7 +304,7 @@ def _padded_levels(grey: AnyArray) -> tuple[AnyArray, ...]:
 def _follow(
     before: tuple[AnyArray, ...], now: tuple[AnyArray, ...], pixels: Float64Array, expected: Float64Array
 ) -> tuple[Float64Array, BoolArray]:
-    """Follow patches from one image to another and back; return where they are and whether they came back."""
+    """Follow patches from one image to another and back; return where they are and whether they came back, alike."""
     there, back = np.array(expected, dtype=np.float64, order="C"), pixels.copy()
     found, returned = np.empty(len(pixels), dtype=np.bool_), np.empty(len(pixels), dtype=np.bool_)
     # no level on which the image is smaller than a patch
@@ -308,8 +312,11 @@ def _follow(
     following.follow_patches(before, now, min(_TOP, max(0, int(np.log2(least)))), pixels, there, found)
     # where the way back should end is known, so that it needs no smaller images
     following.follow_patches(now, before, 0, there, back, returned)
-    miss = np.linalg.norm(back - pixels, axis=1)
-    return there, found & returned & (miss < 0.7)
+    good = found & returned & (np.linalg.norm(back - pixels, axis=1) < 0.7)
+    likeness = np.empty(np.count_nonzero(good))
+    following.compare_patches(before[0], now[0], pixels[good], there[good], likeness)
+    good[good] = likeness > _LEAST_ALIKE
+    return there, good
 
 
 def _motions(twist: Float64Array, times: Float64Array) -> Float64Array:

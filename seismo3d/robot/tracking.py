@@ -2,7 +2,8 @@
 
 Vertices are paired with what the predicted image shows at their pixel; landmarks keep their rays, so that only what
 lies across a ray counts (the reprojection error to first order). Both weigh by their own spread, measured anew at each
-step: landmarks lead far from the solution and along what the planes do not see, planes lead near it.
+step: landmarks lead far from the solution and along what the planes do not see, planes lead near it. Where the two stay
+apart, the answer that landmarks lead to is tried as well: the noise of many normals can hold a frame where it was.
 """
 
 from __future__ import annotations
@@ -48,6 +49,9 @@ _UNKNOWN = 10.0
 _NONE = np.empty((0, 3))
 _LEADING, _MANY, _FAR_OFF = 2, 30, 4.0
 """Steps that landmarks take alone at first where at least so many of them are off by so many pixels."""
+_APART, _NEARER, _AS_WELL = 1.0, 0.5, 0.5
+"""Spread of landmarks, pixels, from which on the planes may say what only their noise does; the share of it, and of the
+planes that agree, at most and at least, with which an answer that landmarks lead to is the better one."""
 _PER_PLANE = 8.0
 """Pixels of the half image (every second one of it) that carry as much as one independent measurement: neighbours
 share the sensor's and the map's errors."""
@@ -155,12 +159,33 @@ def locate(
     -------
     Located
     """
+    lead = (_LEADING if loose and terms == "fused" else 0, _MANY, _FAR_OFF, False)
+    found = _fit(measured, prediction, sightings, T_world_camera, lens, terms, lead, max_steps)
+    if terms == "fused" and found.n_landmarks >= _MANY and found.landmark_spread > _APART:
+        lead = (_LEADING, _MANY, _APART, True)
+        led = _fit(measured, prediction, sightings, T_world_camera, lens, terms, lead, max_steps)
+        if led.landmark_spread < _NEARER * found.landmark_spread and led.n_planes >= _AS_WELL * found.n_planes:
+            return led
+    return found
+
+
+def _fit(
+    measured: Measured,
+    prediction: Prediction,
+    sightings: Sightings,
+    T_world_camera: Float64Array,
+    lens: PinholeCamera,
+    terms: str,
+    lead: tuple[int, int, float, bool],
+    max_steps: int,
+) -> Located:
+    """Fit a frame from a pose; ``lead`` is what :func:`~seismo3d.robot._kernels_pose.fit_frame` takes."""
     coarse, near = _step_of(measured, _COARSE), fine_step(measured)
     n_steps, T, form, has_pairs, planes, has_rays, landmarks = kernels.fit_frame(
         T_world_camera, measured.vertices, measured.normals, (coarse, near), prediction.points, prediction.normals,
         prediction.T_world_camera, prediction.lens, _REACHES, _PER_PLANE, sightings.points, sightings.T_depth_pixel,
         sightings.rays, (lens.fx, lens.fy), _USES[terms],
-        (_LEADING if loose and terms == "fused" else 0, _MANY, _FAR_OFF), (_NEARLY, _STILL), max_steps,
+        lead, (_NEARLY, _STILL), max_steps,
     )  # fmt: skip
     weights, spread, n_agreeing = landmarks
     if n_steps == 0:

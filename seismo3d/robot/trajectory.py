@@ -74,6 +74,12 @@ class Trajectory:
         numbers = np.array([0] * len(poses) if maps is None else maps, dtype=np.int64)
         return cls(freeze(times), freeze(T), freeze(frames), freeze(numbers))
 
+    def of_map(self, number: int) -> Trajectory:
+        """Return the poses that are in one local map."""
+        own = self.maps == number
+        parts = (self.times, self.T_world_camera, self.frames, self.maps)
+        return Trajectory(*(freeze(part[own]) for part in parts))
+
     @property
     def length(self) -> float:
         """Length of the path in metres, without the leaps from one local map to another."""

@@ -32,6 +32,8 @@ VERTICALS = {"offset": (4,), "tilt": (4, 5, 6), "scaled": (4, 5, 6, 7)}
 GOOD_FIT = 0.25
 """Residual over relief below which the answer from the maps' own places is taken without a global search."""
 POOR_FIT = 0.7
+RESTLESS = 0.25
+"""Share of the standard deviations below which steps that go on are at rest: cells that join and leave make them."""
 LEAST_OVERLAP = 0.02
 """Share of the smaller map's known ground that must lie on the other."""
 
@@ -215,7 +217,9 @@ def _assemble(
     T[2, 2] = k
     T[2, 3] = c0 + slope @ (flat[:2, 2] - to_map[:2, 2])
     before = fit_pose(level, Pose(), (4,), tolerance=1e-2, most=1)
-    state = "converged" if found.settled else "not_converged"
+    covariance = measure_covariance(level, found, free)
+    at_rest = found.settled or bool((found.unrest <= RESTLESS * np.sqrt(np.diag(covariance)[:4])).all())
+    state = "converged" if at_rest else "not_converged"
     if found.spread > POOR_FIT * relief(level, found):
         state = "poor_fit"
     # what elevation the source's own surface gains at the middle
@@ -227,7 +231,7 @@ def _assemble(
         growth=float(np.hypot(pose.motion[0, 0], pose.motion[1, 0])),
         tilt=freeze(np.array([c1, c2])),
         vertical_scale=float(k),
-        covariance=freeze(measure_covariance(level, found, free)),
+        covariance=freeze(covariance),
         nmad_before=float("nan") if before is None else before.first_spread,
         nmad_after=found.spread,
         overlap=found.overlap,

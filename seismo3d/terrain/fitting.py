@@ -17,6 +17,8 @@ PATCH = 16
 """Side, in cells, of the patches whose residuals are taken as independent of each other."""
 NEAR = 1e-2
 """Step, in cells, from which on the robust weights' cutoff holds still."""
+LAST = 8
+"""Steps at the end that tell how restless a pose still is."""
 MOST_PACE = 4.0
 """Factor by which horizontal steps are lengthened at most."""
 SAMPLE = 200_000
@@ -103,6 +105,9 @@ class Fit:
         The same cells, as a share of the smaller map's known ground.
     settled : bool
         Whether the steps became smaller than the tolerance.
+    unrest : ndarray of shape (4,), float64
+        Longest of the last steps of shift, turn and growth (metres, radians, logarithm); infinite where one of them was
+        longer than a hundredth of a cell.
     cutoff : float
         Residual at which the robust weights reach zero.
     residuals : ndarray of the target's shape, float64
@@ -116,6 +121,7 @@ class Fit:
     overlap: float
     share: float
     settled: bool
+    unrest: Float64Array
     cutoff: float
     residuals: Float64Array
     middle: float
@@ -145,6 +151,7 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
     residuals = np.empty(level.target.shape)
     sums = np.empty((level.target.shape[0], kernels.N_SUMS))
     settled, is_near, count = False, False, 0
+    steps: list[Float64Array] = []
     pace, gone, lengths = 1.0, np.zeros(4), np.array([1.0, 1.0, level.half, level.half]) / level.cell
     E = level.steps / level.half
     for step in range(most + 1):
@@ -184,6 +191,7 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
         motion = _moved(x[:4]) @ motion
         vertical = vertical + x[4:]
         gone = x[:4] * lengths
+        steps.append(np.abs(x[:4]) if np.abs(gone).max() < NEAR else np.full(4, np.inf))
         reach = np.abs(gone).max()
         # the spread of whole metres jumps; a cutoff that followed it would lead the pose round and round
         is_near = is_near or bool(reach < NEAR)
@@ -192,7 +200,8 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
         [vertical[0] - vertical[3] * middle, vertical[1] / level.half, vertical[2] / level.half, vertical[3]]
     )
     share = count / max(level.smaller, 1.0)
-    return Fit(Pose(motion, back), spread, first, count / known, share, settled, cutoff, residuals, middle)
+    unrest = np.max(steps[-LAST:], axis=0) if steps else np.full(4, np.inf)
+    return Fit(Pose(motion, back), spread, first, count / known, share, settled, unrest, cutoff, residuals, middle)
 
 
 def relief(level: Level, found: Fit) -> float:

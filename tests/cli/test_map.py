@@ -10,6 +10,7 @@ from seismo3d.cli import _run
 from seismo3d.cli.map import _facts, _states
 from seismo3d.graph.poses import read_g2o
 from seismo3d.io.elevation import read_elevation
+from seismo3d.io.points import read_points
 from seismo3d.robot import Mapper, MapperSettings, Occupancy, read_sequence
 from seismo3d.synthetic.rgbd import rgbd_sequence
 
@@ -122,3 +123,27 @@ def test_cells_too_many_to_hold_are_refused_by_their_side(
     words = ["map", str(sequence), "-o", str(tmp_path / "out"), "--cell", "1e-6", "--voxel-size", "0.05"]
     assert _run(words, debug=False) == 2
     assert "Choose a larger cell" in capsys.readouterr().err
+
+
+def test_a_map_begun_by_the_last_frame_does_not_take_the_others_away(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Strange hills, each seen once and from afar, at the end of a walk: the new map of the last one has no surface."""
+    import cv2
+
+    n_seen, n_strange = 8, MapperSettings().new_map_after
+    made = rgbd_sequence("room", frames=n_seen + n_strange, size=(160, 120), period=40.0, seed=2)
+    folder = made.write(tmp_path / "in")
+    camera = json.loads((folder / "camera.json").read_text())
+    (folder / "camera.json").write_text(json.dumps({**camera, "readout": 0.0, "depth_delay": 0.0}))
+    for path in sorted((folder / "rgb").iterdir())[n_seen:]:
+        cv2.imwrite(str(path), np.zeros((120, 160, 3), np.uint8))
+    for path in sorted((folder / "depth").iterdir())[n_seen:]:
+        hills = cv2.resize(rng.uniform(15000, 19000, (6, 8)), (160, 120), interpolation=cv2.INTER_CUBIC)
+        cv2.imwrite(str(path), hills.astype(np.uint16))
+    out = tmp_path / "out"
+    assert _run(["map", str(folder), "-o", str(out), "--voxel-size", "0.02", "--json"], debug=True) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["located"], said["local_maps"], said["shown_map"]) == (n_seen + 1, 2, 0)
+    assert Mapper.load(out / "map.npz").state.number == 1
+    assert len(read_points(out / "mesh.ply").points) > 1000

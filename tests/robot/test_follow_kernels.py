@@ -71,6 +71,24 @@ def test_what_tells_nothing_or_has_left_is_not_found(rng: np.random.Generator) -
     assert _follow(levels, other, PIXELS, PIXELS)[1].mean() < 0.3
 
 
+def test_noise_of_a_bare_wall_is_followed_nowhere(rng: np.random.Generator) -> None:
+    one, other = (np.clip(128.0 + 3.0 * rng.standard_normal((240, 320)), 0, 255).astype(np.uint8) for _ in range(2))
+    assert not _follow(_padded_levels(one), _padded_levels(other), PIXELS, PIXELS)[1].any()
+    assert _follow(_padded_levels(one), _padded_levels(one), PIXELS, PIXELS)[1].all()
+
+
+def test_likeness_is_the_correlation_of_the_patches(rng: np.random.Generator) -> None:
+    one, other = rng.integers(0, 256, (2, 60, 70)).astype(np.uint8)
+    other = np.roll(one, 2, axis=1) // 2 + other // 8
+    pixels = np.array([[30.0, 25.0], [40.0, 33.0]])
+    places = pixels + np.array([2.0, 0.0])
+    found = np.empty(2)
+    following.compare_patches(np.pad(one, following.PAD), np.pad(other, following.PAD), pixels, places, found)
+    for (x, y), (u, v), like in zip(pixels.astype(int), places.astype(int), found):
+        patches = [one[y - 7 : y + 8, x - 7 : x + 8].ravel(), other[v - 7 : v + 8, u - 7 : u + 8].ravel()]
+        assert like == pytest.approx(np.corrcoef(patches)[0, 1], abs=1e-6)
+
+
 def test_gradients_are_scharrs(rng: np.random.Generator) -> None:
     image = rng.integers(0, 256, (60, 70)).astype(np.uint8)
     patch, gx, gy = (np.zeros((15, 16), np.float32) for _ in range(3))

@@ -163,6 +163,43 @@ def test_along_a_plain_wall_the_camera_slides_and_texture_holds_it(plain: bool, 
         assert (located.covariance[3:, 3:].diagonal() < 0.01**2).all()
 
 
+def look_along_a_corridor(
+    forward: float, rng: np.random.Generator, lens: PinholeCamera
+) -> tuple[np.ndarray, np.ndarray]:
+    """Colour and depth of a painted corridor, 2 m wide and 2.4 m high, from so far in."""
+    from scipy.ndimage import gaussian_filter, map_coordinates
+
+    columns, rows = np.meshgrid(np.arange(lens.width) - lens.cx, np.arange(lens.height) - lens.cy)
+    rays = np.stack([columns / lens.fx, rows / lens.fy, np.ones_like(rows)], axis=-1)
+    walls = np.where(rays > 0.0, [1.0, 1.2, 12.0], [-1.0, -1.2, 12.0]) / rays
+    walls[..., 2] -= forward
+    depth, wall = walls.min(axis=-1), walls.argmin(axis=-1)
+    places = rays * depth[..., None] + [0.0, 0.0, forward]
+    paint = gaussian_filter(np.random.default_rng(5).normal(size=(6, 200, 700)), (0.0, 1.0, 1.0))
+    side = 2 * wall + (np.take_along_axis(rays, wall[..., None], axis=-1)[..., 0] > 0.0)
+    across, along = (
+        np.where(wall == 1, places[..., 0], places[..., 1]),
+        np.where(wall == 2, places[..., 0], places[..., 2]),
+    )
+    grey = 128.0 + 160.0 * map_coordinates(paint, [side, 50.0 * across + 100.0, 50.0 * along + 80.0], order=1)
+    grey = np.clip(grey + 3.0 * rng.standard_normal(grey.shape), 0, 255).astype(np.uint8)
+    depth = depth + 0.0015 * depth**2 * rng.standard_normal(depth.shape)
+    return np.repeat(grey[..., None], 3, axis=2), np.where(depth < 4.5, depth, 0.0).astype(np.float32)
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+def test_along_a_corridor_landmarks_on_its_slanting_walls_move_the_camera(rng: np.random.Generator, scale: int) -> None:
+    """Of the larger image thousands of normals are paired, whose noise holds the camera where it was."""
+    lens = PinholeCamera(
+        260.0 * scale, 260.0 * scale, 160 * scale - 0.5, 120 * scale - 0.5, (), 1.0, 320 * scale, 240 * scale
+    )
+    mapper = Mapper(Camera(lens, readout=0.0, depth_delay=0.0), settings=SETTINGS)
+    for number in range(6):
+        tracked = mapper.add(RgbdFrame.of(*look_along_a_corridor(0.03 * number, rng, lens), number / 30.0))
+        assert tracked.is_located
+    np.testing.assert_allclose(tracked.T_world_camera[:3, 3], [0.0, 0.0, 0.15], atol=0.01)
+
+
 def test_a_map_waits_for_the_first_frame_with_depth(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
     sequence, frames = room
     mapper = make_mapper(sequence)
@@ -294,7 +331,7 @@ def test_each_kind_of_term_alone_locates_frames(
     for frame in frames[:8]:
         assert mapper.add(frame).is_located
     alone = pose_errors(mapper, sequence)[0].max()
-    assert pose_errors(mapped, sequence)[0][:8].max() < alone + 0.001 < reach
+    assert pose_errors(mapped, sequence)[0][:8].max() < alone + 0.002 < reach  # noise of 2 mm at a metre
 
 
 def test_real_sequence_beats_the_bar(real_data: Path) -> None:

@@ -46,7 +46,7 @@ def fit(start: np.ndarray, truth: np.ndarray, marks: tuple[np.ndarray, ...], use
     seen, facing = (part.astype(np.float32) for part in seen_corner(ANYWHERE))
     return kernels.fit_frame(
         start, vertices, own, (4, 2), seen, facing, ANYWHERE, LENS, (0.2, 0.1, 0.06, 0.04), 8.0, *marks,
-        (LENS[0], LENS[1]), uses, (lead, 20, 4.0), (1e-3, 1e-6), 20,
+        (LENS[0], LENS[1]), uses, (lead, 20, 4.0, False), (1e-3, 1e-6), 20,
     )  # fmt: skip
 
 
@@ -69,6 +69,17 @@ def test_weights_are_tukeys_over_the_variance(rng: np.random.Generator) -> None:
     spread, agreeing = kernels.weigh_misses(miss, weights)
     np.testing.assert_allclose(weights, tukey_weights(miss, TUKEY * spread) / spread**2, rtol=1e-12)
     assert agreeing == np.count_nonzero(weights) <= 350
+
+
+def test_normals_say_nothing_along_what_they_vary_in_by_noise(rng: np.random.Generator) -> None:
+    walls = np.repeat([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], 300, axis=0)  # of a corridor along z
+    normals = walls + 0.05 * rng.standard_normal(walls.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    weights = rng.uniform(0.5, 1.0, 600)
+    told = kernels.told_normals(normals, weights, 0.08**2)
+    along = np.linalg.eigh((normals * weights[:, None]).T @ normals)[1][:, 0]
+    np.testing.assert_allclose(told, normals - np.outer(normals @ along, along), atol=1e-12)
+    np.testing.assert_array_equal(kernels.told_normals(normals, weights, 0.02**2), normals)
 
 
 def test_weights_stop_growing_where_all_fits(rng: np.random.Generator) -> None:

@@ -177,6 +177,8 @@ def test_several_cameras_are_merged_in_the_bodys_time(tmp_path: Path) -> None:
         ({"clock_offset": None}, "clock_offset is None; expected a number"),
         ({"T_body_camera": [[1, 2], [3, 4]]}, "T_body_camera is no rigid"),
         ({"T_body_camera": np.diag([2.0, 2.0, 2.0, 1.0]).tolist()}, "T_body_camera is no rigid"),
+        ({"T_body_camera": np.diag([1.0, -1.0, 1.0, 1.0]).tolist()}, "T_body_camera is no rigid"),
+        ({"T_body_camera": (np.eye(4) + np.eye(4, k=-3)).tolist()}, "T_body_camera is no rigid"),
         ({"T_body_camera": "here"}, "could not convert"),
     ],
 )

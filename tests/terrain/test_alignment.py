@@ -103,6 +103,21 @@ def test_noisy_maps_of_the_same_cells_converge(hills, relief, noise, model):
     assert states.count("converged") >= 7
 
 
+@pytest.mark.parametrize("seed", [7, 9])
+def test_steps_far_below_the_standard_error_are_at_rest(seed):
+    # cells that join and leave at the edges move the answer round and round, by a hundredth of what noise does
+    rng = np.random.default_rng(seed)
+    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(256), np.fft.rfftfreq(256), indexing="ij"))
+    frequency[0, 0] = 1.0
+    rough = np.fft.irfft2(np.fft.rfft2(rng.normal(size=(256, 256))) * frequency**-1.6)[:120, :140]
+    rough *= 50.0 / rough.std()
+    noise = np.random.default_rng(seed)
+    target = rough + noise.normal(0.0, 1.0, rough.shape)
+    found = register(target, rough[12:, :-9] + noise.normal(0.0, 1.0, (108, 131)))
+    assert found.converged
+    assert np.abs(found.shift[0]) < 4.0 * found.sigma[0]
+
+
 def test_other_grids_of_one_system(hills):
     coarse = ndimage.uniform_filter(hills, 2, origin=-1, mode="wrap")[::2, ::2]
     found = register(place(hills), place(coarse, cell=2.0 * CELL))
