@@ -49,7 +49,11 @@ class ChoiceSettings:
         Least angle, in the median, between a sheet and the layers beside it, across its strike: what runs along steep
         layers is one of them, whose neighbours do not fit where its dip is told wrongly.
     tall, tall_strength : float
-        Height from which on a sheet is no channel's edge, and the strength that is enough there.
+        Height from which on a sheet is no channel's edge, and the strength that is enough there, and where it is well
+        told and off all strong faults.
+    told_matched : float
+        Share of a sheet whose sides match, by `little_fit` in the median, from which on it is well told, if it is less
+        steep than `leftover_dip_deg` and its throw as large as that of a steep weaker one.
     low_fit, steep_height : float
         What is less tall and weaker than `sure_strength` stands by itself only where its moved sides match by so much
         in the median, and, if it is steep, from this height on: edges of channels are steep and low.
@@ -110,6 +114,7 @@ class ChoiceSettings:
     layer_angle_deg: float = 20.0
     tall: float = 60.0
     tall_strength: float = 17.0
+    told_matched: float = 0.6
     low_fit: float = 0.6
     steep_height: float = 40.0
     sure_strength: float = 33.0
@@ -330,11 +335,12 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
     leftover = np.array([sheet.leftover for sheet, _ in candidates], bool)
     for n in (int(n) for n in np.lexsort((-significance, leftover))):
         sheet, throw = candidates[n]
-        stands = not sheet.leftover and _stands(sheet, throw, settings)
-        if not (stands or _may_join(sheet, throw, settings)) or _winds(sheet, settings):
+        may_stand = not sheet.leftover and _stands(sheet, throw, settings, alone=True)
+        if not (may_stand or _may_join(sheet, throw, settings)) or _winds(sheet, settings):
             continue
         nodes = SheetNodes.of(sheet)
         near = [host for host in hosts if nodes.touches(host.nodes, settings.gap)]
+        stands = may_stand and _stands(sheet, throw, settings, alone=not near)
         if not near and _is_walled(sheet, throw, settings):
             continue
         if any(_is_upright(sheet, throw, nodes, host, settings) for host in near):
@@ -371,10 +377,12 @@ def _is_new(
     return bool(enough) and (sheet.leftover or _is_told_leftover(sheet, throw, settings))
 
 
-def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings, *, alone: bool) -> bool:
+    """Tell whether a sheet is a fault by itself, alone or beside a strong one, where it may be that one once more."""
     height = _height(sheet)
     is_tall = height >= settings.tall
-    enough = settings.tall_strength if is_tall else settings.least_strength
+    needs_less = is_tall or (alone and _is_well_told(sheet, throw, settings))
+    enough = settings.tall_strength if needs_less else settings.least_strength
     return (
         sheet.area >= settings.least_area
         and height >= settings.least_height
@@ -382,6 +390,16 @@ def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
         and median_throw(throw) >= settings.least_throw
         and (is_tall or strength(sheet) >= settings.sure_strength or _is_clear(sheet, throw, settings))
         and not _is_unlike(sheet, throw, settings)
+    )
+
+
+def _is_well_told(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+    """Tell whether most of a sheet's sides match well once moved, which neither noise nor an upright bend does."""
+    return (
+        _share_matched(sheet, throw) >= settings.told_matched
+        and _median_fit(sheet, throw) >= settings.little_fit
+        and median_throw(throw) >= settings.company_throw[1]
+        and dip_deg(sheet) < settings.leftover_dip_deg
     )
 
 
@@ -435,7 +453,11 @@ def _winds(sheet: Sheet, settings: ChoiceSettings) -> bool:
 
 def _is_walled(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
     """Tell whether layers run on above and below a sheet though its throw, from much of it, leads beyond its ends."""
-    return throw.runs_on >= settings.closed and share_out_of_view(sheet, throw.throw) >= settings.closed_out
+    return (
+        throw.runs_on >= settings.closed
+        and strength(sheet) < settings.sure_strength
+        and share_out_of_view(sheet, throw.throw) >= settings.closed_out
+    )
 
 
 def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:

@@ -315,6 +315,36 @@ def test_a_low_edge_is_no_fault_by_itself(change, stands):
     assert chosen(candidate(**shape)) == ([0] if stands else [])
 
 
+@pytest.mark.parametrize(
+    ("change", "stands"),
+    [
+        ({}, True),
+        ({"fit": 0.75}, False),
+        ({"throw": 1.2}, False),
+        ({"dip": 85.0}, False),
+        ({"score": 0.45}, False),
+        ({"columns": 18, "dip": 75.0, "score": 0.6}, False),
+    ],
+    ids=["well told", "matches badly", "hardly moves", "upright", "weak", "low and steep"],
+)
+def test_a_small_sheet_that_matches_well_needs_less_strength(change, stands):
+    shape = {"rows": 28, "columns": 22, "score": 0.55, "fit": 0.88, "dip": 68.0} | change
+    assert chosen(candidate(**shape)) == ([0] if stands else [])
+
+
+def test_a_small_sheet_that_matches_on_half_of_it_is_not_well_told():
+    sheet, throw = candidate(28, 22, score=0.55, fit=0.88, dip=68.0)
+    halved = throw.fit.copy()
+    halved[:14] = 0.0
+    assert chosen((sheet, replace(throw, fit=halved))) == []
+
+
+@pytest.mark.parametrize("score", [0.45, 1.0], ids=["plain", "overwhelming"])
+def test_overwhelming_support_stands_wherever_its_throw_leads(score):
+    sheet, moved = candidate(rows=80, columns=24, score=score, throw=16.0)
+    assert chosen((sheet, replace(moved, runs_on=0.95))) == ([0] if score == 1.0 else [])
+
+
 def course_of(rows, columns, offsets):
     """A strong sheet whose course along its strike is offset so; rows traces by 2 * columns samples, dipping."""
     sheet, throw = candidate(rows, columns, score=1.0, dip=70.0)
@@ -353,7 +383,7 @@ def test_a_channels_edge_beside_a_fault_is_no_company():
     ids=["walls", "layers broken beyond it", "leads within", "cut off by a fault"],
 )
 def test_walls_that_end_within_layers_that_run_on_are_no_fault(runs_on, throw, beside, stands):
-    sheet, moved = candidate(rows=80, columns=24, score=0.7, throw=throw, origin=(6.0, 0.0))
+    sheet, moved = candidate(rows=80, columns=24, score=0.45, throw=throw, origin=(6.0, 0.0))
     walls = sheet, replace(moved, runs_on=runs_on)
     others = [candidate(rows=80, columns=60, score=0.9)] if beside else []
     assert (len(others) in chosen(*others, walls)) == stands
