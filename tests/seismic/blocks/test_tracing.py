@@ -16,13 +16,17 @@ import seismo3d as s3
 from seismo3d.errors import FileAccessError, ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.io.cubes import write_npy
 from seismo3d.io.zarr_store import write_zarr
+from seismo3d.seismic import faults
+from seismo3d.seismic.blocks import sheets
 from seismo3d.seismic.blocks.plan import plan_blocks
 from seismo3d.seismic.blocks.run import describe_source
 from seismo3d.seismic.blocks.store import BrickStore
 from seismo3d.seismic.blocks.tracing import forget_work, trace_in_blocks
+from seismo3d.seismic.choosing import choose_faults
 from seismo3d.seismic.faults import FaultSettings, trace_faults
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.synthetic import SyntheticFault, fault_cube
+from seismo3d.synthetic.bodies import Channel
 
 SHAPE = (52, 60, 64)
 KILLED = """
@@ -71,11 +75,11 @@ def assert_same(found, wanted):
 
 def make_cube(noise):
     """A cube with two faults, no data at a corner and at its foot, and traces that repeat."""
-    faults = (
+    moved = (
         SyntheticFault((26.0, 26.0, 32.0), 40.0, 65.0, 8.0),
         SyntheticFault((20.0, 40.0, 32.0), 130.0, 70.0, -6.0),
     )
-    recipe = {"shape": SHAPE, "wavelength": (14.0, 14.0), "population": None, "faults": faults}
+    recipe = {"shape": SHAPE, "wavelength": (14.0, 14.0), "population": None, "faults": moved}
     cube = fault_cube("clean", seed=7, noise=noise, **recipe).seismic.copy()
     cube[:6, :9] = np.nan
     cube[:, :, 60:] = 0.0
@@ -111,6 +115,22 @@ def test_blocks_under_a_mute_give_what_one_piece_gives(tmp_path):
     wanted = trace_faults(cube)
     assert len(wanted.surfaces) > 0
     assert_same(trace(cube, tmp_path / "run"), wanted)
+
+
+def test_blocks_read_alike_what_lies_beyond_the_ends_of_sheets(monkeypatch, tmp_path):
+    channel = Channel(24.0, 20.0, (26.0, 30.0), 10.0, (3.0, 40.0, 1.0), 6.0, 1.6, 0.3)
+    cube = fault_cube("fault_free", seed=5, shape=(52, 60, 80), channels=(channel,), noise=0.0).seismic
+    told = []
+
+    def note(candidates, settings):
+        told.append([throw.runs_on for _, throw in candidates])
+        return choose_faults(candidates, settings)
+
+    for module in (faults, sheets):
+        monkeypatch.setattr(module, "choose_faults", note)
+    assert_same(trace(cube, tmp_path / "run"), trace_faults(cube))
+    assert told[0] == told[1]
+    assert max(told[0]) > 0.8
 
 
 def test_blocks_of_a_cube_of_uneven_strength_give_what_one_piece_gives(wanted, tmp_path):
