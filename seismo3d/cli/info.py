@@ -14,15 +14,14 @@ EXAMPLES = ("seismo3d info f3.sgy", "seismo3d info f3.sgy --inline-byte 9 --cros
 @reads_cube
 def run(cube: Cube, json: Json = False, *, reading: Reading) -> None:
     """Print a cube's geometry, formats, amplitude range, and dead, missing and duplicate traces."""
+    from seismo3d.cli._run_folder import print_json
     from seismo3d.io.cubes import open_cube
     from seismo3d.io.summary import summarise
 
     opened = open_cube(cube, **reading)
     summary = summarise(opened)
     if json:
-        from json import dumps
-
-        typer.echo(dumps(summary, indent=2))
+        print_json(summary)
         return
     width = 14
     for name, value in _lines(summary):

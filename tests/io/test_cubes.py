@@ -359,6 +359,14 @@ def test_summary_of_bad_samples():
     assert summarise(np.full((2, 3), np.nan))["amplitude"]["max"] is None
 
 
+@pytest.mark.parametrize("size", [1e-300, 1e-200, 1.0, 1e200, 1e300])
+def test_summary_of_amplitudes_whose_squares_double_precision_does_not_hold(size, monkeypatch):
+    monkeypatch.setattr("seismo3d.io.summary._SLAB", 1)
+    got = summarise(size * np.array([[3.0, -4.0], [0.0, 0.0], [5.0, 0.0]]))["amplitude"]
+    assert got["rms"] == pytest.approx(size * np.sqrt(50 / 6), rel=1e-12)
+    assert got["mean"] == pytest.approx(size * 4 / 6, rel=1e-12)
+
+
 def test_a_zarr_store_that_declares_more_than_it_holds_is_refused(tmp_path):
     made = s3.as_cube(np.ones((4, 5, 6), np.float32), interval=4.0)
     write_zarr(tmp_path / "a.zarr", made)
