@@ -47,12 +47,17 @@ def _lines(s: dict[str, Any]) -> list[tuple[str, str]]:
     return lines + [("note", note) for note in s["notes"]]
 
 
+# orders of traces that have no line to sort by
+_ORDERS = {"unsorted": "in no order", "trace": "in one line"}
+
+
 def _segy_lines(segy: dict[str, Any] | None) -> list[tuple[str, str]]:
     if segy is None:
         return []
+    order = _ORDERS.get(segy["sorting"], f"{segy['sorting']}-sorted")
     lines = [
         ("format", str(segy["sample_format"])),
-        ("file order", f"{segy['n_traces']} traces, {segy['sorting']}-sorted"),
+        ("file order", f"{segy['n_traces']} traces, {order}"),
     ]
     if segy["inline_byte"] is not None:
         where = f"inline {segy['inline_byte']}, crossline {segy['crossline_byte']} ({segy['header_bytes']})"
