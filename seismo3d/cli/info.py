@@ -14,15 +14,14 @@ EXAMPLES = ("seismo3d info f3.sgy", "seismo3d info f3.sgy --inline-byte 9 --cros
 @reads_cube
 def run(cube: Cube, json: Json = False, *, reading: Reading) -> None:
     """Print a cube's geometry, formats, amplitude range, and dead, missing and duplicate traces."""
+    from seismo3d.cli._run_folder import print_json
     from seismo3d.io.cubes import open_cube
     from seismo3d.io.summary import summarise
 
     opened = open_cube(cube, **reading)
     summary = summarise(opened)
     if json:
-        from json import dumps
-
-        typer.echo(dumps(summary, indent=2))
+        print_json(summary)
         return
     width = 14
     for name, value in _lines(summary):
@@ -48,12 +47,17 @@ def _lines(s: dict[str, Any]) -> list[tuple[str, str]]:
     return lines + [("note", note) for note in s["notes"]]
 
 
+# orders of traces that have no line to sort by
+_ORDERS = {"unsorted": "in no order", "trace": "in one line"}
+
+
 def _segy_lines(segy: dict[str, Any] | None) -> list[tuple[str, str]]:
     if segy is None:
         return []
+    order = _ORDERS.get(segy["sorting"], f"{segy['sorting']}-sorted")
     lines = [
         ("format", str(segy["sample_format"])),
-        ("file order", f"{segy['n_traces']} traces, {segy['sorting']}-sorted"),
+        ("file order", f"{segy['n_traces']} traces, {order}"),
     ]
     if segy["inline_byte"] is not None:
         where = f"inline {segy['inline_byte']}, crossline {segy['crossline_byte']} ({segy['header_bytes']})"

@@ -15,6 +15,8 @@ from seismo3d.geometry.survey import usual_spacing
 from seismo3d.io._segy_layout import set_header_field
 
 _MAX_SHORT = 32767
+LONGEST_INTERVAL = _MAX_SHORT / 1000
+"""Longest sample interval that SEG-Y can hold, in ms, m or ft."""
 # whole numbers up to which single precision holds all, and double precision does
 _ALL_EXACT, _STILL_WHOLE = 2**24, 2**53
 _MAX_LONG = 2**31 - 1
@@ -83,8 +85,8 @@ def sample_fields(volume: Any) -> dict[int, int]:
     interval = axis.step * 1000.0
     if not 0.5 <= interval <= _MAX_SHORT or abs(interval - round(interval)) * axis.n > 500.0:
         raise GeometryError(
-            f"cube has a sample interval of {axis.step:g}; expected 0.001 to 32.767 in whole thousandths, all that "
-            "SEG-Y can hold. Resample it, or write Zarr."
+            f"cube has a sample interval of {axis.step:g}; expected 0.001 to {LONGEST_INTERVAL} in whole "
+            "thousandths, all that SEG-Y can hold. Resample it, or write Zarr."
         )
     delay, scalar = _start_fields(axis.first)
     return {109: delay, 115: axis.n, 117: round(interval), 215: scalar}

@@ -226,7 +226,9 @@ def _has_axis(layout: SegyLayout, volume: Any) -> bool:
     own = sample_axis(layout, domain="time").axis
     axis = Axis.from_coordinates(volume[volume.dims[-1]].values, str(volume.dims[-1]))
     tolerance = 1e-4 * own.step
-    return own.n == axis.n and abs(own.first - axis.first) < tolerance and abs(own.step - axis.step) < tolerance / own.n
+    # one sample tells no interval
+    is_step = own.n == 1 or abs(own.step - axis.step) < tolerance / own.n
+    return own.n == axis.n and abs(own.first - axis.first) < tolerance and is_step
 
 
 def _patched_file_header(layout: SegyLayout, volume: Any, code: int, interval_us: int | None) -> bytes:

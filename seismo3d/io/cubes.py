@@ -181,8 +181,9 @@ def convert_cube(
     Raises
     ------
     ParameterError
-        If `every` is less than 1 or leaves no two samples, the target's suffix is another, or the target is the source,
-        holds it or lies in it, or is SEG-Y and neither the source nor the options tell the sample interval.
+        If `every` is less than 1, leaves no two samples or an interval too long for SEG-Y, the target's suffix is
+        another, or the target is the source, holds it or lies in it, or is SEG-Y and neither the source nor the options
+        tell the sample interval.
     FileAccessError
         If the target is there and is not to be replaced, or a file cannot be read or written.
     """
@@ -196,14 +197,13 @@ def convert_cube(
     if out.exists() and not overwrite:
         raise FileAccessError(f"{out} exists already. Choose another name, or overwrite it (--overwrite).")
     cube = open_cube(source, **({"lazy": True} | options))
-    if not 1 <= every < cube.shape[-1]:
-        raise ParameterError(f"every is {every}; expected 1 to {cube.shape[-1] - 1}, for traces of {cube.shape[-1]}.")
-    cube = cube[..., ::every]
     if suffix in _SEGY_SUFFIXES and unit_of(cube) == "samples":
         raise ParameterError(
             f"{source} states no sample interval; expected one, which SEG-Y needs. Give interval (--interval) and "
             "start (--start) in ms, or in m with domain (--domain) depth."
         )
+    _check_every(every, cube, is_segy=suffix in _SEGY_SUFFIXES)
+    cube = cube[..., ::every]
     if suffix == ".zarr":
         from seismo3d.io.zarr_store import write_zarr
 
@@ -213,6 +213,21 @@ def convert_cube(
     from seismo3d.io.segy import write_segy
 
     return write_segy(out, cube, progress=progress)
+
+
+def _check_every(every: int, cube: Any, *, is_segy: bool) -> None:
+    """Refuse to thin traces to less than two samples, or to an interval that SEG-Y cannot hold."""
+    n = cube.shape[-1]
+    most, why = max(1, n - 1), f"for traces of {n}"
+    if is_segy and n > 1:
+        from seismo3d.io._segy_encode import LONGEST_INTERVAL
+
+        step = abs(float(cube[cube.dims[-1]][1] - cube[cube.dims[-1]][0]))
+        if most * step > LONGEST_INTERVAL:
+            most = max(1, int(LONGEST_INTERVAL / step))
+            why = f"for SEG-Y holds intervals of at most {LONGEST_INTERVAL} and samples are {step:g} apart"
+    if not 1 <= every <= most:
+        raise ParameterError(f"every is {every}; expected 1 to {most}, {why}.")
 
 
 def _check_apart(source: Path, out: Path) -> None:

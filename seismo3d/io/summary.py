@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -97,21 +98,25 @@ def _parts(volume: Any, *, is_sampled: bool) -> Iterator[AnyArray]:
 
 
 def _amplitudes(part: AnyArray) -> tuple[int, int, float, float, float, float]:
-    """Count of samples and of bad ones, smallest, largest, sum, and sum of squares."""
+    """Count of samples and of bad ones, smallest, largest, sum, and root of the sum of squares."""
     finite = np.isfinite(part)
     values = part[finite].astype(np.float64)
     # NaN throughout a trace is a missing trace, not a bad sample
     n_bad = int((~finite).sum() - (~finite.any(axis=-1)).sum() * part.shape[-1])
     low, high = values.min(initial=np.inf), values.max(initial=-np.inf)
-    return values.size, n_bad, float(low), float(high), float(values.sum()), float((values**2).sum())
+    total = float(values.sum())
+    # squares of what double precision holds may be beyond it
+    peak = max(float(high), -float(low), 0.0)
+    values /= peak or 1.0
+    return values.size, n_bad, float(low), float(high), total, peak * math.sqrt(float(values @ values))
 
 
 def _amplitude(rows: list[tuple[int, int, float, float, float, float]], *, is_sampled: bool) -> dict[str, Any]:
-    sizes, bad, lows, highs, totals, squares = zip(*rows, strict=True)
+    sizes, bad, lows, highs, totals, roots = zip(*rows, strict=True)
     n, n_bad = sum(sizes), sum(bad)
     if n == 0:
         return {"min": None, "max": None, "mean": None, "rms": None, "n_not_finite": n_bad, "sampled": is_sampled}
-    out = {"min": min(lows), "max": max(highs), "mean": sum(totals) / n, "rms": float(np.sqrt(sum(squares) / n))}
+    out = {"min": min(lows), "max": max(highs), "mean": sum(totals) / n, "rms": math.hypot(*roots) / math.sqrt(n)}
     return out | {"n_not_finite": n_bad, "sampled": is_sampled}
 
 

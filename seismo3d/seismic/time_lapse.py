@@ -28,6 +28,9 @@ _OPPOSED, _REVERSED, _TOLD = 1.25, 0.6, 0.2
 _UNLIKE, _UNEVEN, _UNFIT = 0.27, 0.9, 0.2
 # widths of a smoothing within which it takes what lies beyond an end
 _ENDS = 2.0
+# misfit, as a share of the amplitudes, that cubes are taken to have at least: one shift a window leaves some where no
+# noise is, and taken for less it is exchanged for lateral shifts along the dip, and for changes between the surveys
+_LEAST_MISFIT = 0.1
 # share of the base's data that must have a counterpart at a shift of the whole
 _OVERLAP = 0.5
 
@@ -70,7 +73,8 @@ class CubeAlignment:
         How far what is at a place of the base lies deeper in the monitor, in the base's ms, m or ft (samples of bare
         arrays); NaN on traces that both cubes lack. A DataArray where the base was one.
     shift_std : array of the same shape, float32
-        Its standard deviation: of the amplitudes' misfit, the prior, and the unevenness of the shifts in a window.
+        Its standard deviation: of the amplitudes' misfit, taken as a tenth of them at least, the prior, and the
+        unevenness of the shifts in a window.
     inline_shift, crossline_shift : arrays of the same shape, float32
         The same along the inline and the crossline axis, in traces.
     inline_std, crossline_std : arrays of the same shape, float32
@@ -340,7 +344,7 @@ def _refine(
 def _robust(residual: Float32Array, weight: Float32Array) -> Float32Array:
     """Weights of Geman and McClure: what changed between the surveys, and ends of traces, must not pull."""
     size = np.abs(residual[weight > 0][::7])
-    cutoff = max(4.0 * float(np.median(size)) if len(size) else 1.0, 1e-3)
+    cutoff = max(4.0 * float(np.median(size)) if len(size) else 1.0, _LEAST_MISFIT)
     return np.asarray(1.0 / (1.0 + (residual / np.float32(cutoff)) ** 2) ** 2, dtype=np.float32)
 
 
@@ -352,7 +356,7 @@ def _solve(
     # a window holds about as many independent amplitudes as quarter wavelengths of six samples, times pairs of traces
     n_free = max(1.0, 3.5 * settings.vertical / 6.0 * (3.5 * settings.lateral / 2.0) ** 2)
     share = np.maximum(total, np.float32(1e-6))
-    noise = np.maximum(left / share, np.float32(1e-4)) / np.float32(n_free)
+    noise = np.maximum(left / share, np.float32(_LEAST_MISFIT**2)) / np.float32(n_free)
     prior = np.array([settings.prior[0], settings.prior[0], settings.prior[1]], np.float32) ** -2
     # along the layers' dip lateral and vertical shifts can be exchanged: what anchors them is the shift of the whole
     expected = [np.full_like(shift[0], start[0]), np.full_like(shift[1], start[1]), _level(shift[2], total, settings)]

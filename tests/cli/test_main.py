@@ -58,6 +58,15 @@ def test_info_tells_line_numbers_of_seven_digits_in_full(run, tmp_path):
     assert "1234001 to 1234002, step 1" in run("info", s3.write_segy(tmp_path / "a.sgy", cube))[1]
 
 
+def test_info_says_where_traces_have_no_order(run, segy, tmp_path):
+    raw = segy.read_bytes()
+    size = (len(raw) - 3600) // 12
+    traces = [raw[k : k + size] for k in range(3600, len(raw), size)]
+    mixed = tmp_path / "mixed.sgy"
+    mixed.write_bytes(raw[:3600] + b"".join(traces[5 * k % 12] for k in range(12)))
+    assert "12 traces, in no order" in run("info", mixed)[1]
+
+
 def test_info_as_json(run, segy):
     code, out, _ = run("info", segy, "--json", "--domain", "depth")
     got = json.loads(out)
@@ -69,7 +78,9 @@ def test_info_of_a_line_and_of_numpy(run, tmp_path):
     line = s3.as_cube(np.ones((3, 4)), interval=2.0).assign_coords(
         cdp_x=("trace", [0, 3, 6]), cdp_y=("trace", [0, 4, 8])
     )
-    assert "10 m along the line" in run("info", s3.write_segy(tmp_path / "l.sgy", line))[1]
+    out = run("info", s3.write_segy(tmp_path / "l.sgy", line))[1]
+    assert "10 m along the line" in out
+    assert "3 traces, in one line" in out
     np.save(tmp_path / "a.npy", np.full((2, 3, 4), np.nan))
     code, out, _ = run("info", tmp_path / "a.npy")
     assert code == 0

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import seismo3d as s3
-from seismo3d.errors import FileAccessError, FormatError, ParameterError, ShapeError
+from seismo3d.errors import FileAccessError, FormatError, GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.axis import length_unit_of
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io.cubes import convert_cube, write_npy
@@ -298,6 +298,26 @@ def test_convert_refuses_what_it_cannot_do(segy, tmp_path):
         s3.open_cube(segy, scan="no")
 
 
+def test_traces_are_not_thinned_beyond_what_segy_holds(tmp_path):
+    np.save(tmp_path / "a.npy", np.arange(64, dtype=np.float32).reshape(2, 2, 16))
+    with pytest.raises(ParameterError, match=r"every is 9; expected 1 to 8, for SEG-Y holds .* at most 32\.767 and"):
+        convert_cube(tmp_path / "a.npy", tmp_path / "a.sgy", every=9, interval=4.0)
+    thinned = s3.open_cube(convert_cube(tmp_path / "a.npy", tmp_path / "a.sgy", every=8, interval=4.0))
+    assert thinned.time.values.tolist() == [0.0, 32.0]
+    assert s3.open_cube(convert_cube(tmp_path / "a.npy", tmp_path / "a.zarr", every=9, interval=4.0)).sizes["time"] == 2
+    with pytest.raises(GeometryError, match=r"interval of 40; expected 0\.001 to 32\.767"):
+        convert_cube(tmp_path / "a.npy", tmp_path / "b.sgy", interval=40.0)
+
+
+@pytest.mark.parametrize("suffix", [".sgy", ".zarr", ".npy"])
+def test_traces_of_one_sample_are_converted(tmp_path, suffix):
+    np.save(tmp_path / "a.npy", np.arange(6, dtype=np.float32).reshape(2, 3, 1))
+    out = convert_cube(tmp_path / "a.npy", tmp_path / f"b{suffix}", interval=4.0)
+    assert s3.open_cube(out).values.ravel().tolist() == [0, 1, 2, 3, 4, 5]
+    with pytest.raises(ParameterError, match="every is 2; expected 1 to 1"):
+        convert_cube(tmp_path / "a.npy", tmp_path / f"c{suffix}", interval=4.0, every=2)
+
+
 def test_summary_counts_and_measures(segy):
     cube = s3.open_cube(segy)
     got = summarise(cube)
@@ -337,6 +357,14 @@ def test_summary_of_bad_samples():
     values[1, 1] = np.nan
     assert summarise(values)["amplitude"]["n_not_finite"] == 1
     assert summarise(np.full((2, 3), np.nan))["amplitude"]["max"] is None
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-200, 1.0, 1e200, 1e300])
+def test_summary_of_amplitudes_whose_squares_double_precision_does_not_hold(size, monkeypatch):
+    monkeypatch.setattr("seismo3d.io.summary._SLAB", 1)
+    got = summarise(size * np.array([[3.0, -4.0], [0.0, 0.0], [5.0, 0.0]]))["amplitude"]
+    assert got["rms"] == pytest.approx(size * np.sqrt(50 / 6), rel=1e-12)
+    assert got["mean"] == pytest.approx(size * 4 / 6, rel=1e-12)
 
 
 def test_a_zarr_store_that_declares_more_than_it_holds_is_refused(tmp_path):

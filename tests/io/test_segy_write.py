@@ -190,6 +190,12 @@ def test_headers_that_mean_the_cubes_samples_stay(tmp_path, maker):
     assert headers_of(out)[0] == headers_of(source)[0]
 
 
+def test_traces_of_one_sample_keep_their_interval(tmp_path, maker):
+    source = maker.write(tmp_path / "a.sgy", np.ones((6, 1)), maker.headers([1, 2], [1, 2, 3], b109=8))
+    out = s3.write_segy(tmp_path / "b.sgy", s3.open_cube(source))
+    assert out.read_bytes() == source.read_bytes()
+
+
 @pytest.mark.parametrize("name", ["inline", "crossline", "cdp"])
 @pytest.mark.parametrize("numbers", [[0.0, 0.5, 1.0], [1.0, np.nan, 3.0], [0.0, 1.0, 3e9]])
 def test_line_numbers_that_are_not_whole_are_refused(tmp_path, name, numbers):

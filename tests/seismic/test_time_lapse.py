@@ -62,6 +62,28 @@ def test_known_pull_down_is_found_and_its_uncertainty_is_honest(pair: Any) -> No
     assert abs(found.start[2] - 3.3) < 1.0
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.03])
+@pytest.mark.parametrize("slope", [0.1, 0.55])
+def test_shifts_of_a_part_are_found_in_clean_cubes_too(slope: float, noise: float, rng: np.random.Generator) -> None:
+    recipe = recipe_of(
+        "folded", shape=SHAPE, population=None, wavelength=(14.0, 14.0), fold_slope=(slope - 0.05, slope + 0.05)
+    )
+    base = np.array(make_cube(recipe, seed=2101).seismic)
+    lens = bump() - 3.0
+    found = align_cubes(base, warp(base, [0.0, 0.0, lens]) + noise * rng.normal(size=SHAPE))
+    error = (found.shift - lens)[INNER]
+    # windows are a third as wide as the lens, which rounds its top and foot
+    assert np.abs(error).max() < 0.35
+    assert np.sqrt(np.mean(error**2)) < 0.1
+    assert (np.abs(error) < 2.0 * found.shift_std[INNER]).mean() > 0.9
+    # traces, along which dipping layers could be shifted instead
+    for values, spread in (
+        (found.inline_shift, found.inline_std), (found.crossline_shift, found.crossline_std)
+    ):  # fmt: skip
+        assert np.sqrt(np.mean(values[INNER] ** 2)) < 0.3
+        assert (np.abs(values[INNER]) < 2.0 * spread[INNER]).mean() > 0.9
+
+
 def test_dead_and_missing_traces_are_bridged(pair: Any) -> None:
     _, _, found = pair
     for place in ((12, 13), (20, 25)):
