@@ -71,7 +71,8 @@ class ChoiceSettings:
         view from most places, and where it does not, chaotic beds and noise match by chance, but not so well.
     closed, closed_out : float
         Likeness of the layers beyond both its ends from which on a sheet ends within them, and the share of it whose
-        throw leads out of view from which on its sides were never one then; beside a strong fault it may be cut off.
+        throw leads out of view from which on its sides were never one then, unless it is as strong as `sure_strength`
+        or lies beside a strong fault, which may have cut it off.
     host_strength : float
         Strength of a fault beside which weaker ones are looked for: faults come in families, and cut each other up.
     company_area, company_strength, company_length : float
