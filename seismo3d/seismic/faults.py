@@ -247,8 +247,9 @@ def trace_faults(
     moving = []
     for number, sheet in enumerate(sheets):
         report("throw", number / len(sheets))
+        off = farther_off(sheet, settings.throw)
         sides, beyond = (
-            gather_sides(volume, valid, slopes, part, settings=settings.throw, off=farther_off(sheet, settings.throw))
+            gather_sides(volume, valid, slopes, part, settings=settings.throw, off=off)
             for part in (sheet, continue_sheet(sheet, volume.shape[2]))
         )
         moving.append(measure_moving(sheet, sides, beyond, volume.shape, found.noise, settings))
