@@ -341,7 +341,7 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
             continue
         nodes = SheetNodes.of(sheet)
         near = [host for host in hosts if nodes.touches(host.nodes, settings.gap)]
-        stands = may_stand and _stands(sheet, throw, settings, alone=not near)
+        stands = may_stand and (not near or _stands(sheet, throw, settings, alone=False))
         if not near and _is_walled(sheet, throw, settings):
             continue
         if any(_is_upright(sheet, throw, nodes, host, settings) for host in near):

@@ -148,7 +148,8 @@ def align_cubes(
     source, known_source = _prepare(monitor)
     if not (known_target.any(axis=2) & known_source.any(axis=2)).any():
         raise GeometryError("base and monitor have no live trace in common; expected the same survey.")
-    correlation = _correlate_lags(target, source) / max(float(np.mean(known_target & known_source)), 1e-6)
+    known = known_target & known_source
+    correlation = _correlate_lags(target, source) / max(float(known.mean()), 1e-6)
     coarse = _register(target, source, settings)
     start = _choose_start(target, source, known_target, known_source, coarse, _best_lag(correlation))
     shift = np.empty((3, *target.shape), np.float32)
@@ -169,7 +170,7 @@ def align_cubes(
     variance += _unevenness(shift, settings)
     report("local shifts", 1.0)
     fitted = _likeness(target, source, known_target, known_source, shift)
-    spread = np.sqrt(variance[2][known_target & known_source]) if (known_target & known_source).any() else np.inf
+    spread = np.sqrt(variance[2][known]) if known.any() else np.inf
     _warn_unlike((alike, opposed), (whole, fitted, float(np.median(spread))))
     return _pack(base, monitor, shift, variance, (coarse, start), (known_target, known_source))
 
