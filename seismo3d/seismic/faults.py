@@ -40,7 +40,7 @@ from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
 from seismo3d.seismic.preparing import as_volume, check_live, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
 from seismo3d.seismic.restored_throws import restore_throws
-from seismo3d.seismic.scan import RidgePoints, ScanSettings, scan_planes, thin
+from seismo3d.seismic.scan import RidgePoints, ScanSettings, leave_layers, scan_planes, thin
 from seismo3d.seismic.section_scores import (
     SectionScoreSettings,
     spread_likelihood,
@@ -223,7 +223,7 @@ def trace_faults(
     )  # fmt: skip
     report("scan", 0.0)
     support = scan_planes(found, settings=settings.scan, progress=progress)
-    ridges = thin(support, found, least=0.0)
+    ridges = leave_layers(thin(support, found, least=0.0), slopes, settings.scan)
     if is_section:
         ridges = weigh_crests(volume, valid, slopes, ridges, settings=settings.section)
     strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, found.noise))

@@ -28,6 +28,9 @@ class ScanSettings:
         Widths of the Gaussian patch: in traces along strike, in samples down the dip.
     lowest_dip_deg : float
         Dip below which no fault is looked for, in index coordinates.
+    layer_angle_deg : float
+        Angle to the layers below which a crest is none of a fault: where steep layers are told a little too flat, they
+        do not fit along themselves.
     n_strikes : int
         Strikes tried in each half of the compass.
     n_dips : tuple of (int, int)
@@ -41,6 +44,7 @@ class ScanSettings:
     along_strike: tuple[float, float] = (8.0, 15.0)
     along_dip: tuple[float, float] = (13.0, 19.0)
     lowest_dip_deg: float = 27.0
+    layer_angle_deg: float = 15.0
     n_strikes: int = 8
     n_dips: tuple[int, int] = (21, 21)
     evenness: float = 0.25
@@ -333,6 +337,40 @@ def thin_region(
     positions[:, :2] += off[:, None] * planes[:, :2]
     positions[:, 2] *= step
     return RidgePoints(voxels, positions, planes, score)
+
+
+def leave_layers(
+    ridges: RidgePoints,
+    slopes: tuple[Float32Array, Float32Array],
+    settings: ScanSettings,
+    *,
+    corner: tuple[int, int] = (0, 0),
+) -> RidgePoints:
+    """Leave out the crests that run along the layers at them.
+
+    Parameters
+    ----------
+    ridges : RidgePoints
+        From :func:`thin`.
+    slopes : tuple of ndarray of shape (inline, crossline, sample), float32
+        Reflector slopes along inlines and crosslines, of a block that begins at a corner and holds all ridges.
+    settings : ScanSettings
+        The angle that is needed.
+    corner : tuple of (int, int)
+        First inline and crossline of the block.
+
+    Returns
+    -------
+    RidgePoints
+        The others, in their order.
+    """
+    i, j = (ridges.voxels[:, axis] - corner[axis] for axis in range(2))
+    at = (i, j, ridges.positions[:, 2].astype(np.int64))  # a crest lies on a sample
+    p, q = slopes[0][at], slopes[1][at]
+    across0, across1, cotangent = ridges.planes.T
+    lengths = np.sqrt((1 + cotangent * cotangent) * (1 + p * p + q * q))
+    likeness = np.abs(across0 * p + across1 * q + cotangent) / lengths
+    return ridges.select(likeness < np.float32(np.cos(np.radians(settings.layer_angle_deg))))
 
 
 def _between(pair: tuple[float, float], share: float) -> float:

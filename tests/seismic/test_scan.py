@@ -7,7 +7,15 @@ import pytest
 from seismo3d.seismic import _kernels_scan as kernels
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic.misfit import Evidence
-from seismo3d.seismic.scan import PlanarSupport, ScanSettings, find_offsets, scan_planes, thin
+from seismo3d.seismic.scan import (
+    PlanarSupport,
+    RidgePoints,
+    ScanSettings,
+    find_offsets,
+    leave_layers,
+    scan_planes,
+    thin,
+)
 
 SHAPE = (40, 40, 64)
 STEP = 2
@@ -344,6 +352,44 @@ def test_weak_crests_and_rises_towards_the_edge_are_left_out():
 def test_crest_between_flanks_below_the_mean_is_kept():
     support, evidence = flat_support([-0.6, -0.5, 1.2, -0.4, -0.6])
     assert set(thin(support, evidence, least=0.5).voxels[:, 0]) == {2}
+
+
+def crests_at(strike_deg, dip_degs):
+    """One crest for each dip, at different samples of one trace."""
+    samples = STEP * np.arange(len(dip_degs))
+    voxels = np.column_stack([np.full((len(dip_degs), 2), (7, 9)), samples // STEP]).astype(np.int32)
+    planes = np.array([(*normal, cot) for normal, cot in (plane_of(strike_deg, dip) for dip in dip_degs)], np.float32)
+    positions = np.column_stack([voxels[:, :2], samples]).astype(np.float32)
+    return RidgePoints(voxels, positions, planes, np.ones(len(dip_degs), np.float32))
+
+
+def layers_of(strike_deg, dip_deg, shape=(8, 10, 24)):
+    normal, cotangent = plane_of(strike_deg, dip_deg)
+    return tuple(np.full(shape, part / cotangent, np.float32) for part in normal)
+
+
+@pytest.mark.parametrize("strike_deg", [0.0, 37.0, 90.0, 211.0])
+def test_crests_along_steep_layers_are_left_out(strike_deg):
+    dips = np.array([31.0, 34.0, 36.0, 50.0, 64.0, 66.0, 80.0])
+    kept = leave_layers(crests_at(strike_deg, dips), layers_of(strike_deg, 50.0), ScanSettings(layer_angle_deg=15.0))
+    np.testing.assert_array_equal(kept.voxels[:, 2], np.flatnonzero(np.abs(dips - 50.0) > 15.0))
+
+
+def test_crests_against_the_dip_of_steep_layers_or_across_their_strike_are_kept():
+    for turned in (180.0, 90.0, 40.0):
+        crests = crests_at(30.0 + turned, [50.0])
+        assert len(leave_layers(crests, layers_of(30.0, 50.0), ScanSettings(layer_angle_deg=15.0)).score) == 1
+
+
+def test_layers_of_a_block_are_read_at_its_corner():
+    crests = crests_at(0.0, [50.0, 50.0])
+    p, q = layers_of(0.0, 50.0)
+    flat = (np.zeros_like(p), np.zeros_like(q))
+    for slope, part in zip(flat, (p, q), strict=True):
+        slope[7, 9, 2] = part[7, 9, 2]
+    block = tuple(slope[5:, 6:] for slope in flat)
+    kept = leave_layers(crests, block, ScanSettings(layer_angle_deg=15.0), corner=(5, 6))
+    assert kept.voxels[:, 2].tolist() == [0]
 
 
 def test_nothing_is_kept_where_nothing_is_known():

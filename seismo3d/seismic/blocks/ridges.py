@@ -19,6 +19,7 @@ from seismo3d.seismic.scan import (
     find_offsets,
     find_prior,
     in_spreads,
+    leave_layers,
     plan_scan,
     scan_region,
     thin_region,
@@ -76,6 +77,8 @@ def thin(run: BlockRun, number: int) -> None:
     support = PlanarSupport(run.store.read("score", wide), run.store.read("orientation", wide), plan.planes)
     ridges = thin_region(support, run.store.read("known", wide), plan.step, least=0.0, corner=(wide.i0, wide.j0))
     ridges = ridges.select(_inside(ridges, box.grown((drawn_from,) * 2, run.plan.shape)))
+    slopes = run.store.read("p", wide), run.store.read("q", wide)
+    ridges = leave_layers(ridges, slopes, run.settings.scan, corner=(wide.i0, wide.j0))
     shape = (*box.shape, run.plan.shape[2])
     write_result(run, "likelihood", box, draw_ridges(ridges, plan.step, shape, corner=(box.i0, box.j0)))
     kept = ridges.select(_inside(ridges, box) & (ridges.score >= min(least_scores(run))))
