@@ -48,6 +48,10 @@ class ChoiceSettings:
     layer_angle_deg : float
         Least angle, in the median, between a sheet and the layers beside it, across its strike: what runs along steep
         layers is one of them, whose neighbours do not fit where its dip is told wrongly.
+    leaning, leaning_score : float
+        What is nearer to the layers than this share of its dip leans over as they do: if it is weaker than
+        `sure_strength`, it needs this mean support. What does not fit along steep layers spreads to the planes between
+        theirs and upright ones.
     tall, tall_strength : float
         Height from which on a sheet is no channel's edge, and the strength that is enough there, and where it is well
         told and off all strong faults.
@@ -113,6 +117,8 @@ class ChoiceSettings:
     still_throw: tuple[float, float] = (0.5, 1.0)
     still_fit: float = 0.7
     layer_angle_deg: float = 20.0
+    leaning: float = 0.75
+    leaning_score: float = 0.48
     tall: float = 60.0
     tall_strength: float = 17.0
     told_matched: float = 0.6
@@ -156,6 +162,7 @@ class ChoiceSettings:
             least_strength=2.8,
             least_throw=0.5,
             still_score=0.0,
+            leaning_score=0.0,
             tall_strength=2.8,
             low_fit=0.0,
             unlike_fit=0.0,
@@ -276,7 +283,7 @@ def end_in_mutes(sheet: Sheet, sides: SheetSides, shape: tuple[int, ...]) -> She
 
 
 def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) -> Sheet:
-    """Leave nothing of a sheet that runs along the layers beside it.
+    """Leave nothing of a sheet that runs along the layers beside it, or of a weak one that leans over as they do.
 
     Parameters
     ----------
@@ -285,7 +292,7 @@ def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) 
     sides : SheetSides
         What was read on its two sides.
     settings : ChoiceSettings
-        The angle that is needed.
+        The angle, and the support of what leans, that are needed.
 
     Returns
     -------
@@ -298,7 +305,12 @@ def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) 
     apart = np.abs(lean - np.arctan(sides.tilts))
     apart = np.minimum(apart, np.pi - apart)
     told = (sides.known > 0.0) & np.isfinite(lean)
-    if not told.any() or np.median(apart[told]) >= np.radians(settings.layer_angle_deg):
+    if not told.any():
+        return sheet
+    angle, dip = np.median(apart[told]), np.median(np.broadcast_to(np.minimum(lean, np.pi - lean), told.shape)[told])
+    leans = angle < settings.leaning * dip and strength(sheet) < settings.sure_strength
+    is_weak = leans and float(np.nanmean(sheet.score[sheet.inside])) < settings.leaning_score
+    if angle >= np.radians(settings.layer_angle_deg) and not is_weak:
         return sheet
     return sheet.only(np.zeros(sheet.w.shape, bool))
 

@@ -446,6 +446,24 @@ def test_what_cuts_the_layers_stays_as_it_is(dip, tilts_deg):
     assert end_along_layers(sheet, between_layers(sheet, *tilts_deg), SETTINGS) is sheet
 
 
+@pytest.mark.parametrize(
+    ("change", "tilts_deg", "is_kept"),
+    [
+        ({}, (20.0, 18.0), False),
+        ({"dip": 125.0}, (-20.0, -18.0), False),
+        ({}, (12.0, 12.0), True),
+        ({}, (-20.0, -18.0), True),
+        ({"score": 0.5}, (20.0, 18.0), True),
+        ({"rows": 120, "columns": 60}, (20.0, 18.0), True),
+    ],
+    ids=["leans as they do", "to the other side", "gentler layers", "against them", "well supported", "sure"],
+)
+def test_a_weak_sheet_that_leans_over_as_steep_layers_do_is_no_fault(change, tilts_deg, is_kept):
+    sheet, _ = candidate(**{"dip": 55.0, "score": 0.4} | change)
+    ended = end_along_layers(sheet, between_layers(sheet, *tilts_deg), SETTINGS)
+    assert ended.inside.any() == is_kept
+
+
 def test_layers_that_are_not_known_end_no_sheet():
     sheet, _ = candidate(dip=50.0)
     assert end_along_layers(sheet, between_layers(sheet, 45.0, 45.0, known=0.0), SETTINGS) is sheet
