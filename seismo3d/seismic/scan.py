@@ -12,6 +12,9 @@ from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_scan import find_ridges, keep_best_dip, merge_best, sum_strike_lines
 from seismo3d.seismic.misfit import Evidence, share_of_noise
 
+BESIDE = 8
+"""Traces off a crest where slopes are none that its own break looks like."""
+
 # widths of its Gaussian at which a patch ends
 _CUT = 2.0
 # difference of both axes' medians half of which noise is taken to have made: faults make less
@@ -28,9 +31,9 @@ class ScanSettings:
         Widths of the Gaussian patch: in traces along strike, in samples down the dip.
     lowest_dip_deg : float
         Dip below which no fault is looked for, in index coordinates.
-    layer_angle_deg : float
-        Angle to the layers below which a crest is none of a fault: where steep layers are told a little too flat, they
-        do not fit along themselves.
+    layer_angles_deg : tuple of (float, float)
+        Angles to the layers at a crest, and to those `BESIDE` traces off it on either side, below which it is none of a
+        fault: where steep layers are told a little too flat, they do not fit along themselves.
     n_strikes : int
         Strikes tried in each half of the compass.
     n_dips : tuple of (int, int)
@@ -44,7 +47,7 @@ class ScanSettings:
     along_strike: tuple[float, float] = (8.0, 15.0)
     along_dip: tuple[float, float] = (13.0, 19.0)
     lowest_dip_deg: float = 27.0
-    layer_angle_deg: float = 15.0
+    layer_angles_deg: tuple[float, float] = (15.0, 25.0)
     n_strikes: int = 8
     n_dips: tuple[int, int] = (21, 21)
     evenness: float = 0.25
@@ -346,16 +349,17 @@ def leave_layers(
     *,
     corner: tuple[int, int] = (0, 0),
 ) -> RidgePoints:
-    """Leave out the crests that run along the layers at them.
+    """Leave out the crests that run along the layers at them and on both sides of them.
 
     Parameters
     ----------
     ridges : RidgePoints
         From :func:`thin`.
     slopes : tuple of ndarray of shape (inline, crossline, sample), float32
-        Reflector slopes along inlines and crosslines, of a block that begins at a corner and holds all ridges.
+        Reflector slopes along inlines and crosslines, of a block that begins at a corner and holds what lies
+        :data:`BESIDE` traces off all ridges, but for what lies beyond the cube.
     settings : ScanSettings
-        The angle that is needed.
+        The angles that are needed.
     corner : tuple of (int, int)
         First inline and crossline of the block.
 
@@ -364,13 +368,17 @@ def leave_layers(
     RidgePoints
         The others, in their order.
     """
-    i, j = (ridges.voxels[:, axis] - corner[axis] for axis in range(2))
-    at = (i, j, ridges.positions[:, 2].astype(np.int64))  # a crest lies on a sample
-    p, q = slopes[0][at], slopes[1][at]
-    across0, across1, cotangent = ridges.planes.T
-    lengths = np.sqrt((1 + cotangent * cotangent) * (1 + p * p + q * q))
-    likeness = np.abs(across0 * p + across1 * q + cotangent) / lengths
-    return ridges.select(likeness < np.float32(np.cos(np.radians(settings.layer_angle_deg))))
+    across, cotangent = ridges.planes[:, :2], ridges.planes[:, 2]
+    sample = ridges.positions[:, 2].astype(np.int64)  # a crest lies on one
+    along = np.ones(len(sample), bool)
+    at_crest, beside = np.cos(np.radians(settings.layer_angles_deg)).astype(np.float32)
+    for off, nearest in ((0, at_crest), (-BESIDE, beside), (BESIDE, beside)):
+        traces = np.rint(ridges.positions[:, :2] + np.float32(off) * across).astype(np.int64) - np.asarray(corner)
+        i, j = np.clip(traces, 0, np.array(slopes[0].shape[:2]) - 1).T
+        p, q = (slope[i, j, sample] for slope in slopes)
+        lengths = np.sqrt((1 + cotangent * cotangent) * (1 + p * p + q * q))
+        along &= np.abs(across[:, 0] * p + across[:, 1] * q + cotangent) > nearest * lengths
+    return ridges.select(~along)
 
 
 def _between(pair: tuple[float, float], share: float) -> float:

@@ -363,7 +363,7 @@ def crests_at(strike_deg, dip_degs):
     return RidgePoints(voxels, positions, planes, np.ones(len(dip_degs), np.float32))
 
 
-def layers_of(strike_deg, dip_deg, shape=(8, 10, 24)):
+def layers_of(strike_deg, dip_deg, shape=(16, 18, 24)):
     normal, cotangent = plane_of(strike_deg, dip_deg)
     return tuple(np.full(shape, part / cotangent, np.float32) for part in normal)
 
@@ -371,24 +371,33 @@ def layers_of(strike_deg, dip_deg, shape=(8, 10, 24)):
 @pytest.mark.parametrize("strike_deg", [0.0, 37.0, 90.0, 211.0])
 def test_crests_along_steep_layers_are_left_out(strike_deg):
     dips = np.array([31.0, 34.0, 36.0, 50.0, 64.0, 66.0, 80.0])
-    kept = leave_layers(crests_at(strike_deg, dips), layers_of(strike_deg, 50.0), ScanSettings(layer_angle_deg=15.0))
+    kept = leave_layers(crests_at(strike_deg, dips), layers_of(strike_deg, 50.0), ScanSettings(layer_angles_deg=(15.0, 25.0)))
     np.testing.assert_array_equal(kept.voxels[:, 2], np.flatnonzero(np.abs(dips - 50.0) > 15.0))
 
 
 def test_crests_against_the_dip_of_steep_layers_or_across_their_strike_are_kept():
     for turned in (180.0, 90.0, 40.0):
         crests = crests_at(30.0 + turned, [50.0])
-        assert len(leave_layers(crests, layers_of(30.0, 50.0), ScanSettings(layer_angle_deg=15.0)).score) == 1
+        assert len(leave_layers(crests, layers_of(30.0, 50.0), ScanSettings(layer_angles_deg=(15.0, 25.0))).score) == 1
+
+
+@pytest.mark.parametrize("steep_on", [(0,), (0, 8), (0, -8)], ids=["at it alone", "on one side", "on the other"])
+def test_a_break_that_looks_like_steep_layers_is_kept(steep_on):
+    p, q = layers_of(0.0, 50.0)
+    flat = np.zeros_like(p), np.zeros_like(q)
+    for off in steep_on:  # the plane of strike 0 is crossed along crosslines
+        for slope, part in zip(flat, (p, q), strict=True):
+            slope[7, 9 + off] = part[7, 9 + off]
+    assert len(leave_layers(crests_at(0.0, [50.0]), flat, ScanSettings(layer_angles_deg=(15.0, 25.0))).score) == 1
 
 
 def test_layers_of_a_block_are_read_at_its_corner():
     crests = crests_at(0.0, [50.0, 50.0])
-    p, q = layers_of(0.0, 50.0)
-    flat = (np.zeros_like(p), np.zeros_like(q))
-    for slope, part in zip(flat, (p, q), strict=True):
-        slope[7, 9, 2] = part[7, 9, 2]
-    block = tuple(slope[5:, 6:] for slope in flat)
-    kept = leave_layers(crests, block, ScanSettings(layer_angle_deg=15.0), corner=(5, 6))
+    slopes = layers_of(0.0, 50.0)
+    for slope in slopes:
+        slope[..., 0] = 0.0
+    block = tuple(slope[5:, 1:] for slope in slopes)
+    kept = leave_layers(crests, block, ScanSettings(layer_angles_deg=(15.0, 25.0)), corner=(5, 1))
     assert kept.voxels[:, 2].tolist() == [0]
 
 

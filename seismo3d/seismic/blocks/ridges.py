@@ -12,6 +12,7 @@ from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.faults import draw_ridges, score_at_noise
 from seismo3d.seismic.scan import (
+    BESIDE,
     PlanarSupport,
     RidgePoints,
     ScanPlan,
@@ -77,8 +78,9 @@ def thin(run: BlockRun, number: int) -> None:
     support = PlanarSupport(run.store.read("score", wide), run.store.read("orientation", wide), plan.planes)
     ridges = thin_region(support, run.store.read("known", wide), plan.step, least=0.0, corner=(wide.i0, wide.j0))
     ridges = ridges.select(_inside(ridges, box.grown((drawn_from,) * 2, run.plan.shape)))
-    slopes = run.store.read("p", wide), run.store.read("q", wide)
-    ridges = leave_layers(ridges, slopes, run.settings.scan, corner=(wide.i0, wide.j0))
+    seen = box.grown((drawn_from + BESIDE + 1,) * 2, run.plan.shape)
+    slopes = run.store.read("p", seen), run.store.read("q", seen)
+    ridges = leave_layers(ridges, slopes, run.settings.scan, corner=(seen.i0, seen.j0))
     shape = (*box.shape, run.plan.shape[2])
     write_result(run, "likelihood", box, draw_ridges(ridges, plan.step, shape, corner=(box.i0, box.j0)))
     kept = ridges.select(_inside(ridges, box) & (ridges.score >= min(least_scores(run))))
