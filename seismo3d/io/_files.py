@@ -78,8 +78,10 @@ def written_aside(path: str | os.PathLike[str], *, folder: bool = False) -> Iter
             if folder and not was_there:
                 _refuse_made_meanwhile(final)
             replace_path(aside, final, folder=folder)
-    except BaseException:
+    except BaseException as error:
         (_remove_for_good if aside.is_dir() else _remove)(aside)
+        if isinstance(error, FileAccessError) and str(aside) in str(error):  # of a file in the folder
+            raise FileAccessError(str(error).replace(str(aside), str(final))) from error
         raise
 
 
