@@ -14,7 +14,7 @@ from seismo3d.errors import FileAccessError, FormatError, ParameterError
 from seismo3d.geometry.axis import USUAL_UNITS, length_unit_of, unit_of
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io._as_cube import as_cube
-from seismo3d.io._files import refuse_os_errors, written_aside
+from seismo3d.io._files import refuse_os_errors, refuse_rival, written_aside
 from seismo3d.io.numpy_files import list_npz, read_npy, read_npz
 
 __all__ = ["as_cube", "convert_cube", "open_cube", "write_npy"]
@@ -185,7 +185,8 @@ def convert_cube(
         another, or the target is the source, holds it or lies in it, or is SEG-Y and neither the source nor the options
         tell the sample interval.
     FileAccessError
-        If the target is there and is not to be replaced, or a file cannot be read or written.
+        If the target is there and is not to be replaced, another process is writing it, or a file cannot be read or
+        written.
     """
     out = Path(target)
     suffix = out.suffix.lower()
@@ -204,6 +205,7 @@ def convert_cube(
         )
     _check_every(every, cube, is_segy=suffix in _SEGY_SUFFIXES)
     cube = cube[..., ::every]
+    refuse_rival(out, folder=suffix == ".zarr")
     if suffix == ".zarr":
         from seismo3d.io.zarr_store import write_zarr
 
