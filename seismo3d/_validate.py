@@ -40,6 +40,23 @@ def as_single(values: AnyArray, name: str) -> Float32Array:
     return single
 
 
+def as_strong(values: AnyArray, name: str) -> Float32Array:
+    """Convert a whole cube to single precision, a copy, or refuse one that this rounds, be it all to zero."""
+    single = as_single(values, name)
+    if values.dtype.kind == "f" and values.size:
+        largest = float(max(np.fmax.reduce(values, axis=None), -np.fmin.reduce(values, axis=None)))
+        if 0.0 < largest < _WEAKEST:
+            raise ParameterError(
+                f"{name} has no sample larger than {largest:.3g}; expected {_WEAKEST:g} or more, below which single "
+                "precision rounds amplitudes, to zero at last. Scale them up."
+            )
+    return single
+
+
+# a thousand times the least number that single precision holds to all its digits
+_WEAKEST = 1e-35
+
+
 def as_number(value: Any, name: str, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:
     """Return a finite number within bounds, or refuse it by name."""
     try:

@@ -11,7 +11,7 @@ from scipy import fft, ndimage
 
 from seismo3d._stages import no_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
-from seismo3d._validate import as_settings, freeze
+from seismo3d._validate import as_settings, as_strong, freeze
 from seismo3d.errors import GeometryError, ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
@@ -130,7 +130,8 @@ def align_cubes(
     GeometryError
         If their coordinates or places on the map differ, or no trace is live in both.
     ParameterError
-        If the monitor's polarity is reversed, or `settings` are no TimeLapseSettings.
+        If the monitor's polarity is reversed, amplitudes are too large or too small for single precision, or `settings`
+        are no TimeLapseSettings.
 
     Warns
     -----
@@ -145,8 +146,8 @@ def align_cubes(
     report = progress or no_progress
     _check(base, monitor)
     report("register", 0.0)
-    target, known_target = _prepare(base)
-    source, known_source = _prepare(monitor)
+    target, known_target = _prepare(base, "base")
+    source, known_source = _prepare(monitor, "monitor")
     if not (known_target.any(axis=2) & known_source.any(axis=2)).any():
         raise GeometryError("base and monitor have no live trace in common; expected the same survey.")
     known = known_target & known_source
@@ -194,9 +195,9 @@ def _check(base: Any, monitor: Any) -> None:
         )
 
 
-def _prepare(cube: Any) -> tuple[Float32Array, BoolArray]:
+def _prepare(cube: Any, name: str) -> tuple[Float32Array, BoolArray]:
     """Amplitudes of unit strength with 0 where there are none and spikes clipped, and where there are some."""
-    values = np.array(getattr(cube, "values", cube), dtype=np.float32)
+    values = as_strong(np.asarray(getattr(cube, "values", cube)), name)
     known, _ = mark_data(values)
     scale_amplitudes(values, known, find_scale(values[known]))
     balance_traces(values, known)

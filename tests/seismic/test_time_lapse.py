@@ -234,6 +234,8 @@ def test_refusals(folded: SyntheticCube) -> None:
         align_cubes(base, base * 0.0)
     with pytest.raises(ParameterError, match=r"polarity is reversed. Give -monitor"):
         align_cubes(base, -warp(np.array(folded.seismic), [0.0, 0.0, 2.0]))
+    with pytest.raises(ParameterError, match=r"monitor has samples up to .*e\+39; expected at most 3.4e\+38"):
+        align_cubes(base, base.astype(np.float64) * 1e39)
 
 
 def test_muted_tops_do_not_count(folded: SyntheticCube) -> None:
@@ -314,7 +316,7 @@ def test_a_far_monitor_is_not_told_that_its_polarity_is_reversed() -> None:
     base = make_cube(recipe_of("clean", shape=(24, 24, 64)), seed=1).seismic
     far = np.roll(base, 21, axis=2)
     # within a quarter of the traces it is most like the base with its sign changed
-    correlation = time_lapse._correlate_lags(*(time_lapse._prepare(cube)[0] for cube in (base, far)))
+    correlation = time_lapse._correlate_lags(*(time_lapse._prepare(cube, "cube")[0] for cube in (base, far)))
     assert -correlation[1:-1].min() > 0.35 > 1.25 * correlation[1:-1].max()
     found = align_cubes(base, far, settings=TimeLapseSettings(levels=(0.0,)))
     np.testing.assert_allclose(found.start, [0.0, 0.0, 21.0], atol=0.1)
