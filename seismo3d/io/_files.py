@@ -98,7 +98,7 @@ def _aside_of(final: Path) -> str:
 
 
 def _clear_beside(final: Path, *, alone: bool) -> None:
-    """Remove what processes of this machine that are gone left of `final`; if `alone`, refuse it while one writes it."""
+    """Remove what processes of this machine that are gone left of `final`; if `alone`, refuse what one is writing."""
     with refuse_os_errors(final, "write"), os.scandir(final.parent) as entries:
         names = [entry.name for entry in entries if entry.name.startswith(_aside_of(final))]
     for name in names:

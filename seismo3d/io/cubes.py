@@ -195,8 +195,7 @@ def convert_cube(
             f"{out} has the suffix {suffix!r}; expected .sgy, .segy, .zarr or .npy, which tells the format."
         )
     _check_apart(Path(source), out)
-    if out.exists() and not overwrite:
-        raise FileAccessError(f"{out} exists already. Choose another name, or overwrite it (--overwrite).")
+    _check_free(out, overwrite=overwrite)
     cube = open_cube(source, **({"lazy": True} | options))
     if suffix in _SEGY_SUFFIXES and unit_of(cube) == "samples":
         raise ParameterError(
@@ -206,6 +205,7 @@ def convert_cube(
     _check_every(every, cube, is_segy=suffix in _SEGY_SUFFIXES)
     cube = cube[..., ::every]
     refuse_rival(out, folder=suffix == ".zarr")
+    _check_free(out, overwrite=overwrite)  # opening takes its time
     if suffix == ".zarr":
         from seismo3d.io.zarr_store import write_zarr
 
@@ -230,6 +230,11 @@ def _check_every(every: int, cube: Any, *, is_segy: bool) -> None:
             why = f"for SEG-Y holds intervals of at most {LONGEST_INTERVAL} and samples are {step:g} apart"
     if not 1 <= every <= most:
         raise ParameterError(f"every is {every}; expected 1 to {most}, {why}.")
+
+
+def _check_free(out: Path, *, overwrite: bool) -> None:
+    if out.exists() and not overwrite:
+        raise FileAccessError(f"{out} exists already. Choose another name, or overwrite it (--overwrite).")
 
 
 def _check_apart(source: Path, out: Path) -> None:
