@@ -116,9 +116,11 @@ def as_points(
             f"{name} has elements of type {points.dtype}; expected real numbers in an array of shape {wanted}."
         )
     if points.ndim != 2 or points.shape[1] not in dims:
-        turned = points.ndim == 2 and points.shape[0] in dims
-        remedy = " Give one point a row: transpose a (d, n) array." if turned else " Give one point a row."
-        raise ShapeError(f"{name} has shape {points.shape}; expected {wanted}.{remedy}")
+        remedy = "Give one point a row."
+        if points.ndim == 2 and points.shape[0] in dims:
+            d = points.shape[0]
+            wanted, remedy = f"(n, {d})", f"Give one point a row: transpose a ({d}, n) array."
+        raise ShapeError(f"{name} has shape {points.shape}; expected {wanted}. {remedy}")
     points = np.ascontiguousarray(points, dtype=np.float64)
     if finite and not np.isfinite(points).all():
         n_bad = int((~np.isfinite(points).all(axis=1)).sum())
