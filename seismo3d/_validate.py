@@ -43,14 +43,23 @@ def as_single(values: AnyArray, name: str) -> Float32Array:
 def as_strong(values: AnyArray, name: str) -> Float32Array:
     """Convert a whole cube to single precision, a copy, or refuse one that this rounds, be it all to zero."""
     single = as_single(values, name)
-    if values.dtype.kind == "f" and values.size:
-        largest = float(max(np.fmax.reduce(values, axis=None), -np.fmin.reduce(values, axis=None)))
-        if 0.0 < largest < _WEAKEST:
-            raise ParameterError(
-                f"{name} has no sample larger than {largest:.3g}; expected {_WEAKEST:g} or more, below which single "
-                "precision rounds amplitudes, to zero at last. Scale them up."
-            )
+    words = tell_weak(values, name)
+    if words:
+        raise ParameterError(words)
     return single
+
+
+def tell_weak(values: AnyArray, name: str) -> str:
+    """Say that amplitudes are so small that single precision rounds them all; nothing where they are not."""
+    if values.dtype.kind != "f" or not values.size:
+        return ""
+    largest = float(max(np.fmax.reduce(values, axis=None), -np.fmin.reduce(values, axis=None)))
+    if not 0.0 < largest < _WEAKEST:
+        return ""
+    return (
+        f"{name} has no sample larger than {largest:.3g}; expected {_WEAKEST:g} or more, below which single precision "
+        "rounds amplitudes, to zero at last. Scale them up."
+    )
 
 
 # a thousand times the least number that single precision holds to all its digits
