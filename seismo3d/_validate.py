@@ -40,6 +40,32 @@ def as_single(values: AnyArray, name: str) -> Float32Array:
     return single
 
 
+def as_strong(values: AnyArray, name: str) -> Float32Array:
+    """Convert a whole cube to single precision, a copy, or refuse one that this rounds, be it all to zero."""
+    single = as_single(values, name)
+    words = tell_weak(values, name)
+    if words:
+        raise ParameterError(words)
+    return single
+
+
+def tell_weak(values: AnyArray, name: str) -> str:
+    """Say that amplitudes are so small that single precision rounds them all; nothing where they are not."""
+    if values.dtype.kind != "f" or not values.size:
+        return ""
+    largest = float(max(np.fmax.reduce(values, axis=None), -np.fmin.reduce(values, axis=None)))
+    if not 0.0 < largest < _WEAKEST:
+        return ""
+    return (
+        f"{name} has no sample larger than {largest:.3g}; expected {_WEAKEST:g} or more, below which single precision "
+        "rounds amplitudes, to zero at last. Scale them up."
+    )
+
+
+# a thousand times the least number that single precision holds to all its digits
+_WEAKEST = 1e-35
+
+
 def as_number(value: Any, name: str, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:
     """Return a finite number within bounds, or refuse it by name."""
     try:
@@ -99,9 +125,11 @@ def as_points(
             f"{name} has elements of type {points.dtype}; expected real numbers in an array of shape {wanted}."
         )
     if points.ndim != 2 or points.shape[1] not in dims:
-        turned = points.ndim == 2 and points.shape[0] in dims
-        remedy = " Give one point a row: transpose a (d, n) array." if turned else " Give one point a row."
-        raise ShapeError(f"{name} has shape {points.shape}; expected {wanted}.{remedy}")
+        remedy = "Give one point a row."
+        if points.ndim == 2 and points.shape[0] in dims:
+            d = points.shape[0]
+            wanted, remedy = f"(n, {d})", f"Give one point a row: transpose a ({d}, n) array."
+        raise ShapeError(f"{name} has shape {points.shape}; expected {wanted}. {remedy}")
     points = np.ascontiguousarray(points, dtype=np.float64)
     if finite and not np.isfinite(points).all():
         n_bad = int((~np.isfinite(points).all(axis=1)).sum())

@@ -286,16 +286,11 @@ def as_scan(data: Scan | ArrayLike | str | Path, name: str) -> Scan:
     if isinstance(data, str | Path):
         return Scan.from_file(data)
     array = np.asarray(data)
-    if array.ndim == 2 and array.shape[1] in (2, 3):
+    if array.ndim == 2 and not {2, 3}.isdisjoint(array.shape):
         points = as_points(array, name, finite=False)
         if len(points) == 0:
             raise ShapeError(f"{name} has shape {points.shape}: it is empty. Give at least one point.")
         return Scan(points)
-    if array.ndim == 2 and array.shape[0] in (2, 3):
-        raise ShapeError(
-            f"{name} has shape {array.shape}; expected (n, {array.shape[0]}). Give one point a row: transpose a "
-            f"({array.shape[0]}, n) array."
-        )
     if array.ndim == 2:
         return Scan.from_image(array)
     if array.ndim == 3:

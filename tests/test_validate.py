@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
 import pytest
 
-from seismo3d._validate import as_number
-from seismo3d.errors import ParameterError
+import seismo3d as s3
+from seismo3d._validate import as_number, as_points
+from seismo3d.errors import ParameterError, ShapeError
 
 
 @pytest.mark.parametrize(
@@ -30,3 +32,11 @@ def test_a_number_out_of_bounds_is_refused_in_words(bounds: dict[str, float], va
 
 def test_a_number_within_bounds_comes_back() -> None:
     assert as_number("0.5", "size", low=0.5) == 0.5
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("take", [as_points, lambda points, _: s3.register(points, points)])
+def test_points_in_columns_are_told_how_to_be_turned(take, d: int) -> None:  # type: ignore[no-untyped-def]
+    words = rf"has shape \({d}, 50\); expected \(n, {d}\). Give one point a row: transpose a \({d}, n\) array"
+    with pytest.raises(ShapeError, match=words):
+        take(np.zeros((d, 50)), "points")

@@ -38,7 +38,9 @@ def run(
         False, "--unfault", help="Write the cube with the slip taken out, and a picture of it."
     ),
     memory: str | None = typer.Option(
-        None, help="Memory to keep to, such as 8GB; a larger cube is worked on in blocks. [default: one piece]"
+        None,
+        help="Memory to keep to, such as 8GB; a larger cube is worked on in blocks, a larger line refused. "
+        "[default: one piece]",
     ),
     scheduler: str | None = typer.Option(
         None, help="Address of a dask cluster to work on the blocks, such as tcp://node1:8786."

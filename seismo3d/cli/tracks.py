@@ -37,7 +37,9 @@ def run(
     event: str | None = typer.Option(None, help="peak, trough or zero. [default: the seed's own phase]"),
     count: int = typer.Option(5, min=1, help="Number of horizons to find where no seed is given."),
     memory: str | None = typer.Option(
-        None, help="Memory to keep to, such as 8GB; a larger cube is worked on in blocks. [default: one piece]"
+        None,
+        help="Memory to keep to, such as 8GB; a larger cube is worked on in blocks, a larger line refused. "
+        "[default: one piece]",
     ),
     scheduler: str | None = typer.Option(
         None, help="Address of a dask cluster to work on the blocks, such as tcp://node1:8786."

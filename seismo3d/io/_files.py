@@ -69,7 +69,7 @@ def written_aside(path: str | os.PathLike[str], *, folder: bool = False) -> Iter
     """
     final = Path(path)
     _check_place(final, folder=folder)
-    _clear_beside(final, folder=folder)
+    _clear_beside(final, alone=folder)
     aside = final.parent / f"{_aside_of(final)}{os.getpid()}{_ASIDE}"
     was_there = final.exists()
     try:
@@ -78,8 +78,10 @@ def written_aside(path: str | os.PathLike[str], *, folder: bool = False) -> Iter
             if folder and not was_there:
                 _refuse_made_meanwhile(final)
             replace_path(aside, final, folder=folder)
-    except BaseException:
+    except BaseException as error:
         (_remove_for_good if aside.is_dir() else _remove)(aside)
+        if isinstance(error, FileAccessError) and str(aside) in str(error):  # of a file in the folder
+            raise FileAccessError(str(error).replace(str(aside), str(final))) from error
         raise
 
 
@@ -95,8 +97,8 @@ def _aside_of(final: Path) -> str:
     return f".{final.name}.{platform.node()}."
 
 
-def _clear_beside(final: Path, *, folder: bool) -> None:
-    """Remove what processes of this machine that are gone left of `final`; refuse a folder that one is writing."""
+def _clear_beside(final: Path, *, alone: bool) -> None:
+    """Remove what processes of this machine that are gone left of `final`; if `alone`, refuse what one is writing."""
     with refuse_os_errors(final, "write"), os.scandir(final.parent) as entries:
         names = [entry.name for entry in entries if entry.name.startswith(_aside_of(final))]
     for name in names:
@@ -105,10 +107,16 @@ def _clear_beside(final: Path, *, folder: bool) -> None:
             continue
         if not _is_running(int(process)):
             _remove(final.parent / name)
-        elif folder:
+        elif alone:
             raise FileAccessError(
                 f"{final} is being written by process {process}. Wait for it, or choose another name."
             )
+
+
+def refuse_rival(final: Path, *, folder: bool) -> None:
+    """Refuse a file, or a folder, that cannot be made there, or that another process of this machine is writing."""
+    _check_place(final, folder=folder)
+    _clear_beside(final, alone=True)
 
 
 def _is_running(process: int) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Int64Array
-from seismo3d._validate import as_single
+from seismo3d._validate import as_single, tell_weak
 from seismo3d.errors import GeometryError, Seismo3dWarning
 from seismo3d.geometry.axis import METRES, Axis, check_downwards, length_unit_of, unit_of
 from seismo3d.geometry.survey import usual_spacing
@@ -36,6 +36,9 @@ def encode(values: AnyArray, code: int, fill: float) -> AnyArray:
     """
     real = as_single(values, "cube")
     _tell_rounded(values, real)
+    weak = tell_weak(values, "cube")
+    if weak:
+        warnings.warn(weak, Seismo3dWarning, stacklevel=2)
     finite = np.isfinite(real)
     if not finite.all():
         real = np.where(finite, real, np.float32(fill))

@@ -66,7 +66,8 @@ def write_segy(
     GeometryError
         If the cube's lines are not among those of ``like``, or SEG-Y cannot hold its axes or map coordinates.
     ParameterError
-        If finite samples are too large for 4-byte floats. Whole numbers that these round are warned of.
+        If finite samples are too large for 4-byte floats. Whole numbers that these round are warned of, and lines of
+        samples that are all too small for them.
     FileAccessError
         If the file cannot be written, or the cube was opened from a SEG-Y file that is not there any more.
     """

@@ -14,7 +14,7 @@ from seismo3d.errors import FileAccessError, FormatError, ParameterError
 from seismo3d.geometry.axis import USUAL_UNITS, length_unit_of, unit_of
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io._as_cube import as_cube
-from seismo3d.io._files import refuse_os_errors, written_aside
+from seismo3d.io._files import refuse_os_errors, refuse_rival, written_aside
 from seismo3d.io.numpy_files import list_npz, read_npy, read_npz
 
 __all__ = ["as_cube", "convert_cube", "open_cube", "write_npy"]
@@ -185,7 +185,8 @@ def convert_cube(
         another, or the target is the source, holds it or lies in it, or is SEG-Y and neither the source nor the options
         tell the sample interval.
     FileAccessError
-        If the target is there and is not to be replaced, or a file cannot be read or written.
+        If the target is there and is not to be replaced, another process is writing it, or a file cannot be read or
+        written.
     """
     out = Path(target)
     suffix = out.suffix.lower()
@@ -194,8 +195,7 @@ def convert_cube(
             f"{out} has the suffix {suffix!r}; expected .sgy, .segy, .zarr or .npy, which tells the format."
         )
     _check_apart(Path(source), out)
-    if out.exists() and not overwrite:
-        raise FileAccessError(f"{out} exists already. Choose another name, or overwrite it (--overwrite).")
+    _check_free(out, overwrite=overwrite)
     cube = open_cube(source, **({"lazy": True} | options))
     if suffix in _SEGY_SUFFIXES and unit_of(cube) == "samples":
         raise ParameterError(
@@ -204,6 +204,8 @@ def convert_cube(
         )
     _check_every(every, cube, is_segy=suffix in _SEGY_SUFFIXES)
     cube = cube[..., ::every]
+    refuse_rival(out, folder=suffix == ".zarr")
+    _check_free(out, overwrite=overwrite)  # opening takes its time
     if suffix == ".zarr":
         from seismo3d.io.zarr_store import write_zarr
 
@@ -228,6 +230,11 @@ def _check_every(every: int, cube: Any, *, is_segy: bool) -> None:
             why = f"for SEG-Y holds intervals of at most {LONGEST_INTERVAL} and samples are {step:g} apart"
     if not 1 <= every <= most:
         raise ParameterError(f"every is {every}; expected 1 to {most}, {why}.")
+
+
+def _check_free(out: Path, *, overwrite: bool) -> None:
+    if out.exists() and not overwrite:
+        raise FileAccessError(f"{out} exists already. Choose another name, or overwrite it (--overwrite).")
 
 
 def _check_apart(source: Path, out: Path) -> None:

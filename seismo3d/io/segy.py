@@ -21,7 +21,8 @@ __all__ = ["check_segy", "read_segy", "write_segy"]
 _CHUNK_BYTES = 32 * 2**20
 _SCANNED_BELOW = 100_000
 _N_UNITS = 64
-_ANGLES = {2: "seconds of arc", 3: "degrees", 4: "degrees, minutes and seconds"}
+# what trace headers may say that coordinates are in, and the number that stands for a full turn
+_ANGLES = {2: ("seconds of arc", 1_296_000), 3: ("degrees", 360), 4: ("degrees, minutes and seconds", 3_600_000)}
 
 
 def read_segy(
@@ -141,11 +142,7 @@ def _attributes(layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tu
         attrs["inline_byte"], attrs["crossline_byte"] = found.line_bytes
     if xy_bytes is not None:
         attrs["x_byte"], attrs["y_byte"] = xy_bytes
-        attrs["notes"] += [
-            f"trace headers say that coordinates are in {unit} (byte 89): they are taken for lengths: strikes and "
-            "distances on the map are wrong; project them to metres"
-            for unit in _angle_units(layout)
-        ]
+        attrs["notes"] += _angle_notes(layout, xy_bytes)
     if layout.in_feet:
         attrs["notes"].append("the binary header says feet: map coordinates, and depths, are in feet")
     if found.is_sampled:
@@ -155,10 +152,20 @@ def _attributes(layout: SegyLayout, found: Found, axis: SampleAxis, xy_bytes: tu
     return attrs
 
 
-def _angle_units(layout: SegyLayout) -> list[str]:
-    """Return the units of angles that trace headers say their coordinates are in."""
+def _angle_notes(layout: SegyLayout, xy_bytes: tuple[int, int]) -> list[str]:
+    """Tell of angles that trace headers say their coordinates are in, be it so or not."""
     rows = np.unique(np.linspace(0, layout.n_traces - 1, min(layout.n_traces, _N_UNITS)).astype(np.int64))
-    return [_ANGLES[code] for code in np.unique(read_fields(layout, rows, [89])[89]).tolist() if code in _ANGLES]
+    codes = [code for code in np.unique(read_fields(layout, rows, [89])[89]).tolist() if code in _ANGLES]
+    largest = float(np.abs(read_places(layout, rows, xy_bytes)).max()) if codes else 0.0
+    notes = []
+    for unit, turn in (_ANGLES[code] for code in codes):
+        said = f"trace headers say that coordinates are in {unit} (byte 89)"
+        if largest > turn:
+            notes.append(f"{said}, which {largest:.10g} cannot be: they are taken for lengths")
+        else:
+            told = "they are taken for lengths: strikes and distances on the map are wrong; project them to metres"
+            notes.append(f"{said}: {told}")
+    return notes
 
 
 def _fit_map(layout: SegyLayout, found: Found, xy_bytes: tuple[int, int] | None) -> tuple[MapFit | None, list[str]]:

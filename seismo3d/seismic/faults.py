@@ -162,7 +162,7 @@ def trace_faults(
         Called with the stage's name and the share of it that is done.
     memory : int or str, optional
         Bytes that a process may take, such as ``"2GB"``. A cube that needs more in one piece is worked on in blocks,
-        with the same result, to the bit; without it, always in one piece.
+        with the same result, to the bit, and a section that does is refused; without it, always in one piece.
     folder : str or Path, optional
         Needed for work in blocks: gets the volumes as Zarr, and what it takes to go on after the run is killed; give
         the same call again for that.

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
-from seismo3d._validate import as_single
+from seismo3d._validate import as_strong
 from seismo3d.errors import Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import unit_of
 from seismo3d.geometry.survey import SurveyGeometry
@@ -56,11 +56,11 @@ def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[flo
     ShapeError
         If the elements are no real numbers, or the array has other axes or is too small to compare traces in.
     ParameterError
-        If amplitudes are too large for single precision.
+        If amplitudes are too large or too small for single precision.
     """
     values = cube if hasattr(cube, "dims") else np.asarray(cube)
     sampling = describe_volume(values)
-    amplitudes = as_single(np.asarray(getattr(values, "values", values)), "cube")
+    amplitudes = as_strong(np.asarray(getattr(values, "values", values)), "cube")
     if amplitudes.ndim == 2:
         return amplitudes[None], None, sampling
     return amplitudes, SurveyGeometry.from_cube(cube), sampling

@@ -14,8 +14,8 @@ from seismo3d.seismic.cube_checks import check_faults_of
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.preparing import describe_volume, find_valid, refuse_dead
 
-_THICK = 9
-_MIDDLE = _THICK // 2
+THICK = 9
+_MIDDLE = THICK // 2
 
 
 def thicken(section: Any, faults: FaultSet | None) -> tuple[Any, FaultSet | None]:
@@ -46,12 +46,12 @@ def thicken(section: Any, faults: FaultSet | None) -> tuple[Any, FaultSet | None
     describe_volume(section if hasattr(section, "dims") else np.asarray(section))
     check_faults_of(section, faults, "section")
     values = _without_padding(np.asarray(getattr(section, "values", section)))
-    cube: Any = np.broadcast_to(values, (_THICK, *values.shape))
+    cube: Any = np.broadcast_to(values, (THICK, *values.shape))
     if hasattr(section, "dims"):
         import xarray as xr
 
         trace, vertical = (str(name) for name in section.dims)
-        coords: dict[str, Any] = {"inline": np.arange(_THICK)}
+        coords: dict[str, Any] = {"inline": np.arange(THICK)}
         for name, dim in ((trace, "crossline"), (vertical, vertical)):
             if name in section.coords:
                 coords[dim] = np.asarray(section[name].values)
@@ -86,7 +86,7 @@ def cut_middle(track: Any) -> Any:
 def _thicken_faults(faults: FaultSet) -> FaultSet:
     surfaces = tuple(_thicken_surface(surface) for surface in faults.surfaces)
     volumes = {
-        name: np.broadcast_to(np.asarray(getattr(faults, name)), (_THICK, *np.shape(faults.labels)))
+        name: np.broadcast_to(np.asarray(getattr(faults, name)), (THICK, *np.shape(faults.labels)))
         for name in ("likelihood", "labels", "throw")
     }
     return FaultSet(surfaces, **volumes, settings=faults.settings)
@@ -95,17 +95,17 @@ def _thicken_faults(faults: FaultSet) -> FaultSet:
 def _thicken_surface(line: FaultSurface) -> FaultSurface:
     """Turn a polyline into a strip of triangles across the thickened section."""
     n = len(line.vertices)
-    rows = np.repeat(np.arange(_THICK, dtype=np.float32), n)
-    a, b = (line.cells[:, k] + n * np.arange(_THICK - 1)[:, None] for k in (0, 1))
+    rows = np.repeat(np.arange(THICK, dtype=np.float32), n)
+    a, b = (line.cells[:, k] + n * np.arange(THICK - 1)[:, None] for k in (0, 1))
     cells = np.concatenate([np.stack([a, b, a + n], axis=-1), np.stack([b, b + n, a + n], axis=-1)])
     repeated: dict[str, Any] = {
-        name: freeze(np.tile(getattr(line, name), _THICK))
+        name: freeze(np.tile(getattr(line, name), THICK))
         for name in ("likelihood", "throw", "separation", "throw_fit", "strike_deg", "dip_deg")
     }
     return replace(
         line,
-        vertices=freeze(np.column_stack([rows, np.tile(line.vertices, (_THICK, 1))])),
-        normals=freeze(np.column_stack([np.zeros_like(rows), np.tile(line.normals, (_THICK, 1))])),
+        vertices=freeze(np.column_stack([rows, np.tile(line.vertices, (THICK, 1))])),
+        normals=freeze(np.column_stack([np.zeros_like(rows), np.tile(line.normals, (THICK, 1))])),
         cells=freeze(cells.reshape(-1, 3).astype(np.int32)),
         **repeated,
     )

@@ -11,13 +11,14 @@ from scipy import fft, ndimage
 
 from seismo3d._stages import no_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
-from seismo3d._validate import as_settings, freeze
+from seismo3d._validate import as_settings, as_strong, freeze
 from seismo3d.errors import GeometryError, ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
 from seismo3d.seismic.cube_checks import check_order, differing_axis
-from seismo3d.seismic.index_frame import settle_places
+from seismo3d.seismic.local_shifts import carry, measure_unevenness, refine_shifts
 from seismo3d.seismic.preparing import balance_traces, find_scale, mark_data, scale_amplitudes
+from seismo3d.seismic.whole_shift import settle_whole
 
 # how many times as like a monitor is with its sign changed where its polarity is reversed, how like it is then, and how
 # like it must be for that to be told at all: half a wavelength off, any cube is somewhat like itself reversed
@@ -28,9 +29,6 @@ _OPPOSED, _REVERSED, _TOLD = 1.25, 0.6, 0.2
 _UNLIKE, _UNEVEN, _UNFIT = 0.27, 0.9, 0.2
 # widths of a smoothing within which it takes what lies beyond an end
 _ENDS = 2.0
-# misfit, as a share of the amplitudes, that cubes are taken to have at least: one shift a window leaves some where no
-# noise is, and taken for less it is exchanged for lateral shifts along the dip, and for changes between the surveys
-_LEAST_MISFIT = 0.1
 # share of the base's data that must have a counterpart at a shift of the whole
 _OVERLAP = 0.5
 
@@ -73,19 +71,20 @@ class CubeAlignment:
         How far what is at a place of the base lies deeper in the monitor, in the base's ms, m or ft (samples of bare
         arrays); NaN on traces that both cubes lack. A DataArray where the base was one.
     shift_std : array of the same shape, float32
-        Its standard deviation: of the amplitudes' misfit, taken as a tenth of them at least, the prior, and the
-        unevenness of the shifts in a window.
+        Its standard deviation: of the amplitudes' misfit, taken as a tenth of them at least, the prior, the shift of
+        the whole, and the unevenness of the shifts in a window.
     inline_shift, crossline_shift : arrays of the same shape, float32
         The same along the inline and the crossline axis, in traces.
     inline_std, crossline_std : arrays of the same shape, float32
-        Their standard deviations: as large as the prior's where layers are level and nothing is to be told.
+        Their standard deviations: as large as the prior's or larger where nothing is to be told, as along level layers
+        and where one lateral shift and vertical shifts of parts of the cube look alike.
     aligned : array of the same shape, float32
         The monitor carried to the base; 0 where it has no data for a place, NaN there on traces that it lacks.
     coarse : Registration
         What :func:`seismo3d.register` found for the whole.
     start : tuple of float
         The shift of the whole, in traces and samples, that local windows started from: what it found, or the best
-        vertical shift where that fits about as well.
+        vertical shift where that fits about as well. The lateral one is settled anew from there.
     """
 
     shift: Any
@@ -107,8 +106,10 @@ def align_cubes(
     :func:`seismo3d.register` gives the shift of the whole. Local windows then minimise
     :math:`\sum w\,(b(x) - m(x + s))^2` by least squares, coarse to fine (Lucas and Kanade's fit [1]_ in three
     dimensions), with a Gaussian prior on the lateral shift about that of the whole, and on the vertical one about its
-    surroundings. Along level layers the lateral shift is not observable: there the prior is what remains, and the
-    standard deviation says so. Dead and missing traces of either cube have no weight; windows reach over them.
+    surroundings. Noise, told by what the cubes do not share, counts as no structure. Along layers of one dip the
+    lateral shift is not observable: there the prior is what remains, and the standard deviation says so. The lateral
+    shift of the whole is settled between levels: where it is wrong, vertical shifts look like the dip. Dead and missing
+    traces of either cube have no weight; windows reach over them.
 
     Parameters
     ----------
@@ -129,7 +130,8 @@ def align_cubes(
     GeometryError
         If their coordinates or places on the map differ, or no trace is live in both.
     ParameterError
-        If the monitor's polarity is reversed, or `settings` are no TimeLapseSettings.
+        If the monitor's polarity is reversed, amplitudes are too large or too small for single precision, or `settings`
+        are no TimeLapseSettings.
 
     Warns
     -----
@@ -144,31 +146,21 @@ def align_cubes(
     report = progress or no_progress
     _check(base, monitor)
     report("register", 0.0)
-    target, known_target = _prepare(base)
-    source, known_source = _prepare(monitor)
+    target, known_target = _prepare(base, "base")
+    source, known_source = _prepare(monitor, "monitor")
     if not (known_target.any(axis=2) & known_source.any(axis=2)).any():
         raise GeometryError("base and monitor have no live trace in common; expected the same survey.")
     known = known_target & known_source
     correlation = _correlate_lags(target, source) / max(float(known.mean()), 1e-6)
     coarse = _register(target, source, settings)
     start = _choose_start(target, source, known_target, known_source, coarse, _best_lag(correlation))
-    shift = np.empty((3, *target.shape), np.float32)
-    shift[:] = start.astype(np.float32)[:, None, None, None]
+    shift = _uniform(start, target.shape)
     whole = _likeness(target, source, known_target, known_source, shift)
     alike, opposed = float(correlation[1:-1].max()), -float(correlation[1:-1].min())
     if whole > opposed:  # farther off than the lags reach
         alike = max(alike, whole)
     _check_polarity(alike, opposed)
-    variance = np.zeros_like(shift)
-    steps = len(settings.levels) * settings.passes
-    for number, width in enumerate(settings.levels):
-        first, second = (_smooth_down(volume, width) for volume in (target, source))
-        off_ends = _off_the_ends(known_target, width), _off_the_ends(known_source, width)
-        for k in range(settings.passes):
-            report("local shifts", (number * settings.passes + k) / steps)
-            shift, variance = _refine(first, second, *off_ends, shift, start, settings)
-    variance += _unevenness(shift, settings)
-    report("local shifts", 1.0)
+    shift, variance = _fit_windows((target, source), (known_target, known_source), start, settings, report)
     fitted = _likeness(target, source, known_target, known_source, shift)
     spread = np.sqrt(variance[2][known]) if known.any() else np.inf
     _warn_unlike((alike, opposed), (whole, fitted, float(np.median(spread))))
@@ -203,9 +195,9 @@ def _check(base: Any, monitor: Any) -> None:
         )
 
 
-def _prepare(cube: Any) -> tuple[Float32Array, BoolArray]:
+def _prepare(cube: Any, name: str) -> tuple[Float32Array, BoolArray]:
     """Amplitudes of unit strength with 0 where there are none and spikes clipped, and where there are some."""
-    values = np.array(getattr(cube, "values", cube), dtype=np.float32)
+    values = as_strong(np.asarray(getattr(cube, "values", cube)), name)
     known, _ = mark_data(values)
     scale_amplitudes(values, known, find_scale(values[known]))
     balance_traces(values, known)
@@ -235,8 +227,7 @@ def _choose_start(
         return vertical
 
     def misfit(shift: Float64Array) -> float:
-        field = np.broadcast_to(shift.astype(np.float32)[:, None, None, None], (3, *target.shape))
-        carried, weight = _carry(source, known_source, field)
+        carried, weight = carry(source, known_source, _uniform(shift, target.shape))
         weight *= known_target
         seen = float(weight.sum())
         if seen <= _OVERLAP * known_target.sum():
@@ -263,7 +254,7 @@ def _likeness(
     target: Float32Array, source: Float32Array, known_target: BoolArray, known_source: BoolArray, shift: Float32Array
 ) -> float:
     """Correlation of the base with the shifted monitor, where both have data."""
-    carried, weight = _carry(source, known_source, shift)
+    carried, weight = carry(source, known_source, shift)
     weight *= known_target
     both, first, second = (
         float((weight * a * b).sum(dtype=np.float64))
@@ -309,6 +300,40 @@ def _best_lag(correlation: Float64Array) -> float:
     return best - len(correlation) // 2 + float(np.clip(offset, -0.5, 0.5))
 
 
+def _uniform(shift: Float64Array, shape: tuple[int, ...]) -> Float32Array:
+    return np.tile(shift.astype(np.float32)[:, None, None, None], (1, *shape))
+
+
+def _fit_windows(
+    cubes: tuple[Float32Array, Float32Array], known: tuple[BoolArray, BoolArray], start: Float64Array,
+    settings: TimeLapseSettings, report: Progress,
+) -> tuple[Float32Array, Float32Array]:  # fmt: skip
+    """Shifts in all windows, coarse to fine, and their variances; between levels the shift of the whole is settled."""
+    window = (settings.lateral, settings.lateral, settings.vertical)
+    both = known[0] & known[1]
+    whole, shift = start.copy(), _uniform(start, cubes[0].shape)
+    last, steps = len(settings.levels) - 1, len(settings.levels) * settings.passes
+    for number, width in enumerate(settings.levels):
+        smooth = _smooth_down(cubes[0], width), _smooth_down(cubes[1], width)
+        off_ends = _off_the_ends(known[0], width), _off_the_ends(known[1], width)
+        for k in range(settings.passes):
+            report("local shifts", (number * settings.passes + k) / steps)
+            fit = refine_shifts(smooth, off_ends, shift, whole, window=window, prior=settings.prior)
+            shift = fit.shift
+        lateral, covariance = settle_whole(shift[2], fit.dip, both, whole[:2])
+        if number < last:
+            move = (lateral - whole[:2]).astype(np.float32)
+            shift[:2] += move[:, None, None, None]
+            shift[2] -= np.tensordot(move, fit.dip, axes=1)
+            whole[:2] = lateral
+    report("local shifts", 1.0)
+    variance = fit.variance + measure_unevenness(shift, window)
+    follow, spread = fit.follow, covariance.astype(np.float32)
+    for a, b in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        variance += spread[a, b] * follow[:, a] * follow[:, b]
+    return shift, variance
+
+
 def _smooth_down(volume: Float32Array, width: float) -> Float32Array:
     return volume if width <= 0.0 else np.asarray(ndimage.gaussian_filter1d(volume, width, axis=2, mode="nearest"))
 
@@ -317,88 +342,6 @@ def _off_the_ends(known: BoolArray, width: float) -> BoolArray:
     """Return what is known so far off the ends of its traces, and gaps in them, that smoothing takes nothing beyond."""
     size = 2 * round(_ENDS * width) + 1
     return np.asarray(ndimage.minimum_filter1d(known, size, axis=2, mode="constant"))
-
-
-def _refine(
-    target: Float32Array, source: Float32Array, known_target: BoolArray, known_source: BoolArray, shift: Float32Array,
-    start: Float64Array, settings: TimeLapseSettings,
-) -> tuple[Float32Array, Float32Array]:  # fmt: skip
-    """One least-squares step in every window: the shifts after it, and their variances."""
-    carried, weight = _carry(source, known_source, shift)
-    weight *= known_target
-    gradients = [0.5 * (np.gradient(target, axis=k) + np.gradient(carried, axis=k)) for k in range(3)]
-    weight *= _robust(target - carried, weight)
-    residual = (target - carried) * weight
-    window = (settings.lateral, settings.lateral, settings.vertical)
-    total = ndimage.gaussian_filter(weight, window)
-    matrix = np.empty((*target.shape, 3, 3), np.float32)
-    right = np.empty((*target.shape, 3), np.float32)
-    for a in range(3):
-        right[..., a] = ndimage.gaussian_filter(gradients[a] * residual, window)
-        for b in range(a, 3):
-            matrix[..., a, b] = ndimage.gaussian_filter(weight * gradients[a] * gradients[b], window)
-            matrix[..., b, a] = matrix[..., a, b]
-    left = ndimage.gaussian_filter(residual * residual, window)
-    return _solve(matrix, right, left, total, shift, start, settings)
-
-
-def _robust(residual: Float32Array, weight: Float32Array) -> Float32Array:
-    """Weights of Geman and McClure: what changed between the surveys, and ends of traces, must not pull."""
-    size = np.abs(residual[weight > 0][::7])
-    cutoff = max(4.0 * float(np.median(size)) if len(size) else 1.0, _LEAST_MISFIT)
-    return np.asarray(1.0 / (1.0 + (residual / np.float32(cutoff)) ** 2) ** 2, dtype=np.float32)
-
-
-def _solve(
-    matrix: Float32Array, right: Float32Array, left: Float32Array, total: Float32Array, shift: Float32Array,
-    start: Float64Array, settings: TimeLapseSettings,
-) -> tuple[Float32Array, Float32Array]:  # fmt: skip
-    """Shifts of largest posterior probability, and their variances."""
-    # a window holds about as many independent amplitudes as quarter wavelengths of six samples, times pairs of traces
-    n_free = max(1.0, 3.5 * settings.vertical / 6.0 * (3.5 * settings.lateral / 2.0) ** 2)
-    share = np.maximum(total, np.float32(1e-6))
-    noise = np.maximum(left / share, np.float32(_LEAST_MISFIT**2)) / np.float32(n_free)
-    prior = np.array([settings.prior[0], settings.prior[0], settings.prior[1]], np.float32) ** -2
-    # along the layers' dip lateral and vertical shifts can be exchanged: what anchors them is the shift of the whole
-    expected = [np.full_like(shift[0], start[0]), np.full_like(shift[1], start[1]), _level(shift[2], total, settings)]
-    around = np.stack(expected, axis=-1) - np.moveaxis(shift, 0, -1)
-    precision = matrix / (noise * share)[..., None, None] * np.minimum(share, 1.0)[..., None, None]
-    pull = right / (noise * share)[..., None] * np.minimum(share, 1.0)[..., None]
-    precision[..., np.arange(3), np.arange(3)] += prior
-    covariance = np.linalg.inv(precision)
-    step = np.einsum("...ab,...b->...a", covariance, pull + prior * around)
-    limit = np.array([1.0, 1.0, 3.0], np.float32)
-    moved = shift + np.moveaxis(np.clip(step, -limit, limit), -1, 0)
-    variance = np.moveaxis(covariance[..., np.arange(3), np.arange(3)], -1, 0)
-    return moved.astype(np.float32), np.ascontiguousarray(variance, dtype=np.float32)
-
-
-def _level(values: Float32Array, weight: Float32Array, settings: TimeLapseSettings) -> Float32Array:
-    """Weighted mean of shifts over a wide window: what the prior expects."""
-    window = (2.0 * settings.lateral, 2.0 * settings.lateral, 2.0 * settings.vertical)
-    share = np.maximum(ndimage.gaussian_filter(weight, window), np.float32(1e-6))
-    return np.asarray(ndimage.gaussian_filter(values * weight, window) / share)
-
-
-def _unevenness(shift: Float32Array, settings: TimeLapseSettings) -> Float32Array:
-    """Mean square of shifts about their mean in a window: one shift a window cannot be nearer to all of them."""
-    window = (settings.lateral, settings.lateral, settings.vertical)
-    return np.stack([ndimage.gaussian_filter((s - ndimage.gaussian_filter(s, window)) ** 2, window) for s in shift])
-
-
-def _carry(volume: Float32Array, known: BoolArray, shift: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Amplitudes at the shifted places, and where these are known (1) or not (0)."""
-    weights = ndimage.spline_filter(volume, order=3, output=np.float32, mode="mirror")
-    out, weight = np.empty_like(volume), np.empty_like(volume)
-    rest = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in volume.shape[1:]), indexing="ij")
-    marks = None if known.all() else known.astype(np.float32)
-    for i in range(len(out)):
-        at = shift[:, i] + np.stack([np.full_like(rest[0], i), *rest])
-        at, weight[i] = settle_places(at, volume.shape)
-        out[i] = ndimage.map_coordinates(weights, at, order=3, mode="mirror", prefilter=False)
-        if marks is not None:
-            weight[i] *= ndimage.map_coordinates(marks, at, order=1, mode="nearest") > 0.99
-    return out, weight
 
 
 def _pack(
@@ -415,7 +358,7 @@ def _pack(
         times = base[base.dims[2]].values
         interval = float(times[1] - times[0])
     values = np.asarray(getattr(monitor, "values", monitor), dtype=np.float32)
-    aligned, weight = _carry(np.where(np.isfinite(values), values, np.float32(0.0)), known[1], shift)
+    aligned, weight = carry(np.where(np.isfinite(values), values, np.float32(0.0)), known[1], shift)
     aligned[weight == 0.0] = 0.0
     aligned[(weight == 0.0) & ~np.isfinite(values).any(axis=2, keepdims=True)] = np.nan
     lost = ~(known[0] | known[1]).any(axis=2)

@@ -101,7 +101,7 @@ def trace_tracks(
         Called with the stage's name and the share of it that is done.
     memory, folder, scheduler : optional
         As for :func:`layer_time`: a cube that needs more memory in one piece is worked on in blocks, and tracks read
-        from disk what lies along them.
+        from disk what lies along them. A section that needs more is refused.
 
     Returns
     -------
@@ -131,7 +131,12 @@ def trace_tracks(
     is_volume = np.ndim(cube) == 3
     groups = index_seeds(cube, seeds) if is_volume and seeds is not None else []
     is_bounded = memory is not None or folder is not None or scheduler is not None
-    if is_bounded and is_volume:
+    if is_bounded and not is_volume:
+        from seismo3d.seismic.blocks.layering import whole_layers_bytes
+        from seismo3d.seismic.blocks.tracing import asks_for_blocks
+
+        asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler, whole_bytes=whole_layers_bytes)
+    elif is_bounded:
         if layers is not None:
             raise ParameterError("layers is given with memory, folder or scheduler; it takes their place. Give either.")
         from seismo3d.seismic.blocks.stored_layers import layers_within

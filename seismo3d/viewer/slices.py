@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import Float32Array
+from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import amplitude_limits
 from seismo3d.plot.pictures import live_traces
@@ -17,6 +17,8 @@ from seismo3d.plot.pictures import live_traces
 _KEPT_BYTES = 256 * 2**20
 # percentile of the amplitude's size that gets the strongest colour
 _CLIP = 99.0
+# samples that are read down the traces of a lazy cube to tell which are dead
+_LOOKS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,8 +28,9 @@ class Slice:
     Attributes
     ----------
     values : ndarray of shape (rows, columns), float32
-        Amplitudes, NaN where there are none, as on traces that the cube says are not live. A vertical slice has samples
-        as rows and traces as columns, a horizontal one inlines as rows and crosslines as columns.
+        Amplitudes, NaN where there are none, as on traces that the cube says are not live; of a lazy cube that has not
+        counted them, on traces that are zero wherever they are looked at. A vertical slice has samples as rows and
+        traces as columns, a horizontal one inlines as rows and crosslines as columns.
     steps : (int, int)
         Of how many rows and columns one was taken.
     shape : (int, int)
@@ -67,6 +70,9 @@ class SliceReader:
         self.shape: tuple[int, int, int] = (int(cube.shape[0]), int(cube.shape[1]), int(cube.shape[2]))
         self.is_lazy = not isinstance(self._data, np.ndarray)
         self._live = live_traces(cube)
+        # dead traces are zero in the file; those of a lazy cube are not counted yet
+        self._is_counted = not ("live" in getattr(cube, "coords", ()) and not isinstance(cube["live"].data, np.ndarray))
+        self._alive_above: dict[tuple[int, int], BoolArray] = {}
         self._kept: OrderedDict[tuple[int, int, int], Slice] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -104,11 +110,25 @@ class SliceReader:
         cut: list[Any] = [slice(None, None, step) for step in steps]
         cut.insert(axis, slice(index, index + 1))
         values = np.asarray(self._data[tuple(cut)], dtype=np.float32)
-        # dead traces are zero in the file; of a lazy cube they are told only where that needs no reading
-        values = np.where(self._live[tuple(cut[:2])][:, :, None], values, np.float32(np.nan)).squeeze(axis)
+        live = self._live[tuple(cut[:2])] if self._is_counted else self._look_for_live(axis, values, cut)
+        values = np.where(live[:, :, None], values, np.float32(np.nan)).squeeze(axis)
         if axis == 2:
             return Slice(values, (steps[0], steps[1]), (sides[0], sides[1]))
         return Slice(np.ascontiguousarray(values.T), (steps[1], steps[0]), (sides[1], sides[0]))
+
+    def _look_for_live(self, axis: int, values: Float32Array, cut: list[Any]) -> BoolArray:
+        """Tell which traces of a slice are live, by its own samples or, from above, by some samples down the traces."""
+        if axis != 2:
+            return (values != 0.0).any(axis=2)
+        steps = (cut[0].step, cut[1].step)
+        with self._lock:
+            alive = self._alive_above.get(steps)
+        if alive is None:
+            down = slice(None, None, max(1, self.shape[2] // _LOOKS))
+            alive = (np.asarray(self._data[(*cut[:2], down)]) != 0.0).any(axis=2)
+            with self._lock:
+                self._alive_above[steps] = alive
+        return alive | (values[:, :, 0] != 0.0)
 
     def limits(self) -> tuple[float, float]:
         """Return the amplitudes that get the strongest colours, as three inlines tell; what is zero does not count."""

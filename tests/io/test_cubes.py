@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+import os
+import platform
 import re
 import resource
 import tracemalloc
@@ -14,6 +16,7 @@ import seismo3d as s3
 from seismo3d.errors import FileAccessError, FormatError, GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.axis import length_unit_of
 from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.io import cubes
 from seismo3d.io.cubes import convert_cube, write_npy
 from seismo3d.io.summary import summarise
 from seismo3d.io.zarr_store import read_zarr, write_zarr
@@ -267,6 +270,32 @@ def test_what_is_there_is_replaced_only_on_request(segy, tmp_path, suffix):
     np.testing.assert_array_equal(s3.open_cube(target).values, before)
     convert_cube(tmp_path / "other.npy", target, overwrite=True, interval=4.0)
     assert (s3.open_cube(target).values == 1.0).all()
+
+
+@pytest.mark.parametrize("suffix", [".zarr", ".npy", ".sgy"])
+def test_what_another_process_writes_is_left_to_it(segy, tmp_path, suffix):
+    writes, target = os.getppid(), tmp_path / f"out{suffix}"
+    half = tmp_path / f".out{suffix}.{platform.node()}.{writes}.part"
+    half.touch()
+    with pytest.raises(FileAccessError, match=rf"out{suffix} is being written by process {writes}. Wait for it"):
+        convert_cube(segy, target)
+    assert half.exists()
+    assert not target.exists()
+    half.unlink()
+    convert_cube(segy, target)
+
+
+def test_what_another_process_made_while_the_source_was_opened_stays(segy, tmp_path, monkeypatch):
+    target, open_cube = tmp_path / "out.npy", cubes.open_cube
+
+    def open_slowly(*given, **options):
+        target.write_bytes(b"theirs")
+        return open_cube(*given, **options)
+
+    monkeypatch.setattr(cubes, "open_cube", open_slowly)
+    with pytest.raises(FileAccessError, match="exists already"):
+        convert_cube(segy, target)
+    assert target.read_bytes() == b"theirs"
 
 
 def test_source_is_never_the_target(segy, tmp_path):

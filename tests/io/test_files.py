@@ -31,6 +31,20 @@ def test_a_write_that_fails_leaves_nothing_and_says_why(tmp_path, folder):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_error_of_a_file_in_a_folder_names_it_where_it_would_be(tmp_path):
+    out = tmp_path / "out"
+
+    def write_a_run():
+        with _files.written_aside(out, folder=True) as folder:
+            folder.mkdir()
+            write_and_fail(folder / "labels.sgy", folder=False)
+
+    with pytest.raises(FileAccessError) as told:
+        write_a_run()
+    assert str(told.value) == f"{out / 'labels.sgy'} cannot be written: no room."
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_folder_that_a_thread_still_writes_into_goes_too(tmp_path, monkeypatch):
     left = [3]
 

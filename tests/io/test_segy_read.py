@@ -266,10 +266,14 @@ def test_wrong_coordinates_are_left_out_of_the_map_and_said(tmp_path, maker, laz
 
 
 @pytest.mark.parametrize(("code", "unit"), [(1, None), (2, "seconds of arc"), (3, "degrees")])
-def test_coordinates_that_are_angles_are_told(tmp_path, maker, code, unit):
-    heads = [h | {181: 25 * h[193], 185: 30 * h[189], 89: code} for h in maker.headers(INLINES, CROSSLINES)]
+@pytest.mark.parametrize("false_easting", [0, 6_000_000])
+def test_coordinates_that_are_angles_are_told(tmp_path, maker, code, unit, false_easting):
+    """No angle is six million degrees, whatever the trace header says."""
+    heads = [h | {181: h[193] + false_easting, 185: 2 * h[189], 89: code} for h in maker.headers(INLINES, CROSSLINES)]
     notes = s3.open_cube(maker.write(tmp_path / "a.sgy", numbered(35), heads)).attrs["notes"]
     assert [f"coordinates are in {unit} (byte 89)" in note for note in notes] == [True] * (unit is not None)
+    assert ["strikes and distances on the map are wrong" in note for note in notes] == [not false_easting] * len(notes)
+    assert ["which 6000" in note and "cannot be" in note for note in notes] == [bool(false_easting)] * len(notes)
 
 
 def test_constant_coordinates_are_none(tmp_path, maker):

@@ -265,6 +265,15 @@ def test_samples_too_large_for_single_precision_are_refused(tmp_path, maker, laz
     assert [path.name for path in tmp_path.iterdir()] == ["in.sgy"]
 
 
+def test_samples_too_small_for_single_precision_are_told(tmp_path):
+    # a trace as weak among others is none: filters leave such tails
+    cube = np.full((9, 9, 16), 1.0)
+    cube[3] = 1e-50
+    s3.write_segy(tmp_path / "tails.sgy", cube)
+    with pytest.warns(Seismo3dWarning, match=r"cube has no sample larger than 1e-50; expected 1e-35.*Scale them up"):
+        s3.write_segy(tmp_path / "out.sgy", cube * 1e-50)
+
+
 @pytest.mark.parametrize(
     ("value", "is_told"), [(2**24 + 1, True), (2**24, False), (2**30, False), (2**24 + 1.5, False)]
 )

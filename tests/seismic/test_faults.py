@@ -238,6 +238,9 @@ def test_what_has_no_live_trace_is_refused(value, shape, name):
 def test_amplitudes_beyond_single_precision_are_refused():
     with pytest.raises(ParameterError, match=r"samples up to 1e\+200; expected at most 3.4e\+38.*Scale them down"):
         trace_faults(np.full(SHAPE, 1e200))
+    for value, dtype in ((1e-50, np.float64), (1e-42, np.float32)):
+        with pytest.raises(ParameterError, match=rf"no sample larger than {value:g}; expected 1e-35.*Scale them up"):
+            trace_faults(np.full(SHAPE, value, dtype))
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -80,8 +80,35 @@ def test_shifts_of_a_part_are_found_in_clean_cubes_too(slope: float, noise: floa
     for values, spread in (
         (found.inline_shift, found.inline_std), (found.crossline_shift, found.crossline_std)
     ):  # fmt: skip
-        assert np.sqrt(np.mean(values[INNER] ** 2)) < 0.3
+        assert np.sqrt(np.mean(values[INNER] ** 2)) < 0.4
         assert (np.abs(values[INNER]) < 2.0 * spread[INNER]).mean() > 0.9
+
+
+@pytest.mark.parametrize("noise", [0.3, 0.6])
+def test_uncertainty_is_honest_in_noise(noise: float) -> None:
+    """Noise of the wavelet's band, alike on neighbouring traces, in both cubes; shifts that change along all axes."""
+    rng = np.random.default_rng(7)
+
+    def smooth(width: tuple[float, float, float], most: float) -> np.ndarray:
+        values = ndimage.gaussian_filter(rng.normal(size=SHAPE), width)
+        return most * values / np.abs(values).max()
+
+    recipe = recipe_of("folded", shape=SHAPE, population=None, wavelength=(14.0, 14.0), fold_slope=(0.35, 0.45))
+    base = np.array(make_cube(recipe, seed=4).seismic)
+    truth = [smooth((10.0, 10.0, 20.0), 0.5) + whole for whole in (0.3, -0.2)]
+    truth.append(1.5 + smooth((10.0, 10.0, 20.0), 1.0))
+    pair = []
+    for cube in (base, warp(base, truth)):
+        band = ndimage.gaussian_filter(rng.normal(size=SHAPE), (1.0, 1.0, 1.5))
+        band -= ndimage.gaussian_filter1d(band, 3.0, axis=2)
+        pair.append(cube + noise * base.std() * band / band.std())
+    found = align_cubes(*pair)
+    shifts = (found.inline_shift, found.inline_std), (found.crossline_shift, found.crossline_std)
+    for (values, spread), true in zip((*shifts, (found.shift, found.shift_std)), truth, strict=True):
+        assert (np.abs(values - true) < 2.0 * spread)[INNER].mean() > 0.93
+    # noise is no structure along the layers: it tells of no lateral shift
+    assert np.median(found.inline_std[INNER]) > 0.8 * TimeLapseSettings().prior[0]
+    assert np.sqrt(np.mean((found.shift - truth[2])[INNER] ** 2)) < 0.06 + 0.5 * noise
 
 
 def test_dead_and_missing_traces_are_bridged(pair: Any) -> None:
@@ -207,6 +234,8 @@ def test_refusals(folded: SyntheticCube) -> None:
         align_cubes(base, base * 0.0)
     with pytest.raises(ParameterError, match=r"polarity is reversed. Give -monitor"):
         align_cubes(base, -warp(np.array(folded.seismic), [0.0, 0.0, 2.0]))
+    with pytest.raises(ParameterError, match=r"monitor has samples up to .*e\+39; expected at most 3.4e\+38"):
+        align_cubes(base, base.astype(np.float64) * 1e39)
 
 
 def test_muted_tops_do_not_count(folded: SyntheticCube) -> None:
@@ -287,7 +316,7 @@ def test_a_far_monitor_is_not_told_that_its_polarity_is_reversed() -> None:
     base = make_cube(recipe_of("clean", shape=(24, 24, 64)), seed=1).seismic
     far = np.roll(base, 21, axis=2)
     # within a quarter of the traces it is most like the base with its sign changed
-    correlation = time_lapse._correlate_lags(*(time_lapse._prepare(cube)[0] for cube in (base, far)))
+    correlation = time_lapse._correlate_lags(*(time_lapse._prepare(cube, "cube")[0] for cube in (base, far)))
     assert -correlation[1:-1].min() > 0.35 > 1.25 * correlation[1:-1].max()
     found = align_cubes(base, far, settings=TimeLapseSettings(levels=(0.0,)))
     np.testing.assert_allclose(found.start, [0.0, 0.0, 21.0], atol=0.1)

@@ -18,11 +18,13 @@ from seismo3d.seismic.blocks.stages import find_piece
 from seismo3d.seismic.blocks.tracing import BLOCKS_A_WORKER, read_memory
 from seismo3d.seismic.blocks.working import Worker
 from seismo3d.seismic.layer_graph import LayerTimeSettings
+from seismo3d.seismic.section_tracks import THICK
 
 
 def whole_layers_bytes(shape: tuple[int, ...]) -> int:
-    """Return the memory that a cube of this shape takes when its layer time is found in one piece."""
-    return 80 * int(np.prod(shape, dtype=np.int64)) + BASE_BYTES
+    """Return the memory that a cube of this shape, or a section, takes when its layer time is found in one piece."""
+    lines = THICK if len(shape) == 2 else 1
+    return 80 * lines * int(np.prod(shape, dtype=np.int64)) + BASE_BYTES
 
 
 def layer_larger(

@@ -33,19 +33,24 @@ def asks_for_blocks(
 ) -> bool:
     """Tell whether a cube is to be worked on in blocks: it does not fit, or a cluster is asked for.
 
-    `whole_bytes` gives, for a shape, what it takes in one piece; that of faults without it.
+    `whole_bytes` gives, for a shape, what it takes in one piece; that of faults without it. Sections are always worked
+    on in one piece.
 
     Raises
     ------
     ParameterError
-        If there is no folder for that, or a folder and nothing that asks for blocks.
+        If there is no folder for that, or a folder and nothing that asks for blocks; if a section does not fit, or a
+        scheduler is given for one.
     """
     values = cube if hasattr(cube, "dtype") else np.asarray(cube)
     describe_volume(values)
     if memory is None and scheduler is None:
         raise ParameterError("folder is given without memory or scheduler; it is for work in blocks. Add memory.")
-    room = read_memory(memory)
-    if values.ndim == 2 or (scheduler is None and (whole_bytes or whole_cube_bytes)(values.shape) <= room):
+    room, needed = read_memory(memory), (whole_bytes or whole_cube_bytes)(values.shape)
+    if values.ndim == 2:
+        _check_section(values.shape, room, needed, scheduler)
+        return False
+    if scheduler is None and needed <= room:
         return False
     if folder is None:
         raise ParameterError(
@@ -53,6 +58,16 @@ def asks_for_blocks(
             "for its results. Give folder, or more memory."
         )
     return True
+
+
+def _check_section(shape: tuple[int, ...], room: int, needed: int, scheduler: str | None) -> None:
+    if scheduler is not None:
+        raise ParameterError("scheduler is given for a section; sections are worked on in one piece. Leave it out.")
+    if needed > room:
+        raise ParameterError(
+            f"memory is {room / 1e9:.2g} GB; a section of shape {tuple(shape)} takes {needed / 1e9:.2g} GB, for it is "
+            "worked on in one piece. Give more, or a part of the line."
+        )
 
 
 def read_memory(memory: int | str | None) -> int:

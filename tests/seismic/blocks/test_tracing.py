@@ -18,7 +18,7 @@ from seismo3d.io.cubes import write_npy
 from seismo3d.io.zarr_store import write_zarr
 from seismo3d.seismic import faults
 from seismo3d.seismic.blocks import sheets
-from seismo3d.seismic.blocks.plan import plan_blocks
+from seismo3d.seismic.blocks.plan import BASE_BYTES, plan_blocks
 from seismo3d.seismic.blocks.run import describe_source
 from seismo3d.seismic.blocks.store import BrickStore
 from seismo3d.seismic.blocks.tracing import forget_work, trace_in_blocks
@@ -286,6 +286,16 @@ def test_memory_decides_and_a_folder_is_needed(cube, wanted, tmp_path, monkeypat
         trace_faults(cube, folder=tmp_path / "none")
     monkeypatch.setattr("seismo3d.seismic.blocks.tracing.whole_cube_bytes", lambda _: 2 * 10**9)
     assert_same(trace_faults(cube, memory="1GB", folder=tmp_path / "run"), wanted)
+
+
+@pytest.mark.parametrize(("work", "takes"), [(s3.trace_faults, 44), (s3.trace_tracks, 9 * 80)])
+def test_a_section_that_does_not_fit_is_refused(work, takes):
+    section = np.broadcast_to(np.float32(1.0), (3500, 4000))
+    needed = f"{(takes * section.size + BASE_BYTES) / 1e9:.2g}"
+    with pytest.raises(ParameterError, match=rf"memory is 0.5 GB; a section of .* takes {needed} GB.*in one piece"):
+        work(section, memory="0.5GB")
+    with pytest.raises(ParameterError, match=r"scheduler is given for a section.*Leave it out"):
+        work(section, scheduler="tcp://node1:8786")
 
 
 def test_what_was_done_to_a_cube_of_a_file_is_noticed(cube, tmp_path):
