@@ -153,6 +153,7 @@ def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], closed: C
     return {
         "frames": len(opened),
         "located": len(mapper.trajectory),
+        "sliding": states["sliding"],
         "lost": states["lost"],
         "empty": states["empty"],
         "dropped": states["dropped"],

@@ -162,7 +162,7 @@ class Follower:
         if self._filter is None:
             return
         T_world_body = located.T_world_camera @ invert_transform(self._cameras[number].T_body_camera)
-        self._filter.update(T_world_body, located.covariance, gate=None)
+        self._filter.update(T_world_body, located.covariance, gate=None, blind=located.blind)
         self._filter.T_world_body = T_world_body
         if self._settings.filtered and self._settings.landmarks_in_state and len(seen):
             self._book.learn(self._filter, seen, located.landmark_weights, located.T_world_camera)
