@@ -101,6 +101,12 @@ class MotionFilter:
             P[:12, :12] += G @ self._noise @ G.T / span
         self.time = time
 
+    def loosen(self, span: float) -> None:
+        """Know the pose less well by what may have happened in a time (seconds) that no stamp tells of; it stays."""
+        turn = adjoint(self.T_world_body) * span
+        moved = self.covariance[6:12, 6:12] + np.outer(self.twist, self.twist) + self._noise * (span / 3.0)
+        self.covariance[:6, :6] += turn @ moved @ turn.T
+
     def update(
         self,
         T_world_body: Float64Array,

@@ -18,6 +18,8 @@ from seismo3d.robot.state import MapState
 from seismo3d.robot.tracking import Located
 
 _LEAST_NORMALS = 300
+_USUAL = 1.0 / 30.0
+"""Seconds from one frame of a camera to the next, where their stamps are equal."""
 _RELOCATE_EVERY = 4
 _PAUSE = 0.1
 """Standard deviation of where a camera is about where it was when the map it goes on with was saved, rad and m."""
@@ -48,6 +50,7 @@ class Follower:
         self._maps = maps
         self._filter: MotionFilter | None = None
         self._book = LandmarkBook()
+        self._stamps = [-np.inf] * len(cameras)
         self.n_lost = self.n_unplaced = 0
 
     @property
@@ -74,6 +77,9 @@ class Follower:
         if not self._settings.filtered:
             self._filter.twist[:] = 0.0
         self._filter.predict(now)
+        if frame.depth_time == self._stamps[frame.camera]:
+            self._filter.loosen(_USUAL)
+        self._stamps[frame.camera] = frame.depth_time
 
     def find(self, coming: Coming, number: int, timing: Timing) -> tuple[str, Located | None, Float64Array]:
         """Find where a frame of a camera was taken, near where it is predicted or elsewhere.

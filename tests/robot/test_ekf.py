@@ -74,6 +74,18 @@ def test_uncertainty_grows_while_nothing_is_measured() -> None:
     assert np.all(np.diff(spans) > 0)
 
 
+def test_a_time_that_no_stamp_tells_of_leaves_the_pose_as_unsure_as_one_that_is_told() -> None:
+    told, untold = MotionFilter(0.0, np.eye(4)), MotionFilter(0.0, np.eye(4))
+    told.predict(0.1)
+    untold.loosen(0.1)
+    np.testing.assert_allclose(untold.covariance[:6, :6].diagonal(), told.covariance[:6, :6].diagonal(), rtol=0.01)
+    np.testing.assert_array_equal(untold.T_world_body, np.eye(4))
+    untold.twist[3] = 2.0
+    untold.loosen(0.1)
+    assert untold.covariance[3, 3] > 0.2**2  # it may have gone on
+    assert untold.time == 0.0
+
+
 def seen_from(T: np.ndarray, points: np.ndarray) -> np.ndarray:
     local = (points - T[:3, 3]) @ T[:3, :3]
     return np.asarray(local[:, :2] / local[:, 2:])

@@ -257,6 +257,19 @@ def test_along_a_corridor_landmarks_on_its_slanting_walls_move_the_camera(rng: n
     np.testing.assert_allclose(tracked.T_world_camera[:3, 3], [0.0, 0.0, 0.15], atol=0.01)
 
 
+def test_frames_of_one_time_are_no_surer_than_others(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
+    """A recording without stamps: the camera moves on, and a mean over the frames says less and less of where it is."""
+    sequence, frames = room
+    spreads = []
+    for stamped in (True, False):
+        mapper = make_mapper(sequence)
+        found = [mapper.add(RgbdFrame.of(f.rgb, f.depth, f.time if stamped else 0.0)) for f in frames[:25]]
+        assert all(tracked.state == "tracked" for tracked in found[1:])
+        assert pose_errors(mapper, sequence)[0].max() < 0.01
+        spreads.append(np.sqrt(found[-1].covariance.diagonal()))
+    assert (spreads[1] > 0.8 * spreads[0]).all()
+
+
 def test_a_map_waits_for_the_first_frame_with_depth(room: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
     sequence, frames = room
     mapper = make_mapper(sequence)
