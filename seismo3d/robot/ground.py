@@ -96,7 +96,8 @@ def make_occupancy(mesh: Mesh, *, cell: float = 0.05, clearance: float = 1.5, st
     place, origin, shape = _cells_of(facets.centres, cell)
     z = facets.centres[:, 2]
     ground = _lowest(place, z, facets.upward, shape, 0.5 * cell)
-    around = _least_around(ground)
+    standing = z[facets.upward > -_FACING_UP]
+    around = _least_around(ground, np.quantile(standing, 0.01) if standing.size else -np.inf)
     above = z - around.ravel()[place]
     own = z < ground.ravel()[place] + step
     blocked = (above > step) & (above < clearance) & ~own
@@ -138,20 +139,24 @@ def make_ground(mesh: Mesh, *, cell: float = 0.05) -> Any:
 
 
 def _mode_of(normal: Float64Array, area: Float64Array) -> Float64Array:
-    """Direction that most of the surface faces, upwards: the best of many, then the mean around it."""
+    """Direction that most of the surface faces, upwards: the best of many, then the mean around it.
+
+    The mean may lead away from up: what noise has turned upwards of a wall leads to the wall. Such parts are left out.
+    """
     start = np.array([0.0, -1.0, 0.0])
     fair = normal @ start > _UPRIGHT
-    if not fair.any():
-        return start
-    n, w = normal[fair], area[fair]
-    step = max(1, len(n) // 300)
-    tried = n[::step]
-    up = tried[int(np.argmax(((tried @ n.T) > 0.97) @ w))]
-    for _ in range(10):
-        near = n @ up > 0.94
-        up = (n[near] * w[near, None]).sum(axis=0)
-        up /= np.linalg.norm(up)
-    return np.asarray(up)
+    while fair.any():
+        n, w = normal[fair], area[fair]
+        tried = n[:: max(1, len(n) // 300)]
+        up = best = tried[int(np.argmax(((tried @ n.T) > 0.97) @ w))]
+        for _ in range(10):
+            near = normal @ up > 0.94
+            up = (normal[near] * area[near, None]).sum(axis=0)
+            up /= np.linalg.norm(up)
+        if up @ start > _UPRIGHT:
+            return np.asarray(up)
+        fair &= normal @ best < 0.94
+    return start
 
 
 def _cells_of(points: Float64Array, cell: float) -> tuple[Int64Array, tuple[float, float], tuple[int, int]]:
@@ -183,11 +188,11 @@ def _lowest(
     return np.where(count >= 2, total / np.maximum(count, 1), np.nan).reshape(shape)
 
 
-def _least_around(ground: Float64Array, reach: int = 4) -> Float64Array:
-    """Lowest ground within some cells; the lowest of all where none is near."""
+def _least_around(ground: Float64Array, least: float, reach: int = 4) -> Float64Array:
+    """Lowest ground within some cells; the lowest of all where none is near, and ``least`` where there is none."""
     from scipy.ndimage import minimum_filter
 
     filled = np.where(np.isfinite(ground), ground, np.inf)
     around = minimum_filter(filled, size=2 * reach + 1, mode="nearest")
     known = ground[np.isfinite(ground)]
-    return np.where(np.isfinite(around), around, known.min() if known.size else -np.inf)
+    return np.where(np.isfinite(around), around, known.min() if known.size else least)
