@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from seismo3d.errors import ParameterError
 from seismo3d.geometry.rotations import exp_rotation
 from seismo3d.robot.ground import find_upright, make_ground, make_occupancy
 from seismo3d.robot.mesh import Mesh
@@ -65,6 +66,23 @@ def test_ground_before_a_wall_is_free_and_the_wall_is_not(pitch: float, rng: np.
     found = make_occupancy(mesh, cell=0.1)
     assert (found.cells[1:8, 2:-2] == FREE).all()
     assert (found.cells[9:12, 2:-2] == OCCUPIED).any(axis=0).all()
+
+
+def test_a_camera_that_hangs_upside_down_says_where_up_is(rng: np.random.Generator) -> None:
+    hung = joined(wall(rng), floor(rng))
+    hung = Mesh(hung.points * [-1.0, -1.0, 1.0], hung.triangles, hung.colours)
+    assert not (make_occupancy(hung, cell=0.1).cells == FREE).any()
+    found = make_occupancy(hung, cell=0.1, up=(0.0, 2.0, 0.0))
+    np.testing.assert_allclose(found.T_world_map[:3, 2], [0.0, 1.0, 0.0], atol=0.05)
+    assert (found.cells[1:8, 2:-2] == FREE).all()
+    ground = make_ground(hung, cell=0.1, up=(0.0, 1.0, 0.0)).values
+    assert np.nanmedian(ground) == pytest.approx(-0.8, abs=0.03)
+
+
+@pytest.mark.parametrize("up", [(0.0, 0.0, 0.0), (0.0, 1.0), (0.0, float("nan"), 1.0), ["0", "x", "1"], None])
+def test_no_direction_is_refused(up: object, rng: np.random.Generator) -> None:
+    with pytest.raises(ParameterError, match="expected three numbers that are not all zero"):
+        find_upright(wall(rng), up=up)  # type: ignore[arg-type]
 
 
 def test_a_ceiling_alone_is_nothing_in_the_way(rng: np.random.Generator) -> None:
