@@ -47,7 +47,7 @@ def test_run_writes_all_that_it_says(sequence: Path, tmp_path: Path, capsys: pyt
     assert (Occupancy.load(out / "occupancy.npz").cells != 2).any()
     assert np.isfinite(read_elevation(out / "elevation.tif").values).any()
     assert len(Mapper.load(out / "map.npz").trajectory) == 16
-    assert "http" not in (out / "report.html").read_text()
+    assert "://" not in (out / "report.html").read_text()
     header = (out / "mesh.ply").read_bytes()[:200].decode("ascii", errors="replace")
     assert "element vertex" in header
 
