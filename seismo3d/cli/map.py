@@ -36,6 +36,7 @@ def run(
     far: float = typer.Option(4.0, help="Depth beyond is left out, metres."),
     total_variation: float = typer.Option(0.0, help="Strength of total-variation denoising of depth, metres."),
     cell: float = typer.Option(0.05, help="Side of the cells of the maps from above, metres."),
+    up: str = typer.Option("0,-1,0", help="Up, nearly, in the first camera's axes: right, down, ahead."),
     max_difference: float = typer.Option(0.02, help="Stamps of colour and depth farther apart are no pair, seconds."),
     close_loops: bool = typer.Option(True, help="Find places seen twice, and make the map anew from corrected poses."),
     threads: int = typer.Option(0, help="[default: one a core]", show_default=False),
@@ -55,12 +56,14 @@ def run(
     from seismo3d.errors import GeometryError
     from seismo3d.io._files import written_aside
     from seismo3d.robot.frames import MeasureSettings
+    from seismo3d.robot.ground import as_up
     from seismo3d.robot.mapper import Mapper
     from seismo3d.robot.results import MapperSettings
     from seismo3d.robot.sequence import read_sequence
 
     check_run_folder(out, command="map", inputs=[sequence], overwrite=overwrite)
     as_number(cell, "cell", low=0.0, strict=True)
+    upward = as_up(up.split(","))
     opened = read_sequence(sequence, max_difference=max_difference)
     settings = MapperSettings(
         voxel_size=voxel_size, measure=MeasureSettings(far=far, total_variation=total_variation), n_threads=threads
@@ -88,10 +91,10 @@ def run(
                 "show a surface; expected frames that overlap. Check the intrinsics and depth_scale in camera.json, or "
                 "give the frames between these."
             )
-        _write(mapper, mesh, shown, opened, found, aside, cell)
+        _write(mapper, mesh, shown, opened, found, aside, cell, upward)
         timings = clock.stop()
         asked = {
-            "voxel_size": voxel_size, "far": far, "total_variation": total_variation, "cell": cell,
+            "voxel_size": voxel_size, "far": far, "total_variation": total_variation, "cell": cell, "up": up,
             "max_difference": max_difference, "close_loops": close_loops,
         }  # fmt: skip
         record = describe_run(sequence, command="map", options=asked)
@@ -153,6 +156,7 @@ def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], closed: C
     return {
         "frames": len(opened),
         "located": len(mapper.trajectory),
+        "sliding": states["sliding"],
         "lost": states["lost"],
         "empty": states["empty"],
         "dropped": states["dropped"],
@@ -167,7 +171,14 @@ def _facts(mapper: Mapper, opened: RgbdSequence, found: list[Tracked], closed: C
 
 
 def _write(
-    mapper: Mapper, mesh: Mesh, shown: int, opened: RgbdSequence, found: list[Tracked], folder: Path, cell: float
+    mapper: Mapper,
+    mesh: Mesh,
+    shown: int,
+    opened: RgbdSequence,
+    found: list[Tracked],
+    folder: Path,
+    cell: float,
+    up: Any,
 ) -> None:
     from importlib.util import find_spec
 
@@ -187,9 +198,9 @@ def _write(
         lines.append(f"{time:.6f},{state},{measures},{'' if local_map is None else local_map}")
     (folder / "states.csv").write_text("\n".join(lines) + "\n", encoding="ascii")
     mesh.save(folder / "mesh.ply")
-    occupancy = make_occupancy(mesh, cell=cell)
+    occupancy = make_occupancy(mesh, cell=cell, up=up)
     occupancy.save(folder / "occupancy.npz")
-    elevation = make_ground(mesh, cell=cell)
+    elevation = make_ground(mesh, cell=cell, up=up)
     ending = "tif" if find_spec("rasterio") is not None else "npz"
     write_elevation(folder / f"elevation.{ending}", elevation)
     _draw(mapper.trajectory, mesh, shown, occupancy, folder)

@@ -70,6 +70,22 @@ def parameter_jacobian(A: Float64Array, model: int) -> Float64Array:
 
 
 @nb.njit(cache=True, nogil=True)
+def without_motions(
+    form: Float64Array, A: Float64Array, t: Float64Array, model: int, unseen: Float64Array
+) -> Float64Array:
+    """Return a form that does not change along some directions of the parameters (columns) at (A, t)."""
+    J = parameter_jacobian(A, model)
+    n, m = J.shape
+    keep = J @ (np.eye(m) - unseen @ unseen.T) @ np.linalg.pinv(J)
+    here = np.empty(n)
+    here[: A.size], here[A.size :] = A.T.copy().ravel(), t
+    P = np.eye(n + 1)
+    P[:n, :n] = keep
+    P[:n, n] = (np.eye(n) - keep) @ here
+    return P.T @ form @ P
+
+
+@nb.njit(cache=True, nogil=True)
 def derivatives(
     Q: Float64Array, A: Float64Array, t: Float64Array, model: int
 ) -> tuple[float, Float64Array, Float64Array]:

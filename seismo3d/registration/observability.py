@@ -63,7 +63,7 @@ def assess(
     fixed = limits.high - limits.low < 1e-12
     keep = np.flatnonzero(~fixed)
     unseen, seen = _split(H[np.ix_(keep, keep)], ratio, keep, H.shape[0])
-    change = _to_input_units(A, t, model, frame)
+    change = to_input_units(A, t, model, frame)
     directions = tuple(_direction(v, s, A, model, frame) for v, s in unseen)
     covariance = np.zeros_like(H)
     information = np.zeros_like(H)
@@ -95,7 +95,7 @@ def _split(
     return unseen, full[:, ~is_unseen]
 
 
-def _to_input_units(A: Float64Array, t: Float64Array, model: str, frame: Frame) -> Float64Array:
+def to_input_units(A: Float64Array, t: Float64Array, model: str, frame: Frame) -> Float64Array:
     """Return the matrix from the frame's parameters to a perturbation on the left, in the input's units."""
     d = t.size
     number = model_number(model)

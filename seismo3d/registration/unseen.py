@@ -15,10 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array
-from seismo3d.registration._kernels_newton import parameter_jacobian, weakest_share
+from seismo3d.registration._kernels_newton import parameter_jacobian, weakest_share, without_motions
 from seismo3d.registration.constraints import model_number
 from seismo3d.registration.matching import Pass
-from seismo3d.registration.quadratic import stack
 
 NORMAL_NOISE = 3.0
 """Curvature that noise of the normals feigns, in medians of the squared sine between matched normals."""
@@ -98,13 +97,7 @@ def weak_directions(surface: Pass, A: Float64Array, model: str, ratio: float) ->
 
 def without(form: Float64Array, A: Float64Array, t: Float64Array, model: str, unseen: Float64Array) -> Float64Array:
     """Return a form that does not change along some directions (columns) at (A, t)."""
-    J = parameter_jacobian(A, model_number(model))
-    n, m = J.shape
-    keep = J @ (np.eye(m) - unseen @ unseen.T) @ np.linalg.pinv(J)
-    P = np.eye(n + 1)
-    P[:n, :n] = keep
-    P[:n, n] = (np.eye(n) - keep) @ stack(A, t)[:n]
-    return np.asarray(P.T @ form @ P)
+    return np.asarray(without_motions(form, A, t, model_number(model), np.ascontiguousarray(unseen)))
 
 
 def normal_noise(surface: Pass, source: Float32Array, A: Float64Array) -> float:

@@ -14,8 +14,9 @@ import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array
 from seismo3d.registration._kernels_form import plane_form, point_form_full
-from seismo3d.registration._kernels_newton import RIGID, newton
+from seismo3d.registration._kernels_newton import RIGID, newton, without_motions
 from seismo3d.registration.robust import NORMAL, TUKEY
+from seismo3d.robot._kernels_blind import blind_motions, two_looks
 from seismo3d.robot._kernels_tracking import miss_rays, place_on_rays, project_pairs
 from seismo3d.robot._kernels_twist import log_motion
 
@@ -78,32 +79,6 @@ def weigh_misses(miss: Float64Array, weights: Float64Array) -> tuple[float, int]
         weights[i] = _tukey(miss[i] / (TUKEY * floored)) / floored**2
         agreeing += weights[i] > 0.0
     return spread, agreeing
-
-
-@nb.njit(cache=True, nogil=True)
-def told_normals(normals: Float64Array, weights: Float64Array, bend: float) -> Float64Array:
-    """Return normals (n, 3) without what they say along directions in which they vary by their noise alone.
-
-    ``bend`` is the mean square of that noise about each axis. Along a corridor, or a wall, noise holds a frame where it
-    is taken to be: each normal says a little of it, and they are thousands.
-    """
-    total, moments = 0.0, np.zeros((3, 3))
-    for i in range(normals.shape[0]):
-        total += weights[i]
-        for a in range(3):
-            for b in range(3):
-                moments[a, b] += weights[i] * normals[i, a] * normals[i, b]
-    values, vectors = np.linalg.eigh(moments)
-    told = normals.copy()
-    for k in range(2):
-        if values[k] < bend * total:
-            for i in range(normals.shape[0]):
-                along = 0.0
-                for a in range(3):
-                    along += normals[i, a] * vectors[a, k]
-                for a in range(3):
-                    told[i, a] -= along * vectors[a, k]
-    return told
 
 
 @nb.njit(cache=True, nogil=True)
@@ -170,10 +145,10 @@ def _moved_by(before: Float64Array, after: Float64Array) -> tuple[float, float]:
 
 
 @nb.njit(cache=True, nogil=True)
-def walk_from(
-    T: Float64Array, Q: Float64Array, centre_source: Float64Array, centre_target: Float64Array, size: float
-) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Walk from a pose to the nearest minimum of a form; return (A, t) in the form's frame, and the new pose."""
+def place_in_frame(
+    T: Float64Array, centre_source: Float64Array, centre_target: Float64Array, size: float
+) -> tuple[Float64Array, Float64Array]:
+    """Return a pose as (A, t) between points less their centres, over a size."""
     A, t = np.empty((3, 3)), np.empty(3)
     for a in range(3):
         t[a] = T[a, 3] - centre_target[a]
@@ -181,6 +156,15 @@ def walk_from(
             A[a, b] = T[a, b]
             t[a] += T[a, b] * centre_source[b]
         t[a] /= size
+    return A, t
+
+
+@nb.njit(cache=True, nogil=True)
+def walk_from(
+    T: Float64Array, Q: Float64Array, centre_source: Float64Array, centre_target: Float64Array, size: float
+) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Walk from a pose to the nearest minimum of a form; return (A, t) in the form's frame, and the new pose."""
+    A, t = place_in_frame(T, centre_source, centre_target, size)
     free = np.full(6, np.inf)
     newton(Q, A, t, RIGID, RATIO, _NEWTON_STEPS, -free, free, np.zeros(6))
     out = np.eye(4)
@@ -219,29 +203,30 @@ def fit_frame(
     first steps, and all later ones, ``per_plane`` how many pixels of the half image count as one pair. ``points``,
     ``T_depth_pixel``, ``rays`` are the landmarks, ``focal`` the image's focal lengths in pixels. ``uses`` says far from
     the solution and near it whether planes and landmarks are used. Landmarks take the first ``lead[0]`` steps alone
-    where at least ``lead[1]`` agree and are off by more than ``lead[2]`` pixels; with ``lead[3]`` they alone say where
-    the frame is along directions in which the planes' normals vary by noise alone. Steps below ``least`` (rad and m)
-    end the coarse part and the whole.
+    where at least ``lead[1]`` agree and are off by more than ``lead[2]`` pixels. Near the solution, and far from it
+    with ``lead[3]``, planes say nothing along motions that only the noise of their normals seems to see. Steps below
+    ``least`` (rad and m) end the coarse part and the whole.
 
     Returned are the number of steps, 0 where nothing is left to fit it by, the pose, the last step's form Q with (A, t)
     and its frame (centres of source and target, size); of its planes whether there are any, source, target, normals,
-    weights, residuals, how many were tried, their spread and the square of the angle between normals; of its landmarks
-    whether there are any, their weights, spread, and how many agree.
+    weights, residuals, how many were tried, their spread and the motions (6, k) in the form's frame that they do not
+    see; of its landmarks whether there are any, their weights, spread, and how many agree.
     """
     m = points.shape[0]
     n = (vertices.shape[0] // min(steps) + 1) * (vertices.shape[1] // min(steps) + 1)
-    source, target, normal = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    source, target, normal, turned = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
     sigma, residual, weights = np.empty(n), np.empty(n), np.empty(n)
     depth, miss, ray_weights = np.empty(m), np.empty(m), np.zeros(m)
     on_rays, information = np.empty((m, 3)), np.empty((m, 3, 3))
     R_seen, t_seen = T_seen[:3, :3].copy(), T_seen[:3, 3].copy()
     T, Q, A, t = T.copy(), np.zeros((13, 13)), np.eye(3), np.zeros(3)
     c_source, c_target, size = np.zeros(3), np.zeros(3), 0.0
-    count, tried, agreeing, bend, spread, spread_rays = 0, 0, 0, 0.0, np.inf, np.inf
+    count, tried, agreeing, spread, spread_rays = 0, 0, 0, np.inf, np.inf
     near, n_left, done = 0, max_steps // 2, 0
     has_pairs = has_rays = False
-    every, count_new, tried_new, bent, spread_planes, spread_new, agreeing_new = 1, 0, 0, 0.0, 0.0, 0.0, 0
-    none = np.empty((0, 3))
+    every, count_new, tried_new, spread_planes, spread_new, agreeing_new = 1, 0, 0, 0.0, 0.0, 0
+    none, sees_all = np.empty((0, 3)), np.empty((6, 0))
+    blind = blind_new = sees_all
     for step in range(max_steps):
         with_planes, with_rays = uses[near]
         with_rays = with_rays and m >= LEAST_RAYS
@@ -254,9 +239,9 @@ def fit_frame(
         if with_planes:
             every = steps[near]
             R, shift = T[:3, :3].copy(), T[:3, 3].copy()
-            count_new, tried_new, bent = project_pairs(
+            count_new, tried_new = project_pairs(
                 vertices, normals, every, R, shift, R_seen, t_seen, lens_seen, points_seen, normals_seen,
-                reaches[min(step, 3)], _COSINE, source, target, normal, sigma, residual,
+                reaches[min(step, 3)], _COSINE, source, target, normal, turned, sigma, residual,
             )  # fmt: skip
             with_planes = count_new >= LEAST_PAIRS
         if not (with_planes or with_rays):
@@ -272,10 +257,15 @@ def fit_frame(
         if with_planes:
             share = every * every / (4.0 * per_plane)
             spread_planes = weigh_planes(residual[:count_new], sigma[:count_new], share, weights[:count_new])
-            told = normal[:count_new]
-            if lead[3] and with_rays:
-                told = told_normals(told, weights[:count_new], 0.5 * bent)
-            Q_new += plane_form(_framed(s, c_source, size), _framed(g, c_target, size), told, weights[:count_new])
+            arms, w = _framed(s, c_source, size), weights[:count_new]
+            Q_new += plane_form(arms, _framed(g, c_target, size), normal[:count_new], w)
+            blind_new = sees_all
+            if near or lead[3]:
+                A, t = place_in_frame(T, c_source, c_target, size)
+                agreed, noise = two_looks(arms @ A.T, normal[:count_new], turned[:count_new], w)
+                blind_new = blind_motions(agreed, noise, RATIO)
+                if blind_new.shape[1]:
+                    Q_new = without_motions(Q_new, A, t, RIGID, blind_new)
         if with_rays:
             Q_new += point_form_full(_framed(on_rays, c_source, size), _framed(points, c_target, size), information)
         if not _is_useful(Q_new):
@@ -286,7 +276,7 @@ def fit_frame(
         T, Q, done = T_new, Q_new, done + 1
         has_pairs, has_rays = with_planes, with_rays
         if with_planes:
-            count, tried, bend, spread = count_new, tried_new, 0.5 * bent, spread_planes
+            count, tried, blind, spread = count_new, tried_new, blind_new, spread_planes
         if with_rays:
             agreeing, spread_rays = agreeing_new, spread_new
         n_left -= 1
@@ -296,5 +286,5 @@ def fit_frame(
             near, n_left = 1, max_steps - max_steps // 2
     form = (Q, A, t, c_source, c_target, size)
     count = count if has_pairs else 0
-    planes = (source[:count], target[:count], normal[:count], weights[:count], residual[:count], tried, spread, bend)
+    planes = (source[:count], target[:count], normal[:count], weights[:count], residual[:count], tried, spread, blind)
     return done, T, form, has_pairs, planes, has_rays, (ray_weights, spread_rays, agreeing)

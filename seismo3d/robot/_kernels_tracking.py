@@ -28,22 +28,22 @@ def project_pairs(
     source: Float64Array,
     target: Float64Array,
     normal: Float64Array,
+    turned: Float64Array,
     sigma: Float64Array,
     residual: Float64Array,
-) -> tuple[int, int, float]:
+) -> tuple[int, int]:
     """Pair vertices with what the prediction shows at their pixel.
 
-    Returned are how many pairs there are, how many were tried, and the mean square of the sine between their normals.
+    Returned are how many pairs there are, and how many were tried.
 
     (R, t) is the frame's pose, (R_seen, t_seen) and ``lens`` those of the prediction. Pairs farther apart than
-    ``reach`` or whose normals differ by more than the angle of ``cosine`` are left out. ``sigma`` is the standard
-    deviation expected of the residual.
+    ``reach`` or whose normals differ by more than the angle of ``cosine`` are left out. ``normal`` is the prediction's,
+    ``turned`` the frame's in the world; ``sigma`` is the standard deviation expected of the residual.
     """
     rows, columns, _ = vertices.shape
     seen_rows, seen_columns, _ = points_seen.shape
     count = 0
     tried = 0
-    bent = 0.0
     for r in range(step // 2, rows, step):
         for c in range(step // 2, columns, step):
             if normals[r, c, 0] == 0.0 and normals[r, c, 1] == 0.0 and normals[r, c, 2] == 0.0:
@@ -74,18 +74,17 @@ def project_pairs(
             nx = R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az
             ny = R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az
             nz = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
-            along = nx * mx + ny * my + nz * mz
-            if along < cosine:
+            if nx * mx + ny * my + nz * mz < cosine:
                 continue
-            bent += max(1.0 - along * along, 0.0)
             source[count, 0], source[count, 1], source[count, 2] = vx, vy, vz
             target[count, 0], target[count, 1], target[count, 2] = qx, qy, qz
             normal[count, 0], normal[count, 1], normal[count, 2] = mx, my, mz
+            turned[count, 0], turned[count, 1], turned[count, 2] = nx, ny, nz
             residual[count] = mx * (x - qx) + my * (y - qy) + mz * (z - qz)
             facing = abs(ax * vx + ay * vy + az * vz) / math.sqrt(vx * vx + vy * vy + vz * vz)
             sigma[count] = depth_sigma(vz) * max(facing, 0.3) + 0.0005
             count += 1
-    return count, tried, bent / max(count, 1)
+    return count, tried
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -101,7 +101,20 @@ class MotionFilter:
             P[:12, :12] += G @ self._noise @ G.T / span
         self.time = time
 
-    def update(self, T_world_body: Float64Array, covariance: Float64Array, *, gate: float | None) -> Innovation:
+    def loosen(self, span: float) -> None:
+        """Know the pose less well by what may have happened in a time (seconds) that no stamp tells of; it stays."""
+        turn = adjoint(self.T_world_body) * span
+        moved = self.covariance[6:12, 6:12] + np.outer(self.twist, self.twist) + self._noise * (span / 3.0)
+        self.covariance[:6, :6] += turn @ moved @ turn.T
+
+    def update(
+        self,
+        T_world_body: Float64Array,
+        covariance: Float64Array,
+        *,
+        gate: float | None,
+        blind: Float64Array | None = None,
+    ) -> Innovation:
         """Take in a measured pose at the state's time.
 
         Parameters
@@ -111,6 +124,8 @@ class MotionFilter:
             Of a perturbation on the left, (rotation, translation); infinite along what was not observed.
         gate : float or None
             Largest squared Mahalanobis distance that is accepted; None accepts all.
+        blind : ndarray of shape (k, 6), float64, optional
+            Perturbations of which the measurement says nothing; the state stays as it is along them.
 
         Returns
         -------
@@ -120,11 +135,12 @@ class MotionFilter:
             np.where(np.isfinite(np.diag(covariance)), _FLOOR, 1e6)
         )
         z = log_motion(T_world_body @ invert_transform(self.T_world_body))
-        S = self.covariance[:6, :6] + R
-        distance = float(z @ np.linalg.solve(S, z))
+        rows, keep = (np.eye(6), None) if blind is None or len(blind) == 0 else self._beside(blind)
+        z, R = rows @ z, rows @ R @ rows.T
+        distance = float(z @ np.linalg.solve(rows @ self.covariance[:6, :6] @ rows.T + R, z))
         if gate is not None and not distance <= gate:
             return Innovation(distance, accepted=False)
-        self._correct(np.eye(6, len(self.covariance)), z, R)
+        self._correct(rows @ np.eye(6, len(self.covariance)), z, R, keep)
         return Innovation(distance, accepted=True)
 
     def add_landmark(self, point: Float64Array, covariance: Float64Array) -> None:
@@ -194,16 +210,31 @@ class MotionFilter:
         H[:, 12 + 3 * index : 15 + 3 * index] = project
         return H, np.array([x / z, y / z])
 
-    def _correct(self, H: Float64Array, miss: Float64Array, R: Float64Array) -> None:
-        """Update the state by a measurement with derivative H and covariance R."""
+    def _beside(self, blind: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """Return what a measurement tells that is blind (k, 6): rows (6 - k, 6), and which corrections it may make.
+
+        Neither the pose nor the velocity are corrected along what is blind. What is blind is known but nearly, and from
+        frame to frame differently: what each of many frames says beside it would else add up to knowledge of it.
+        """
+        to_body = adjoint(invert_transform(self.T_world_body))
+        own = np.linalg.qr(to_body @ blind.T, mode="complete")[0][:, len(blind) :]
+        keep = np.eye(len(self.covariance))
+        keep[6:12, 6:12] = own @ own.T
+        keep[:6, :6] = adjoint(self.T_world_body) @ keep[6:12, 6:12] @ to_body
+        return own.T @ to_body, keep
+
+    def _correct(self, H: Float64Array, miss: Float64Array, R: Float64Array, keep: Float64Array | None = None) -> None:
+        """Update the state by a measurement with derivative H and covariance R; ``keep`` says what may be corrected."""
         P = self.covariance
         K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+        if keep is not None:
+            K = keep @ K
         move = K @ miss
         self.T_world_body = exp_motion(move[:6]) @ self.T_world_body
         self.twist = self.twist + move[6:12]
         self.landmarks = self.landmarks + move[12:].reshape(-1, 3)
-        keep = np.eye(len(P)) - K @ H
-        P = keep @ P @ keep.T + K @ R @ K.T
+        left = np.eye(len(P)) - K @ H
+        P = left @ P @ left.T + K @ R @ K.T
         self.covariance = (P + P.T) / 2
 
 

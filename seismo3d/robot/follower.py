@@ -11,13 +11,19 @@ from seismo3d.robot.ekf import MotionFilter, adjoint
 from seismo3d.robot.frames import Coming, Measured, Timing
 from seismo3d.robot.landmarks import Sightings
 from seismo3d.robot.local_maps import LocalMaps
-from seismo3d.robot.locator import Locator, is_certain, is_sound
+from seismo3d.robot.locator import Locator, is_certain, is_denied, is_reached, is_sound
 from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.semantic_landmarks import LandmarkBook
 from seismo3d.robot.state import MapState
 from seismo3d.robot.tracking import Located
 
 _LEAST_NORMALS = 300
+_FASTER = 2.5
+"""How many times as far as tracking reaches a camera may have come by mere speed: farther is a leap."""
+_AS_WELL = 0.8
+"""Share of the vertices that agree, over that at the place found first, with which another place fits as well."""
+_USUAL = 1.0 / 30.0
+"""Seconds from one frame of a camera to the next, where their stamps are equal."""
 _RELOCATE_EVERY = 4
 _PAUSE = 0.1
 """Standard deviation of where a camera is about where it was when the map it goes on with was saved, rad and m."""
@@ -48,6 +54,7 @@ class Follower:
         self._maps = maps
         self._filter: MotionFilter | None = None
         self._book = LandmarkBook()
+        self._stamps = [-np.inf] * len(cameras)
         self.n_lost = self.n_unplaced = 0
 
     @property
@@ -74,6 +81,9 @@ class Follower:
         if not self._settings.filtered:
             self._filter.twist[:] = 0.0
         self._filter.predict(now)
+        if frame.depth_time == self._stamps[frame.camera]:
+            self._filter.loosen(_USUAL)
+        self._stamps[frame.camera] = frame.depth_time
 
     def find(self, coming: Coming, number: int, timing: Timing) -> tuple[str, Located | None, Float64Array]:
         """Find where a frame of a camera was taken, near where it is predicted or elsewhere.
@@ -145,11 +155,14 @@ class Follower:
         """Locate a frame at a place that looks like it: when it fits badly, and now and then after a loss."""
         if self.n_lost >= _RELOCATE_EVERY and self.n_lost % _RELOCATE_EVERY:
             return None
+        T_expected = self.motion.T_world_body @ self._cameras[number].T_body_camera
         for state, place in self._locator.places(self._maps.every[::-1], measured, number):
-            there = self._locator.sight(state, measured.grey, number, place, np.zeros(6), timing)
-            again = self._locator.locate(state, measured, number, place, there)
-            if again.share > max(0.4, least_share) and is_sound(again, place, n_lost=self.n_lost):
-                if state is self._maps.current and self.n_lost == 0:
+            there, again = self._look_at(state, measured, number, place, timing)
+            if again.share > max(0.4, least_share) and self._fits(again, place):
+                if self._is_ambiguous(state, measured, number, again, timing):
+                    return None
+                near = is_reached(T_expected, again.T_world_camera, reach=_FASTER)
+                if state is self._maps.current and self.n_lost == 0 and near:
                     # it moved faster than foreseen: that says how fast
                     self._take(again, number, there)
                     return "tracked", again
@@ -157,12 +170,30 @@ class Follower:
                 return "relocated", again
         return None
 
+    def _look_at(
+        self, state: MapState, measured: Measured, number: int, place: Float64Array, timing: Timing
+    ) -> tuple[Sightings, Located]:
+        """Locate a frame of a camera near a place in a map; return its landmarks, too."""
+        there = self._locator.sight(state, measured.grey, number, place, np.zeros(6), timing)
+        return there, self._locator.locate(state, measured, number, place, there)
+
+    def _fits(self, located: Located, place: Float64Array) -> bool:
+        return is_sound(located, place, n_lost=self.n_lost) and not is_denied(located)
+
+    def _is_ambiguous(self, state: MapState, measured: Measured, number: int, found: Located, timing: Timing) -> bool:
+        """Whether a frame fits elsewhere in a map nearly as well as where it was found: nothing tells which it is."""
+        for place in self._locator.rivals(state, measured, number, found.T_world_camera):
+            _, other = self._look_at(state, measured, number, place, timing)
+            if other.share > _AS_WELL * found.share and self._fits(other, place):
+                return True
+        return False
+
     def _take(self, located: Located, number: int, seen: Sightings) -> None:
         """Take a located frame into the filter; the pose is the registration's, so that it fits the map."""
         if self._filter is None:
             return
         T_world_body = located.T_world_camera @ invert_transform(self._cameras[number].T_body_camera)
-        self._filter.update(T_world_body, located.covariance, gate=None)
+        self._filter.update(T_world_body, located.covariance, gate=None, blind=located.blind)
         self._filter.T_world_body = T_world_body
         if self._settings.filtered and self._settings.landmarks_in_state and len(seen):
             self._book.learn(self._filter, seen, located.landmark_weights, located.T_world_camera)

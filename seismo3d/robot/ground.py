@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import Float64Array, Int64Array
+from seismo3d._typing import ArrayLike, Float64Array, Int64Array
 from seismo3d._validate import as_number
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.robot.mesh import Mesh
@@ -17,6 +17,10 @@ _FACING_UP = 0.64
 """Cosine of the steepest surface that counts as ground: 50 degrees."""
 _UPRIGHT = 0.34
 """Cosine of the largest angle between the first camera's upward axis and up: 70 degrees."""
+_LEAST_GROUND = 0.005
+"""Share of all surface that ground has at least: what noise has turned upwards has less."""
+UPWARD = (0.0, -1.0, 0.0)
+"""Up of a camera that is held upright, in its own axes: right, down, ahead."""
 MOST_CELLS = 100_000_000
 """Cells of the largest map from above."""
 
@@ -38,15 +42,18 @@ class Facets:
     T_world_map: Float64Array
 
 
-def find_upright(mesh: Mesh) -> Facets:
+def find_upright(mesh: Mesh, *, up: ArrayLike = UPWARD) -> Facets:
     """Turn a mesh upright.
 
-    Up is where most of the surface faces among all directions within 70 degrees of the first camera's upward axis.
+    Up is where most of the surface faces among all directions within 70 degrees of the first camera's upward axis; that
+    axis itself where hardly any does.
 
     Parameters
     ----------
     mesh : Mesh
         In the first camera's frame.
+    up : array_like of shape (3,)
+        The first camera's upward axis, nearly, in its own axes: (0, 1, 0) where it hangs upside down.
 
     Returns
     -------
@@ -56,23 +63,43 @@ def find_upright(mesh: Mesh) -> Facets:
     ------
     GeometryError
         If the mesh is empty.
+    ParameterError
+        If ``up`` is no direction.
     """
+    start = as_up(up)
     if len(mesh.triangles) == 0:
         raise GeometryError("the map holds no surface; expected one. Add frames with depth first.")
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     area = np.linalg.norm(normal, axis=1)
     normal /= np.maximum(area, 1e-30)[:, None]
-    up = _mode_of(normal, area)
-    forward = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < 0.95 else np.array([0.0, 1.0, 0.0])
-    right = np.cross(forward, up)
+    z = _mode_of(normal, area, start)
+    forward = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.95 else np.array([0.0, 1.0, 0.0])
+    right = np.cross(forward, z)
     right /= np.linalg.norm(right)
     T = np.eye(4)
-    T[:3, :3] = np.column_stack([right, np.cross(up, right), up])
-    return Facets((a + b + c) / 3.0 @ T[:3, :3], normal @ up, T)
+    T[:3, :3] = np.column_stack([right, np.cross(z, right), z])
+    return Facets((a + b + c) / 3.0 @ T[:3, :3], normal @ z, T)
 
 
-def make_occupancy(mesh: Mesh, *, cell: float = 0.05, clearance: float = 1.5, step: float = 0.12) -> Occupancy:
+def as_up(up: ArrayLike) -> Float64Array:
+    """Return a direction as a unit vector, or refuse it."""
+    try:
+        direction = np.asarray(up, dtype=np.float64)
+    except (TypeError, ValueError):
+        direction = np.empty(0)
+    length = float(np.linalg.norm(direction)) if direction.shape == (3,) else 0.0
+    if not 0.0 < length < np.inf:
+        raise ParameterError(
+            f"up is {up!r}; expected three numbers that are not all zero: up in the first camera's axes (right, down, "
+            "ahead), 0, -1, 0 where it is held upright."
+        )
+    return np.asarray(direction / length)
+
+
+def make_occupancy(
+    mesh: Mesh, *, cell: float = 0.05, clearance: float = 1.5, step: float = 0.12, up: ArrayLike = UPWARD
+) -> Occupancy:
     """Return which cells, seen from above, are free, occupied or unknown.
 
     A cell's ground is the lowest surface in it that faces up. It is occupied where surface lies above the ground around
@@ -86,17 +113,20 @@ def make_occupancy(mesh: Mesh, *, cell: float = 0.05, clearance: float = 1.5, st
         Side of a cell, metres.
     clearance, step : float
         Metres.
+    up : array_like of shape (3,)
+        As for :func:`find_upright`.
 
     Returns
     -------
     Occupancy
     """
     as_number(cell, "cell", low=0.0, strict=True)
-    facets = find_upright(mesh)
+    facets = find_upright(mesh, up=up)
     place, origin, shape = _cells_of(facets.centres, cell)
     z = facets.centres[:, 2]
     ground = _lowest(place, z, facets.upward, shape, 0.5 * cell)
-    around = _least_around(ground)
+    standing = z[facets.upward > -_FACING_UP]
+    around = _least_around(ground, np.quantile(standing, 0.01) if standing.size else -np.inf)
     above = z - around.ravel()[place]
     own = z < ground.ravel()[place] + step
     blocked = (above > step) & (above < clearance) & ~own
@@ -109,7 +139,7 @@ def make_occupancy(mesh: Mesh, *, cell: float = 0.05, clearance: float = 1.5, st
     return Occupancy(cells.reshape(shape), ground.astype(np.float32), cell, origin, facets.T_world_map)
 
 
-def make_ground(mesh: Mesh, *, cell: float = 0.05) -> Any:
+def make_ground(mesh: Mesh, *, cell: float = 0.05, up: ArrayLike = UPWARD) -> Any:
     """Return the mapped ground as an elevation map.
 
     Parameters
@@ -117,6 +147,8 @@ def make_ground(mesh: Mesh, *, cell: float = 0.05) -> Any:
     mesh : Mesh
     cell : float
         Side of a cell, metres.
+    up : array_like of shape (3,)
+        As for :func:`find_upright`.
 
     Returns
     -------
@@ -128,7 +160,7 @@ def make_ground(mesh: Mesh, *, cell: float = 0.05) -> Any:
     from seismo3d.io.elevation import make_elevation
 
     as_number(cell, "cell", low=0.0, strict=True)
-    facets = find_upright(mesh)
+    facets = find_upright(mesh, up=up)
     place, (x, y), shape = _cells_of(facets.centres, cell)
     ground = _lowest(place, facets.centres[:, 2], facets.upward, shape, 0.5 * cell)
     transform = (cell, 0.0, x - 0.5 * cell, 0.0, -cell, y + (shape[0] - 0.5) * cell)
@@ -137,21 +169,24 @@ def make_ground(mesh: Mesh, *, cell: float = 0.05) -> Any:
     return made
 
 
-def _mode_of(normal: Float64Array, area: Float64Array) -> Float64Array:
-    """Direction that most of the surface faces, upwards: the best of many, then the mean around it."""
-    start = np.array([0.0, -1.0, 0.0])
+def _mode_of(normal: Float64Array, area: Float64Array, start: Float64Array) -> Float64Array:
+    """Direction that most of the surface faces, within reach of ``start``: the best of many, then the mean around it.
+
+    The mean may lead away from up: what noise has turned upwards of a wall leads to the wall. Such parts are left out.
+    """
     fair = normal @ start > _UPRIGHT
-    if not fair.any():
-        return start
-    n, w = normal[fair], area[fair]
-    step = max(1, len(n) // 300)
-    tried = n[::step]
-    up = tried[int(np.argmax(((tried @ n.T) > 0.97) @ w))]
-    for _ in range(10):
-        near = n @ up > 0.94
-        up = (n[near] * w[near, None]).sum(axis=0)
-        up /= np.linalg.norm(up)
-    return np.asarray(up)
+    while fair.any():
+        n, w = normal[fair], area[fair]
+        tried = n[:: max(1, len(n) // 300)]
+        up = best = tried[int(np.argmax(((tried @ n.T) > 0.97) @ w))]
+        for _ in range(10):
+            near = normal @ up > 0.94
+            up = (normal[near] * area[near, None]).sum(axis=0)
+            up /= np.linalg.norm(up)
+        if up @ start > _UPRIGHT and area[normal @ up > 0.94].sum() > _LEAST_GROUND * area.sum():
+            return np.asarray(up)
+        fair &= normal @ best < 0.94
+    return start
 
 
 def _cells_of(points: Float64Array, cell: float) -> tuple[Int64Array, tuple[float, float], tuple[int, int]]:
@@ -183,11 +218,11 @@ def _lowest(
     return np.where(count >= 2, total / np.maximum(count, 1), np.nan).reshape(shape)
 
 
-def _least_around(ground: Float64Array, reach: int = 4) -> Float64Array:
-    """Lowest ground within some cells; the lowest of all where none is near."""
+def _least_around(ground: Float64Array, least: float, reach: int = 4) -> Float64Array:
+    """Lowest ground within some cells; the lowest of all where none is near, and ``least`` where there is none."""
     from scipy.ndimage import minimum_filter
 
     filled = np.where(np.isfinite(ground), ground, np.inf)
     around = minimum_filter(filled, size=2 * reach + 1, mode="nearest")
     known = ground[np.isfinite(ground)]
-    return np.where(np.isfinite(around), around, known.min() if known.size else -np.inf)
+    return np.where(np.isfinite(around), around, known.min() if known.size else least)

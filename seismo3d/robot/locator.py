@@ -12,8 +12,8 @@ from seismo3d.geometry.rotations import invert_transform
 from seismo3d.robot.camera import Camera
 from seismo3d.robot.ekf import log_motion
 from seismo3d.robot.frames import Measured, Timing
-from seismo3d.robot.keyframes import make_keyframe
-from seismo3d.robot.landmarks import Sightings, sight_landmarks, time_sightings
+from seismo3d.robot.keyframes import Keyframe, make_keyframe
+from seismo3d.robot.landmarks import Sightings, sight_landmarks, time_sightings, views_apart
 from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.state import MapState
 from seismo3d.robot.tracking import Located, fine_step, locate
@@ -23,6 +23,10 @@ _FAIR = 0.4
 """Share of the vertices that agree with the map where nothing is wrong, even with half of the view unseen before."""
 _STEADY, _SCATTERED = 5.0, 15.0
 """Spreads of landmarks, pixels: those below agree on a pose, those above on none, however many they are."""
+_ALIKE, _RIVALS = 12, 2
+"""Keyframes that look most alike, among which other places are sought, and how many of those are compared at most."""
+_ELSEWHERE = 1.0
+"""How far a keyframe is from a pose that does not show what is seen there, radians plus half the metres."""
 
 
 class Locator:
@@ -95,10 +99,35 @@ class Locator:
             return
         asked = make_keyframe(-1, number, np.eye(4), measured.grey, measured.depth)
         for state in states:
-            for place in state.memory.recall(asked.features):
-                found = state.memory.compare(int(place), asked)
-                if found is not None:
-                    yield state, state.memory.keyframes[place].T_world_camera @ found.T_target_source
+            for place in state.memory.recall(asked.features).tolist():
+                T = _compared(state, place, asked)
+                if T is not None:
+                    yield state, T
+
+    def rivals(
+        self, state: MapState, measured: Measured, number: int, T_world_camera: Float64Array
+    ) -> Iterable[Float64Array]:
+        """Yield other poses in a map where a frame that was found at one may have been taken as well."""
+        asked = make_keyframe(-1, number, np.eye(4), measured.grey, measured.depth)
+        alike = state.memory.recall(asked.features, n_best=_ALIKE).tolist()
+        views = [state.views[place] for place in alike]
+        far = [k for k, apart in zip(alike, views_apart(views, T_world_camera)) if apart > _ELSEWHERE]
+        for place in far[:_RIVALS]:
+            T = _compared(state, place, asked)
+            if T is not None and not is_reached(T_world_camera, T, reach=1.0):
+                yield T
+
+
+def _compared(state: MapState, place: int, asked: Keyframe) -> Float64Array | None:
+    """Return the pose at which a keyframe of a map shows what another one does; None where it does not."""
+    found = state.memory.compare(place, asked)
+    return None if found is None else state.memory.keyframes[place].T_world_camera @ found.T_target_source
+
+
+def is_reached(T_expected: Float64Array, T_found: Float64Array, *, reach: float) -> bool:
+    """Whether a pose lies within a quarter of a radian and 0.2 m, times ``reach``, of where it was expected."""
+    jump = log_motion(invert_transform(T_expected) @ T_found)
+    return bool(np.linalg.norm(jump[:3]) < 0.25 * reach and np.linalg.norm(jump[3:]) < 0.2 * reach)
 
 
 def is_sound(located: Located, T_expected: Float64Array, *, n_lost: int) -> bool:
@@ -113,13 +142,16 @@ def is_sound(located: Located, T_expected: Float64Array, *, n_lost: int) -> bool
     """
     if not located.converged:
         return False
-    jump = log_motion(invert_transform(T_expected) @ located.T_world_camera)
-    reach = 1.0 + min(n_lost, 30) / 15.0
-    near = np.linalg.norm(jump[:3]) < 0.25 * reach and np.linalg.norm(jump[3:]) < 0.2 * reach
+    near = is_reached(T_expected, located.T_world_camera, reach=1.0 + min(n_lost, 30) / 15.0)
     doubt = n_lost > 0
     steady = located.n_landmarks >= (40 if doubt else 20) and located.landmark_spread < _STEADY
     denied = located.n_landmarks >= 20 and located.landmark_spread > _SCATTERED and located.share < _FAIR
     return bool(near and (steady or located.share > (0.3 if doubt else 0.15)) and not denied)
+
+
+def is_denied(located: Located) -> bool:
+    """Whether landmarks that a frame shows agree on no pose; a place that only looks alike has them elsewhere."""
+    return located.n_landmarks >= 20 and located.landmark_spread > _STEADY
 
 
 def is_certain(located: Located) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import Float64Array
+from seismo3d._typing import ArrayLike, Float64Array
 from seismo3d._validate import as_settings, freeze
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.rotations import invert_transform
@@ -21,7 +21,7 @@ from seismo3d.robot.closures import find_closures, is_strained
 from seismo3d.robot.ekf import exp_motion, log_motion
 from seismo3d.robot.follower import Follower
 from seismo3d.robot.frames import Measured, Measurer, Timing
-from seismo3d.robot.ground import make_ground, make_occupancy
+from seismo3d.robot.ground import UPWARD, make_ground, make_occupancy
 from seismo3d.robot.keyframes import PlaceMemory
 from seismo3d.robot.local_maps import LocalMaps, change_poses
 from seismo3d.robot.locator import Locator
@@ -121,13 +121,13 @@ class Mapper:
         """Return the mapped surface as triangles with colours: of the current local map, as all that follow."""
         return extract_mesh(self.state.surface)
 
-    def occupancy(self, *, cell: float = 0.05) -> Occupancy:
+    def occupancy(self, *, cell: float = 0.05, up: ArrayLike = UPWARD) -> Occupancy:
         """Return the map from above: free, occupied, unknown; see :func:`seismo3d.robot.ground.make_occupancy`."""
-        return make_occupancy(self.mesh(), cell=cell)
+        return make_occupancy(self.mesh(), cell=cell, up=up)
 
-    def elevation(self, *, cell: float = 0.05) -> Any:
+    def elevation(self, *, cell: float = 0.05, up: ArrayLike = UPWARD) -> Any:
         """Return the mapped ground as an elevation map; see :func:`seismo3d.robot.ground.make_ground`."""
-        return make_ground(self.mesh(), cell=cell)
+        return make_ground(self.mesh(), cell=cell, up=up)
 
     def close_loops(self) -> Closed:
         """Find keyframes that show the same place, solve the graph of all, and make the map anew from its poses.

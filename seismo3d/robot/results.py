@@ -11,10 +11,10 @@ from seismo3d.robot.frames import MeasureSettings
 from seismo3d.robot.tracking import TERMS, Located
 
 STATES = ("started", "tracked", "sliding", "relocated", "joined", "lost", "empty")
-"""States of a frame: the first one of a local map; located where it was expected; located but for a shift along a plain
-wall without landmarks, along which it stays as predicted; located at a place that a map
-remembers, after a loss; located, and its local map joined with another one; not located; without depth to locate it
-by."""
+"""States of a frame: the first one of a local map; located where it was expected; located but for motions of which
+nothing in view tells, those along bare walls, corridors and tunnels, along which it goes on as predicted; located at a
+place that a map remembers, after a loss; located, and its local map joined with another one; not located; without depth
+to locate it by."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,8 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.geometry.camera import PinholeCamera
-from seismo3d.registration.observability import assess
+from seismo3d.registration._kernels_newton import RIGID, parameter_jacobian
+from seismo3d.registration.observability import assess, to_input_units
 from seismo3d.registration.quadratic import Frame
 from seismo3d.registration.solvers import Limits
 from seismo3d.robot import _kernels_pose as kernels
@@ -45,8 +46,8 @@ so many pairs: neighbours share their errors."""
 _ENOUGH = 20
 """Landmarks from which on they say where a frame was, whatever the planes say."""
 _UNKNOWN = 10.0
-"""Variance along directions that nothing is said about, m^2."""
-_NONE = np.empty((0, 3))
+"""Variance along motions of unit length that nothing is said about, rad^2 and m^2."""
+_NONE = np.empty((0, 6))
 _LEADING, _MANY, _FAR_OFF = 2, 30, 4.0
 """Steps that landmarks take alone at first where at least so many of them are off by so many pixels."""
 _APART, _NEARER, _AS_WELL = 1.0, 0.5, 0.5
@@ -78,9 +79,10 @@ class Located:
     planes : PlanePairs or None
     landmark_weights : ndarray of shape (n,), float64
         Inverse variances, per pixel squared.
-    blind : ndarray of shape (k, 3), float64
-        Directions in the world along which nothing says where the frame was: those along a plain wall without
-        landmarks. The covariance is large along them.
+    blind : ndarray of shape (k, 6), float64
+        Motions in the world (rotation, translation; of unit length, perturbations on the left) along which nothing says
+        where the frame was: without landmarks the one along a corridor, those along and about a tunnel, the three in
+        the plane of a wall. The pose is the start's along them, and the covariance large.
     """
 
     T_world_camera: Float64Array
@@ -112,8 +114,8 @@ class PlanePairs:
         Vertices that were looked up.
     spread : float
         As in :class:`Located`.
-    bend : float
-        Mean square of the angle between the normals of a pair about each axis, rad^2: the normals' noise.
+    blind : ndarray of shape (6, k), float64
+        Motions, in the frame of the form that was fitted, of which the pairs say no more than the normals' noise does.
     """
 
     source: Float64Array
@@ -123,7 +125,7 @@ class PlanePairs:
     residuals: Float64Array
     n_tried: int
     spread: float
-    bend: float
+    blind: Float64Array
 
 
 def locate(
@@ -194,10 +196,11 @@ def _fit(
         return Located(T_world_camera, unknown, 0, 0, 0.0, np.inf, np.inf, False, None, unweighed, _NONE)
     pairs = PlanePairs(*planes) if has_pairs else None
     n_planes = 0 if pairs is None else int(np.count_nonzero(pairs.weights))
-    blind = _blind(pairs, n_agreeing if has_rays else 0)
+    unseen = pairs.blind if pairs is not None and not (has_rays and n_agreeing >= _ENOUGH) else _NONE.T
+    covariance, blind = _covariance(form, unseen)
     return Located(
         T_world_camera=T,
-        covariance=_covariance(form, blind),
+        covariance=covariance,
         n_planes=n_planes,
         n_landmarks=n_agreeing if has_rays else 0,
         share=0.0 if pairs is None else n_planes / max(pairs.n_tried, 1),
@@ -220,22 +223,17 @@ def _step_of(measured: Measured, least: tuple[int, int]) -> int:
     return max(least[0], int(np.sqrt(rows * columns / least[1])))
 
 
-def _covariance(form: tuple[Any, ...], blind: Float64Array) -> Float64Array:
-    """Return how sure the last step's form is of its minimum; nothing is said along what is ``blind``."""
+def _covariance(form: tuple[Any, ...], unseen: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Return how sure the last step's form is of its minimum, and what is ``unseen`` (6, k) as motions in the world."""
     Q, A, t, source, target, size = form
     frame = Frame(source, target, size)
-    sure = assess(Q, Q / size**2, A, t, model="rigid", frame=frame, ratio=kernels.RATIO, limits=_FREE)
-    sure.covariance[3:, 3:] += _UNKNOWN * blind.T @ blind
-    return sure.covariance
-
-
-def _blind(pairs: PlanePairs | None, n_landmarks: int) -> Float64Array:
-    """Return the two directions (2, 3) along a plain wall without landmarks; none (0, 3) of any other surface.
-
-    Its normals vary by their noise alone: two looks at one place differ by as much.
-    """
-    if pairs is None or n_landmarks >= _ENOUGH:
-        return _NONE
-    normals, weights = pairs.normals, pairs.weights / max(float(pairs.weights.sum()), 1e-300)
-    values, vectors = np.linalg.eigh((normals * weights[:, None]).T @ normals)
-    return np.ascontiguousarray(vectors[:, :2].T) if values[1] < pairs.bend else _NONE
+    if unseen.shape[1] == 0:
+        sure = assess(Q, Q / size**2, A, t, model="rigid", frame=frame, ratio=kernels.RATIO, limits=_FREE)
+        return sure.covariance, _NONE
+    J, change = parameter_jacobian(A, RIGID), to_input_units(A, t, "rigid", frame)
+    seen = np.linalg.qr(unseen, mode="complete")[0][:, unseen.shape[1] :]
+    known = seen.T @ J.T @ Q[:-1, :-1] @ J @ seen * size**2
+    blind = (change @ unseen).T
+    blind /= np.linalg.norm(blind, axis=1, keepdims=True)
+    root = change @ seen @ np.linalg.cholesky(np.linalg.inv(known))
+    return root @ root.T + _UNKNOWN * blind.T @ blind, blind

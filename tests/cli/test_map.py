@@ -18,7 +18,7 @@ from seismo3d.synthetic.rgbd import rgbd_sequence
 @pytest.fixture(scope="module")
 def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("rgbd") / "room"
-    made = rgbd_sequence("room", frames=16, size=(160, 120), period=10.0, seed=2).write(folder)
+    made = rgbd_sequence("room", frames=16, size=(160, 120), period=10.0, seed=3).write(folder)
     camera = json.loads((made / "camera.json").read_text())
     (made / "camera.json").write_text(json.dumps({**camera, "readout": 0.0, "depth_delay": 0.0}))
     return made
@@ -47,7 +47,7 @@ def test_run_writes_all_that_it_says(sequence: Path, tmp_path: Path, capsys: pyt
     assert (Occupancy.load(out / "occupancy.npz").cells != 2).any()
     assert np.isfinite(read_elevation(out / "elevation.tif").values).any()
     assert len(Mapper.load(out / "map.npz").trajectory) == 16
-    assert "http" not in (out / "report.html").read_text()
+    assert "://" not in (out / "report.html").read_text()
     header = (out / "mesh.ply").read_bytes()[:200].decode("ascii", errors="replace")
     assert "element vertex" in header
 
@@ -115,6 +115,13 @@ def test_a_cell_without_a_side_is_refused_before_any_frame_is_read(
     monkeypatch.setattr(Mapper, "add", None)
     assert _run(["map", str(sequence), "-o", str(tmp_path / "out"), "--cell", "0"], debug=False) == 2
     assert "cell is 0" in capsys.readouterr().err
+
+
+def test_an_up_that_is_no_direction_is_refused_before_any_frame_is_read(
+    sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _run(["map", str(sequence), "-o", str(tmp_path / "out"), "--up", "0,-1"], debug=False) == 2
+    assert "expected three numbers" in capsys.readouterr().err
 
 
 def test_cells_too_many_to_hold_are_refused_by_their_side(

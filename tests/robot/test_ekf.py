@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seismo3d.geometry.rotations import exp_rotation, make_transform, rotation_angle
+from seismo3d.geometry.rotations import exp_rotation, invert_transform, make_transform, rotation_angle
 from seismo3d.robot.ekf import Glimpses, MotionFilter, adjoint, exp_motion, log_motion
 
 
@@ -72,6 +72,18 @@ def test_uncertainty_grows_while_nothing_is_measured() -> None:
         motion.predict(step * 0.1)
         spans.append(np.trace(motion.covariance[3:6, 3:6]))
     assert np.all(np.diff(spans) > 0)
+
+
+def test_a_time_that_no_stamp_tells_of_leaves_the_pose_as_unsure_as_one_that_is_told() -> None:
+    told, untold = MotionFilter(0.0, np.eye(4)), MotionFilter(0.0, np.eye(4))
+    told.predict(0.1)
+    untold.loosen(0.1)
+    np.testing.assert_allclose(untold.covariance[:6, :6].diagonal(), told.covariance[:6, :6].diagonal(), rtol=0.01)
+    np.testing.assert_array_equal(untold.T_world_body, np.eye(4))
+    untold.twist[3] = 2.0
+    untold.loosen(0.1)
+    assert untold.covariance[3, 3] > 0.2**2  # it may have gone on
+    assert untold.time == 0.0
 
 
 def seen_from(T: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -147,3 +159,34 @@ def test_a_landmark_shares_the_error_of_the_pose_that_it_was_seen_from() -> None
     assert seen.all()
     # what was known of the landmark came from the pose: seeing it again says little of the pose
     np.testing.assert_allclose(np.diag(motion.covariance)[:6], [1e-4] * 3 + [4e-4] * 3, rtol=1e-3)
+
+
+def test_what_is_blind_in_each_of_many_measurements_is_not_learnt_from_all_of_them() -> None:
+    """Along a corridor, whose direction each frame finds a little differently, nothing is known but by the motion."""
+    rng = np.random.default_rng(3)
+    start = exp_motion(np.array([0.2, -0.4, 0.1, 3.0, -2.0, 1.0]))
+    free, walled = MotionFilter(0.0, start), MotionFilter(0.0, start)
+    along = start[:3, :3] @ [0.0, 0.0, 1.0]
+    for k in range(1, 61):
+        free.predict(k / 30.0)
+        walled.predict(k / 30.0)
+        blind = np.concatenate([np.zeros(3), along + 0.02 * rng.standard_normal(3)])
+        off = start.copy()
+        off[:3, 3] += 0.1 * along  # of which it says nothing
+        walled.update(off, np.eye(6) * 1e-6, gate=None, blind=blind[None] / np.linalg.norm(blind))
+    to_body = adjoint(invert_transform(start))
+    spreads = [np.sqrt(np.diag(to_body @ f.covariance[:6, :6] @ to_body.T)) for f in (free, walled)]
+    assert spreads[1][5] > 0.9 * spreads[0][5] > 0.9
+    assert (spreads[1][:5] < 0.1 * spreads[0][:5]).all()
+    moved = invert_transform(start) @ walled.T_world_body
+    assert np.abs(moved[:3, 3]).max() < 0.1
+    assert np.abs(walled.twist).max() < 0.1
+
+
+def test_a_measurement_blind_to_nothing_is_one_without_that() -> None:
+    filters = [MotionFilter(0.0, np.eye(4)) for _ in range(2)]
+    for motion, blind in zip(filters, (None, np.empty((0, 6)))):
+        motion.predict(0.1)
+        motion.update(exp_motion(np.full(6, 0.01)), np.eye(6) * 1e-4, gate=None, blind=blind)
+    np.testing.assert_array_equal(filters[0].covariance, filters[1].covariance)
+    np.testing.assert_array_equal(filters[0].T_world_body, filters[1].T_world_body)
