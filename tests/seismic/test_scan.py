@@ -371,7 +371,8 @@ def layers_of(strike_deg, dip_deg, shape=(16, 18, 24)):
 @pytest.mark.parametrize("strike_deg", [0.0, 37.0, 90.0, 211.0])
 def test_crests_along_steep_layers_are_left_out(strike_deg):
     dips = np.array([31.0, 34.0, 36.0, 50.0, 64.0, 66.0, 80.0])
-    kept = leave_layers(crests_at(strike_deg, dips), layers_of(strike_deg, 50.0), ScanSettings(layer_angles_deg=(15.0, 25.0)))
+    settings = ScanSettings(layer_angles_deg=(15.0, 25.0))
+    kept = leave_layers(crests_at(strike_deg, dips), layers_of(strike_deg, 50.0), settings)
     np.testing.assert_array_equal(kept.voxels[:, 2], np.flatnonzero(np.abs(dips - 50.0) > 15.0))
 
 
