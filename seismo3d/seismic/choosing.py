@@ -48,10 +48,10 @@ class ChoiceSettings:
     layer_angle_deg : float
         Least angle, in the median, between a sheet and the layers beside it, across its strike: what runs along steep
         layers is one of them, whose neighbours do not fit where its dip is told wrongly.
-    leaning, leaning_score : float
-        What is nearer to the layers than this share of its dip leans over as they do: if it is weaker than
-        `sure_strength`, it needs this mean support. What does not fit along steep layers spreads to the planes between
-        theirs and upright ones.
+    leaning, leaning_deg, leaning_score : float
+        What is nearer to the layers than this share of its dip, and than this angle, leans over as they do: if it is
+        weaker than `sure_strength`, it needs this mean support. What does not fit along steep layers spreads to the
+        planes between theirs and upright ones.
     tall, tall_strength : float
         Height from which on a sheet is no channel's edge, and the strength that is enough there, and where it is well
         told and off all strong faults.
@@ -118,6 +118,7 @@ class ChoiceSettings:
     still_fit: float = 0.7
     layer_angle_deg: float = 20.0
     leaning: float = 0.75
+    leaning_deg: float = 45.0
     leaning_score: float = 0.48
     tall: float = 60.0
     tall_strength: float = 17.0
@@ -308,9 +309,9 @@ def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) 
     if not told.any():
         return sheet
     angle, dip = np.median(apart[told]), np.median(np.broadcast_to(np.minimum(lean, np.pi - lean), told.shape)[told])
-    leans = angle < settings.leaning * dip and strength(sheet) < settings.sure_strength
-    is_weak = leans and float(np.nanmean(sheet.score[sheet.inside])) < settings.leaning_score
-    if angle >= np.radians(settings.layer_angle_deg) and not is_weak:
+    leans = angle < min(settings.leaning * dip, np.radians(settings.leaning_deg))
+    is_sure = strength(sheet) >= settings.sure_strength or np.nanmean(sheet.score) >= settings.leaning_score
+    if angle >= np.radians(settings.layer_angle_deg) and not (leans and not is_sure):
         return sheet
     return sheet.only(np.zeros(sheet.w.shape, bool))
 

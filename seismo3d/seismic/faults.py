@@ -351,8 +351,8 @@ def measure_moving(
     """
     measured = match_sides(sheet, sides.both, sides.known, settings=settings.throw)
     measured = replace(measured, runs_on=likeness_beyond(sheet, beyond))
-    crossing = end_along_layers(end_in_mutes(sheet, sides, shape), sides, settings.choice)
-    return end_where_still(crossing, measured, settings.choice, noise=noise)
+    moving, throw = end_where_still(end_in_mutes(sheet, sides, shape), measured, settings.choice, noise=noise)
+    return end_along_layers(moving, sides, settings.choice), throw
 
 
 def finish_throws(
