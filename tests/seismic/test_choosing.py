@@ -457,7 +457,7 @@ def test_what_cuts_the_layers_stays_as_it_is(dip, tilts_deg):
         ({"score": 0.5}, (20.0, 18.0), True),
         ({"rows": 120, "columns": 60}, (20.0, 18.0), True),
     ],
-    ids=["leans as they do", "to the other side", "gentler layers", "against them", "steep itself", "supported", "sure"],
+    ids=["leans as they do", "to the other side", "gentler ones", "against them", "steep itself", "supported", "sure"],
 )
 def test_a_weak_sheet_that_leans_over_as_steep_layers_do_is_no_fault(change, tilts_deg, is_kept):
     sheet, _ = candidate(**{"dip": 55.0, "score": 0.4} | change)
