@@ -85,6 +85,9 @@ class ChoiceSettings:
         Smallest share of it where its moved sides match: where they match as well as those of steep ones must, and
         where they match no better than those of sloping ones must. A third of a sheet matches by chance at some throw,
         but not well.
+    company_half, company_score : float
+        Share of it whose sides match below which its mean support is the second: weak ridges between layers and faults
+        match here and there by chance.
     company_throw, company_fit : tuple of (float, float)
         Smallest median fit where its sides match, and smallest median throw at that fit: of sloping ones, and of steep
         ones. At a perfect fit `least_throw` is enough, in between what is proportional.
@@ -139,6 +142,8 @@ class ChoiceSettings:
     company_strength: float = 11.0
     company_length: float = 30.0
     company_matched: tuple[float, float] = (0.3, 0.45)
+    company_half: float = 0.5
+    company_score: float = 0.35
     company_throw: tuple[float, float] = (1.0, 1.4)
     company_fit: tuple[float, float] = (0.6, 0.75)
     leftover_strength: float = 12.0
@@ -189,7 +194,12 @@ class ChoiceSettings:
 
 def strength(sheet: Sheet) -> float:
     """Return a sheet's significance: its mean support times the square root of its area."""
-    return float(np.nanmean(sheet.score) * np.sqrt(sheet.area)) if sheet.inside.any() else 0.0
+    return _support(sheet) * float(np.sqrt(sheet.area)) if sheet.inside.any() else 0.0
+
+
+def _support(sheet: Sheet) -> float:
+    """Return a sheet's mean support."""
+    return float(np.nanmean(sheet.score))
 
 
 def may_be_faults(sheets: list[Sheet], is_section: bool, settings: ChoiceSettings) -> list[Sheet]:
@@ -310,7 +320,7 @@ def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) 
         return sheet
     angle, dip = np.median(apart[told]), np.median(np.broadcast_to(np.minimum(lean, np.pi - lean), told.shape)[told])
     leans = angle < min(settings.leaning * dip, np.radians(settings.leaning_deg))
-    is_sure = strength(sheet) >= settings.sure_strength or np.nanmean(sheet.score) >= settings.leaning_score
+    is_sure = strength(sheet) >= settings.sure_strength or _support(sheet) >= settings.leaning_score
     if angle >= np.radians(settings.layer_angle_deg) and not (leans and not is_sure):
         return sheet
     return sheet.only(np.zeros(sheet.w.shape, bool))
@@ -422,10 +432,9 @@ def _is_unlike(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> boo
 
     So are the edges of chaotic beds, and what lines up in noise; and faults whose other side lies outside the cube.
     """
-    inside = sheet.inside
     return bool(
-        float(throw.fit[inside].mean()) < settings.unlike_fit
-        and float(np.nanmean(sheet.score[inside])) < settings.unlike_score
+        float(throw.fit[sheet.inside].mean()) < settings.unlike_fit
+        and _support(sheet) < settings.unlike_score
         and not _is_told_by_little(sheet, throw, settings)
     )
 
@@ -480,6 +489,7 @@ def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool
         sheet.area >= settings.company_area
         and _height(sheet) >= settings.least_height
         and length_down_dip(sheet) >= settings.company_length
+        and (_share_matched(sheet, throw) >= settings.company_half or _support(sheet) >= settings.company_score)
         and is_told(sheet, throw, settings)
     )
 
@@ -508,7 +518,7 @@ def _is_told_leftover(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings)
         and median_throw(throw) >= settings.company_throw[1]
         and _matches_on_little(sheet, throw, settings.leftover_fit, settings)
         and dip < settings.leftover_dip_deg
-        and (dip >= settings.low_dip_deg or float(np.nanmean(sheet.score)) >= settings.leftover_score)
+        and (dip >= settings.low_dip_deg or _support(sheet) >= settings.leftover_score)
     )
 
 

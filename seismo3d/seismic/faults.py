@@ -223,9 +223,11 @@ def trace_faults(
     )  # fmt: skip
     report("scan", 0.0)
     support = scan_planes(found, settings=settings.scan, progress=progress)
-    ridges = leave_layers(thin(support, found, least=0.0), slopes, settings.scan)
+    ridges = thin(support, found, least=0.0)
     if is_section:
         ridges = weigh_crests(volume, valid, slopes, ridges, settings=settings.section)
+    else:
+        ridges = leave_layers(ridges, slopes, settings.scan)
     strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, found.noise))
     del support
     report("link", 0.0)

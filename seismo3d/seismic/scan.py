@@ -33,7 +33,8 @@ class ScanSettings:
         Dip below which no fault is looked for, in index coordinates.
     layer_angles_deg : tuple of (float, float)
         Angles to the layers at a crest, and to those `BESIDE` traces off it on either side, below which it is none of a
-        fault: where steep layers are told a little too flat, they do not fit along themselves.
+        fault: where steep layers are told a little too flat, they do not fit along themselves. Of cubes alone: the
+        slopes of a section, which no neighbours steady, are none in noise.
     n_strikes : int
         Strikes tried in each half of the compass.
     n_dips : tuple of (int, int)

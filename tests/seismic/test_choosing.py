@@ -284,6 +284,12 @@ def test_company_that_matches_on_little_of_it_must_match_well_there(fit, share, 
     assert chosen(HOST, beside) == [0, 1][: 1 + joins]
 
 
+@pytest.mark.parametrize(("share", "score", "joins"), [(0.45, 0.3, False), (0.45, 0.37, True), (0.6, 0.3, True)])
+def test_weak_company_matches_on_half_of_it(share, score, joins):
+    beside = fits_on(share, 0.85, rows=60, columns=22, origin=(5.0, 0.0), score=score, dip=50.0)
+    assert chosen(HOST, beside) == [0, 1][: 1 + joins]
+
+
 @pytest.mark.parametrize(("change", "stands"), [({}, True), ({"fit": 0.7}, False), ({"dip": 80.0}, False)])
 def test_a_large_throw_may_lead_out_of_view_from_most_of_what_slopes(change, stands):
     """Chaotic beds match by chance where they are seen, but not so well; edges of channels are steep."""
