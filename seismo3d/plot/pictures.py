@@ -156,14 +156,23 @@ def live_traces(cube: Any) -> BoolArray:
 
     Of a cube whose live traces are not counted yet (a lazy one) all are taken for live: to count them is to read it.
     """
-    if hasattr(cube, "coords") and "live" in cube.coords and isinstance(cube["live"].data, np.ndarray):
+    if _has_live(cube) and is_live_counted(cube):
         return np.asarray(cube["live"].data, dtype=bool)
     return np.ones(cube.shape[:-1], dtype=bool)
 
 
+def is_live_counted(cube: Any) -> bool:
+    """Whether it is known without reading a cube which of its traces are live; of a lazy one it is not."""
+    return not _has_live(cube) or isinstance(cube["live"].data, np.ndarray)
+
+
+def _has_live(cube: Any) -> bool:
+    return hasattr(cube, "coords") and "live" in cube.coords
+
+
 def live_on_slice(cube: Any, axis: int, index: int) -> BoolArray:
     """Live traces of one slice, read from that slice where they are not known; all of them for axis 2 or -1."""
-    if not (hasattr(cube, "coords") and "live" in cube.coords):
+    if not _has_live(cube):
         return np.ones([n for k, n in enumerate(cube.shape[:-1]) if k != axis], dtype=bool)
     live = cube["live"]
     cut = live[(slice(None),) * axis + (index,)] if axis in (0, 1) else live

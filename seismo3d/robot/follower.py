@@ -9,6 +9,7 @@ from seismo3d.geometry.rotations import invert_transform
 from seismo3d.robot.camera import Camera, RgbdFrame
 from seismo3d.robot.ekf import MotionFilter, adjoint
 from seismo3d.robot.frames import Coming, Measured, Timing
+from seismo3d.robot.keyframes import Keyframe
 from seismo3d.robot.landmarks import Sightings
 from seismo3d.robot.local_maps import LocalMaps
 from seismo3d.robot.locator import Locator, is_certain, is_denied, is_reached, is_sound
@@ -155,11 +156,14 @@ class Follower:
         """Locate a frame at a place that looks like it: when it fits badly, and now and then after a loss."""
         if self.n_lost >= _RELOCATE_EVERY and self.n_lost % _RELOCATE_EVERY:
             return None
+        asked = self._locator.describe(measured, number)
+        if asked is None:
+            return None
         T_expected = self.motion.T_world_body @ self._cameras[number].T_body_camera
-        for state, place in self._locator.places(self._maps.every[::-1], measured, number):
+        for state, place in self._locator.places(self._maps.every[::-1], asked):
             there, again = self._look_at(state, measured, number, place, timing)
             if again.share > max(0.4, least_share) and self._fits(again, place):
-                if self._is_ambiguous(state, measured, number, again, timing):
+                if self._is_ambiguous(state, measured, asked, again, timing):
                     return None
                 near = is_reached(T_expected, again.T_world_camera, reach=_FASTER)
                 if state is self._maps.current and self.n_lost == 0 and near:
@@ -180,10 +184,12 @@ class Follower:
     def _fits(self, located: Located, place: Float64Array) -> bool:
         return is_sound(located, place, n_lost=self.n_lost) and not is_denied(located)
 
-    def _is_ambiguous(self, state: MapState, measured: Measured, number: int, found: Located, timing: Timing) -> bool:
+    def _is_ambiguous(
+        self, state: MapState, measured: Measured, asked: Keyframe, found: Located, timing: Timing
+    ) -> bool:
         """Whether a frame fits elsewhere in a map nearly as well as where it was found: nothing tells which it is."""
-        for place in self._locator.rivals(state, measured, number, found.T_world_camera):
-            _, other = self._look_at(state, measured, number, place, timing)
+        for place in self._locator.rivals(state, asked, found.T_world_camera):
+            _, other = self._look_at(state, measured, asked.camera, place, timing)
             if other.share > _AS_WELL * found.share and self._fits(other, place):
                 return True
         return False

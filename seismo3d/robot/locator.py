@@ -91,24 +91,22 @@ class Locator:
         prediction = self.cast(state.surface, measured, number, T, coarser=fine_step(measured))
         return locate(measured, prediction, seen, T, self._cameras[number].lens, terms=self._terms, loose=loose)
 
-    def places(
-        self, states: Iterable[MapState], measured: Measured, number: int
-    ) -> Iterable[tuple[MapState, Float64Array]]:
-        """Yield maps and poses in them at which remembered keyframes say that a frame may have been taken."""
+    def describe(self, measured: Measured, number: int) -> Keyframe | None:
+        """Return a frame as what is asked of remembered keyframes; None of one without an image."""
         if measured.grey is None:
-            return
-        asked = make_keyframe(-1, number, np.eye(4), measured.grey, measured.depth)
+            return None
+        return make_keyframe(-1, number, np.eye(4), measured.grey, measured.depth)
+
+    def places(self, states: Iterable[MapState], asked: Keyframe) -> Iterable[tuple[MapState, Float64Array]]:
+        """Yield maps and poses in them at which remembered keyframes say that a frame may have been taken."""
         for state in states:
             for place in state.memory.recall(asked.features).tolist():
                 T = _compared(state, place, asked)
                 if T is not None:
                     yield state, T
 
-    def rivals(
-        self, state: MapState, measured: Measured, number: int, T_world_camera: Float64Array
-    ) -> Iterable[Float64Array]:
+    def rivals(self, state: MapState, asked: Keyframe, T_world_camera: Float64Array) -> Iterable[Float64Array]:
         """Yield other poses in a map where a frame that was found at one may have been taken as well."""
-        asked = make_keyframe(-1, number, np.eye(4), measured.grey, measured.depth)
         alike = state.memory.recall(asked.features, n_best=_ALIKE).tolist()
         views = [state.views[place] for place in alike]
         far = [k for k, apart in zip(alike, views_apart(views, T_world_camera)) if apart > _ELSEWHERE]

@@ -301,7 +301,7 @@ def _best_lag(correlation: Float64Array) -> float:
 
 
 def _uniform(shift: Float64Array, shape: tuple[int, ...]) -> Float32Array:
-    return np.tile(shift.astype(np.float32)[:, None, None, None], (1, *shape))
+    return np.broadcast_to(shift.astype(np.float32)[:, None, None, None], (len(shift), *shape))
 
 
 def _fit_windows(
@@ -311,7 +311,7 @@ def _fit_windows(
     """Shifts in all windows, coarse to fine, and their variances; between levels the shift of the whole is settled."""
     window = (settings.lateral, settings.lateral, settings.vertical)
     both = known[0] & known[1]
-    whole, shift = start.copy(), _uniform(start, cubes[0].shape)
+    whole, shift = start.copy(), _uniform(start, cubes[0].shape).copy()
     last, steps = len(settings.levels) - 1, len(settings.levels) * settings.passes
     for number, width in enumerate(settings.levels):
         smooth = _smooth_down(cubes[0], width), _smooth_down(cubes[1], width)

@@ -12,7 +12,7 @@ import numpy as np
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import amplitude_limits
-from seismo3d.plot.pictures import live_traces
+from seismo3d.plot.pictures import is_live_counted, live_traces
 
 _KEPT_BYTES = 256 * 2**20
 # percentile of the amplitude's size that gets the strongest colour
@@ -71,7 +71,7 @@ class SliceReader:
         self.is_lazy = not isinstance(self._data, np.ndarray)
         self._live = live_traces(cube)
         # dead traces are zero in the file; those of a lazy cube are not counted yet
-        self._is_counted = not ("live" in getattr(cube, "coords", ()) and not isinstance(cube["live"].data, np.ndarray))
+        self._is_counted = is_live_counted(cube)
         self._alive_above: dict[tuple[int, int], BoolArray] = {}
         self._kept: OrderedDict[tuple[int, int, int], Slice] = OrderedDict()
         self._lock = threading.Lock()
