@@ -56,8 +56,10 @@ from seismo3d.seismic.throw import (
     SheetThrow,
     ThrowSettings,
     farther_off,
+    gather_closer,
     gather_sides,
     match_sides,
+    refine_throw,
     slopes_beside,
 )
 
@@ -259,10 +261,10 @@ def trace_faults(
     numbers = choose_faults(moving, settings.choice.for_size(volume.shape))
     chosen = [sheets[number] for number in numbers]
     sheets, today = [moving[number][0] for number in numbers], [moving[number][1] for number in numbers]
-    throws = finish_throws(
+    today, throws = finish_throws(
         sheets,
         today,
-        lambda n: gather_sides(volume, valid, slopes, chosen[n], settings=settings.throw),
+        lambda n: gather_closer(volume, valid, slopes, chosen[n], settings=settings.throw),
         layers,
         settings,
         is_section=is_section,
@@ -359,17 +361,24 @@ def measure_moving(
 
 def finish_throws(
     sheets: list[Sheet],
-    today: list[SheetThrow],
-    read_sides: Callable[[int], SheetSides],
+    found: list[SheetThrow],
+    read_closer: Callable[[int], SheetSides],
     layers: LayerSlopes,
     settings: FaultSettings,
     *,
     is_section: bool,
-) -> list[SheetThrow]:
-    """Return the throws of faults when they moved; in a section, as they seem today."""
+) -> tuple[list[SheetThrow], list[SheetThrow]]:
+    """Return the throws of faults as they seem today, refined, and when they moved; in a section the former alone.
+
+    The sides of a fault are read by its number, close to it (:func:`~seismo3d.seismic.throw.gather_closer`).
+    """
+    today = [
+        refine_throw(sheet, throw, read_closer(number), settings=settings.throw)
+        for number, (sheet, throw) in enumerate(zip(sheets, found, strict=True))
+    ]
     if is_section:
-        return today
-    return restore_throws(sheets, today, read_sides, layers, settings=settings.throw, history=settings.history)
+        return today, today
+    return today, restore_throws(sheets, today, read_closer, layers, settings=settings.throw, history=settings.history)
 
 
 def largest_first(

@@ -30,8 +30,10 @@ from seismo3d.seismic.throw import (
     SheetSides,
     SheetThrow,
     ThrowSettings,
+    at_every,
     carry_on_slip,
     every_sample,
+    facing,
     find_slip,
     fit_of,
 )
@@ -195,17 +197,9 @@ def _lay_out(sheet: Sheet, throw: SheetThrow) -> _Part:
 
 def _present_motion(part: _Part, throw: SheetThrow, history: HistorySettings) -> FaultMotion | None:
     """Return the motion of a sheet as it lies today; None where its throw is not known."""
-    known = np.isfinite(throw.throw)
-    if not known.any():
+    if not np.isfinite(throw.throw).any():
         return None
-    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-    rows, samples = (np.arange(0, n, _EVERY, dtype=np.float64) for n in part.shape)
-    columns = np.minimum(samples / part.sheet.step, throw.throw.shape[1] - 1)
-    at = np.stack(np.meshgrid(rows, columns, indexing="ij"))
-    thrown, fit = (
-        ndimage.map_coordinates(np.asarray(values, np.float64), at, order=1).astype(np.float32)
-        for values in (throw.throw[tuple(nearest)], throw.fit)
-    )
+    thrown, fit = (at_every(values, part.sheet, _EVERY) for values in (throw.throw, throw.fit))
     return find_motion(
         part.frame, (part.sheet.first_s, float(part.sheet.first_sample)), every_sample(part.sheet).astype(np.float64),
         thrown, fit, hanging_side=part.hanging_side, share=throw.strike_share, stiffness=history.stiffness, thin=_EVERY,
@@ -274,8 +268,7 @@ def _measure(
     inside = weight > _COVERED
     both, seen = _mean_sides(sums)
     height = np.where(inside, sums[4] / np.maximum(weight, 1e-9), np.nan)
-    up = 1 if first.hanging_side > 0 else 0
-    sides_there = Sides(both[up], both[1 - up], seen[up], seen[1 - up])
+    sides_there = facing(both, seen, first.hanging_side)
     if not (seen[0].any() and seen[1].any()):
         return None
     slip = _best_slip(

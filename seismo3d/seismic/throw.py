@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_throw import mark_beside, read_sides
@@ -13,9 +14,12 @@ from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.fault_motion import enlarge
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
-from seismo3d.seismic.slip_fields import MISMATCH, Sides, SlipField, SlipSettings
+from seismo3d.seismic.slip_fields import MISMATCH, Sides, SlipField, SlipSettings, refine_slip
 from seismo3d.seismic.throw_bells import carry_on
 from seismo3d.seismic.throw_matching import match_throws
+
+# a throw read closer is refined from the one before so many times: what drag has bent comes out some samples beside it
+_REFINEMENTS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +31,12 @@ class ThrowSettings:
     near, far : int
         Traces off a steep surface between which each side is averaged.
     clearance : float
-        Samples, down the trace, from the surface to these traces: beside a surface that dips gently they are taken
-        farther off, as the wavelet mixes what lies above it with what lies below.
+        Samples, down the trace, from the surface to these traces where throws are looked for: beside a surface that
+        dips gently they are taken farther off, as the wavelet mixes what lies above it with what lies below.
+    close : float
+        The same where throws that were found are refined: layers carried on over fewer traces are surer.
     farthest : int
-        By at most so many traces.
+        By at most so many traces are they taken farther off.
     clear : int
         Traces still farther off at which their slopes are read.
     beside : int
@@ -52,6 +58,7 @@ class ThrowSettings:
     near: int = 2
     far: int = 4
     clearance: float = 8.0
+    close: float = 5.0
     farthest: int = 11
     clear: int = 3
     beside: int = 1
@@ -145,18 +152,37 @@ def gather_sides(
     return SheetSides(sides, known, tilts)
 
 
+def gather_closer(
+    volume: Float32Array,
+    valid: BoolArray,
+    slopes: tuple[Float32Array, Float32Array],
+    sheet: Sheet,
+    *,
+    settings: ThrowSettings,
+    w: Float32Array | None = None,
+    corner: tuple[int, int] = (0, 0),
+) -> SheetSides:
+    """Do what :func:`gather_sides` does, close to the sheet, for throws that were found to be refined."""
+    off = farther_off(sheet, settings, close=True)
+    return gather_sides(volume, valid, slopes, sheet, settings=settings, w=w, off=off, corner=corner)
+
+
 def side_reach(settings: ThrowSettings) -> int:
     """Return how many traces off a sheet its sides are read at most."""
     return settings.far + settings.farthest + settings.clear + 2
 
 
-def farther_off(sheet: Sheet, settings: ThrowSettings) -> int:
-    """Return how many traces farther off than `near` and `far` the sides of a sheet are read, for its dip's sake."""
+def farther_off(sheet: Sheet, settings: ThrowSettings, *, close: bool = False) -> int:
+    """Return how many traces farther off than `near` and `far` the sides of a sheet are read, for its dip's sake.
+
+    Where its throw is looked for, or, if `close`, where it is refined.
+    """
     steps = np.abs(np.diff(sheet.w.astype(np.float64), axis=1)) / sheet.step
     steps = steps[np.isfinite(steps)]
     if not steps.size:
         return 0
-    wanted = settings.clearance * float(np.median(steps)) - 0.5 * (settings.near + settings.far)
+    clearance = settings.close if close else settings.clearance
+    wanted = clearance * float(np.median(steps)) - 0.5 * (settings.near + settings.far)
     return int(np.clip(np.rint(wanted), 0, settings.farthest))
 
 
@@ -206,16 +232,71 @@ def match_sides(sheet: Sheet, both: Float32Array, known: Float32Array, *, settin
     w = every_sample(sheet)
     is_line = sheet.w.shape[1] == 1  # no way down it, so it leans to neither side and nothing can be matched
     hanging_side = 1 if is_line or np.nanmean(np.gradient(sheet.w, axis=1)) >= 0 else -1
-    up = 1 if hanging_side > 0 else 0
-    sides = Sides(both[up], both[1 - up], known[up], known[1 - up])
-    columns = np.arange(sheet.w.shape[1]) * sheet.step
+    sides = facing(both, known, hanging_side)
     if is_line or not (sides.in_hanging.any() and sides.in_foot.any()):
         return SheetThrow(np.full(sheet.w.shape, np.nan, np.float32), np.zeros_like(sheet.w), hanging_side)
-    inside = np.isfinite(w)
-    slip = find_slip(sides, inside, settings=settings)
-    throw, fit = (enlarge(part, w.shape, settings.thin)[:, columns] for part in (slip.throw, fit_of(slip)))
-    throw[~sheet.inside] = np.nan
+    slip = find_slip(sides, np.isfinite(w), settings=settings)
+    throw, fit = _on_nodes(sheet, slip, settings.thin)
     return SheetThrow(throw, fit, hanging_side, slip.share, slip.certainty)
+
+
+def refine_throw(sheet: Sheet, throw: SheetThrow, sides: SheetSides, *, settings: ThrowSettings) -> SheetThrow:
+    """Refine the throw of a sheet, by its two sides as they are closer to it than where the throw was found.
+
+    Carried to a gently dipping fault from where the wavelet does not mix its sides, layers that drag has bent come out
+    beside their place: their slopes change on the way, and those right beside the fault are the least sure. Closer to
+    it that matters less. But what the wavelet has mixed is alike on both sides, and matches best without a throw: so
+    throws are not looked for there.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        The fault.
+    throw : SheetThrow
+        Its throw.
+    sides : SheetSides
+        Its two sides, read closer.
+    settings : ThrowSettings
+        Windows and limits.
+
+    Returns
+    -------
+    SheetThrow
+        With other throws and fits.
+    """
+    if not np.isfinite(throw.throw).any():
+        return throw
+    thin, places = settings.thin, np.isfinite(every_sample(sheet))[:: settings.thin, :: settings.thin]
+    thrown, fit = (at_every(values, sheet, thin) for values in (throw.throw, throw.fit))
+    beside = facing(sides.both, sides.known, throw.hanging_side)
+    for _ in range(_REFINEMENTS):
+        slip = refine_slip(beside, thrown, fit, places, thin=thin, settings=settings.slip, share=throw.strike_share)
+        thrown, fit = slip.throw, fit_of(slip)
+    thrown, fit = _on_nodes(sheet, _within_range(slip, places, settings), thin)
+    return replace(throw, throw=np.where(np.isfinite(throw.throw), thrown, np.float32(np.nan)), fit=fit)
+
+
+def facing(both: Float32Array, known: Float32Array, hanging_side: int) -> Sides:
+    """Return the two sides of a sheet, and where they are known, as hanging wall and footwall."""
+    up = 1 if hanging_side > 0 else 0
+    return Sides(both[up], both[1 - up], known[up], known[1 - up])
+
+
+def _on_nodes(sheet: Sheet, slip: SlipField, thin: int) -> tuple[Float32Array, Float32Array]:
+    """Return throw, NaN off the sheet, and fit at the nodes of a sheet from those at every `thin`-th place."""
+    shape, columns = every_sample(sheet).shape, np.arange(sheet.w.shape[1]) * sheet.step
+    throw, fit = (enlarge(part, shape, thin)[:, columns] for part in (slip.throw, fit_of(slip)))
+    throw[~sheet.inside] = np.nan
+    return throw, fit
+
+
+def at_every(values: Float32Array, sheet: Sheet, every: int) -> Float32Array:
+    """Return what is told at the nodes of a sheet at every so many rows and samples; off the nodes the nearest."""
+    nearest = ndimage.distance_transform_edt(~np.isfinite(values), return_distances=False, return_indices=True)
+    sizes = values.shape[0], (values.shape[1] - 1) * sheet.step + 1
+    rows, samples = (np.arange(0, size, every, dtype=np.float64) for size in sizes)
+    at = np.stack(np.meshgrid(rows, samples / sheet.step, indexing="ij"))
+    return ndimage.map_coordinates(np.asarray(values[tuple(nearest)], np.float64), at, order=1).astype(np.float32)
 
 
 def find_slip(
@@ -233,6 +314,11 @@ def find_slip(
     rough, thin = match_throws(sides, inside, about=about, settings=settings), settings.thin
     inside = inside[::thin, ::thin]
     slip = refine_free_slip(sides, *rough, inside, thin=thin, settings=settings.slip, share=share)
+    return _within_range(slip, inside, settings)
+
+
+def _within_range(slip: SlipField, inside: BoolArray, settings: ThrowSettings) -> SlipField:
+    """Return a slip whose throws are no longer than those looked for, carried on to where nothing matches."""
     found = np.clip(slip.throw, -settings.longest, settings.longest)
     return carry_on_slip(replace(slip, throw=found), inside)
 

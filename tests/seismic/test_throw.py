@@ -10,7 +10,18 @@ from scipy import ndimage
 from seismo3d.seismic import _kernels_throw as kernels
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.throw import ThrowSettings, farther_off, gather_sides, mask_sheets, match_sides, slopes_beside
+from seismo3d.seismic.throw import (
+    SheetThrow,
+    ThrowSettings,
+    at_every,
+    farther_off,
+    gather_closer,
+    gather_sides,
+    mask_sheets,
+    match_sides,
+    refine_throw,
+    slopes_beside,
+)
 
 SHAPE = (30, 40, 80)
 
@@ -118,6 +129,7 @@ def test_sides_of_a_gentle_fault_are_read_where_the_wavelet_does_not_mix_them(th
     volume = ndimage.gaussian_filter1d(faulted(throw, 1.0, shape=shape), 3.0, axis=2)
     sheet = sheet_on(1.0, shape=shape)
     assert farther_off(sheet, ThrowSettings()) == 5
+    assert farther_off(sheet, ThrowSettings(), close=True) == 2
     errors = [np.abs(inner(measure(volume, sheet, **kw).throw) - throw) for kw in ({}, {"clearance": 0.0})]
     assert (errors[0] < 1.0).mean() > 0.9
     assert errors[0].mean() < 0.8 * errors[1].mean()
@@ -126,6 +138,47 @@ def test_sides_of_a_gentle_fault_are_read_where_the_wavelet_does_not_mix_them(th
 @pytest.mark.parametrize(("cotangent", "off"), [(0.0, 0), (0.2, 0), (-0.75, 3), (9.0, 11)])
 def test_gentle_faults_are_read_farther_off_but_not_too_far(cotangent, off):
     assert farther_off(sheet_on(cotangent), ThrowSettings()) == off
+
+
+def dragged(throw, cotangent, reach, *, shape):
+    """Layers as in `faulted`, whose hanging wall moved the less the farther off, in traces, under a wavelet."""
+    _, x, k = np.meshgrid(*(np.arange(n, dtype=np.float64) for n in shape), indexing="ij")
+    beyond = x - shape[1] / 2 - cotangent * (k - shape[2] / 2)
+    volume = layer_values(k - np.where(beyond > 0, throw * np.exp(-np.maximum(beyond, 0.0) / reach), 0.0))
+    return ndimage.gaussian_filter1d(volume, 1.5, axis=2).astype(np.float32)
+
+
+@pytest.mark.parametrize("throw", [-14.0, 9.0])
+def test_closer_sides_tell_more_of_what_drag_has_bent_beside_a_gentle_fault(throw):
+    shape, settings = (24, 120, 110), ThrowSettings()
+    volume, sheet, valid = dragged(throw, 1.5, 25.0, shape=shape), sheet_on(1.5, shape=shape), np.ones(shape, bool)
+    slopes = slopes_beside(volume, valid, [sheet], dip=DipSettings(), settings=settings)
+    sides = gather_sides(volume, valid, slopes, sheet, settings=settings)
+    found = match_sides(sheet, sides.both, sides.known, settings=settings)
+    closer = gather_closer(volume, valid, slopes, sheet, settings=settings)
+    refined = refine_throw(sheet, found, closer, settings=settings)
+    before, after = (float(np.median(inner(one.throw)[inner(one.fit) > 0.5])) / throw for one in (found, refined))
+    assert before < 0.9
+    assert abs(after - 1.0) < 0.85 * abs(before - 1.0)
+    assert refined.hanging_side == found.hanging_side
+    np.testing.assert_array_equal(np.isnan(refined.throw), np.isnan(found.throw))
+
+
+def test_a_throw_that_nothing_tells_is_not_refined():
+    sheet, settings = sheet_on(), ThrowSettings()
+    unknown = SheetThrow(np.full_like(sheet.w, np.nan), np.zeros_like(sheet.w), 1)
+    volume = faulted(5.0)
+    flat = (np.zeros_like(volume),) * 2
+    sides = gather_closer(volume, np.ones(SHAPE, bool), flat, sheet, settings=settings)
+    assert refine_throw(sheet, unknown, sides, settings=settings) is unknown
+
+
+def test_what_nodes_tell_is_read_between_them_and_off_them():
+    sheet = sheet_on(shape=(5, 8, 8))
+    values = np.tile(np.arange(4, dtype=np.float32), (5, 1))
+    values[3:] = np.nan
+    np.testing.assert_allclose(at_every(values, sheet, 1), np.tile(np.arange(7) / 2.0, (5, 1)))
+    np.testing.assert_allclose(at_every(values, sheet, 2), np.tile(np.arange(4.0), (3, 1)))
 
 
 def test_slopes_beside_a_fault_are_those_of_the_layers_alone():

@@ -104,23 +104,24 @@ def place_facts(run: BlockRun) -> None:
 
 
 def sides(run: BlockRun, number: int) -> None:
-    """Read both sides of every sheet, and of its continuation beyond its ends, where they pass through a block."""
+    """Read both sides of every sheet, of its continuation beyond its ends, and close to it, in a block."""
     settings, sheets = run.settings.throw, placed_sheets(run)
     beyond = [continue_sheet(sheet, run.plan.shape[2]) for sheet in sheets]
 
     def read(around: Around, place: int, part: Sheet, w: Float32Array) -> tuple[Float32Array, BoolArray]:
-        off = farther_off(sheets[place % len(sheets)], settings)
+        close = place >= 2 * len(sheets)
+        off = farther_off(sheets[place % len(sheets)], settings, close=close)
         both, known, tilts = gather_sides(
             around.volume, around.valid, around.slopes, part, settings=settings, w=w, off=off, corner=around.corner
         )
         return np.concatenate([both, tilts]), np.concatenate([known, known]) > 0.0
 
-    read_parts(run, "sides", number, [*sheets, *beyond], read)
+    read_parts(run, "sides", number, [*sheets, *beyond, *sheets], read)
 
 
 def sides_facts(run: BlockRun) -> None:
     """Note which blocks each of them passes through."""
-    note_blocks(run, "sides", 2 * count_placed(run))
+    note_blocks(run, "sides", 3 * count_placed(run))
 
 
 def throw(run: BlockRun, number: int) -> None:
@@ -147,10 +148,10 @@ def choice_facts(run: BlockRun) -> None:
         moving.append((unpack("sheet", part, Sheet)[0], unpack("throw", part, SheetThrow)[0]))
     numbers, candidates = choose_faults(moving, run.settings.choice.for_size(run.plan.shape)), placed_sheets(run)
     sheets, today = [moving[number][0] for number in numbers], [moving[number][1] for number in numbers]
-    throws = finish_throws(
+    today, throws = finish_throws(
         sheets, today,
-        lambda n: _joined_sides(run, candidates[numbers[n]], numbers[n]), _joined_slopes(run), run.settings,
-        is_section=is_section,
+        lambda n: _joined_sides(run, candidates[numbers[n]], numbers[n] + 2 * count_placed(run)), _joined_slopes(run),
+        run.settings, is_section=is_section,
     )  # fmt: skip
     if not is_section:
         sheets, throws, today = part_doubles(sheets, throws, today, run.settings.choice)
