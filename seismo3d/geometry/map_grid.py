@@ -76,12 +76,6 @@ class MapGrid:
         return np.array([[a, b], [d, e]])
 
     @property
-    def cell_size(self) -> tuple[float, float]:
-        """Distance of neighbouring columns and of neighbouring rows, in the reference system's units."""
-        step = self.matrix
-        return float(np.hypot(*step[:, 0])), float(np.hypot(*step[:, 1]))
-
-    @property
     def metres_per_unit(self) -> tuple[float, float]:
         """Metres on the ground in a unit of x and of y at the map's middle; 1 where the unit is a cell."""
         if self.unit != "degree" and self.crs.upper() != WEB_MERCATOR:

@@ -421,4 +421,3 @@ _READERS: dict[str, Callable[[Path], tuple[AnyArray, AnyArray | None]]] = {
     ".npy": _read_numpy,
     ".npz": _read_numpy,
 }
-POINT_SUFFIXES = tuple(_READERS)

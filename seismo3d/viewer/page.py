@@ -151,7 +151,7 @@ class Page:
             }
         )
 
-    def _show_all(self, axes: tuple[int, ...] = (0, 1, 2)) -> None:
+    def _show_all(self) -> None:
         """Draw all panels, the scene and the lists anew, and send them."""
         most = _COARSE if self._session.reader.is_lazy else 1024
         with self._state:
@@ -160,7 +160,7 @@ class Page:
                 self._put(axis, self._session.panel(axis, most=most))
             self._put_controls()
         if self._session.reader.is_lazy:
-            for axis in axes:
+            for axis in range(3):
                 self._start(self._refine(axis))
         self._update_scene()
         self._show_map()
