@@ -134,9 +134,11 @@ def _read_matrix(path: Path) -> Any:
     try:
         return np.loadtxt(path)
     except OSError as error:
-        raise FileAccessError(f"{path} cannot be read: {error}.") from error
+        raise FileAccessError(f"{path} cannot be read: {error}. Give --start a text file with a matrix.") from error
     except ValueError as error:
-        raise FormatError(f"{path} is not a matrix of numbers: {error}.") from error
+        raise FormatError(
+            f"{path} is not a matrix of numbers: {error}. Give as many rows as columns, separated by spaces."
+        ) from error
 
 
 def _lines(found: Registration) -> list[tuple[str, str]]:

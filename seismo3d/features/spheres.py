@@ -21,8 +21,8 @@ _LEAST_SHARE = 1e-3
 class SphereLayout:
     """Spheres in a frame whose third axis is the reflector's normal; lengths in voxels.
 
-    ``rings`` are (ring radius, height on the axis), each of ``n_satellites`` spheres; ``axis`` are heights of
-    spheres on the axis.
+    ``rings`` are (ring radius, height on the axis), each of ``n_satellites`` spheres; ``mirrored`` tells which ring
+    each becomes where the normal is turned round; ``axis`` are heights of spheres on the axis.
     """
 
     rings: tuple[tuple[float, float], ...] = ((3.5, 0.0), (7.0, 0.0), (5.0, 5.0), (5.0, -5.0))

@@ -203,7 +203,9 @@ def _read_raster(path: Path, band: int) -> Any:
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
             with rasterio.open(path) as file:
                 if not 1 <= band <= file.count:
-                    raise FormatError(f"{path.name} has {file.count} bands; band {band} was asked for.")
+                    raise FormatError(
+                        f"{path.name} has {file.count} bands; band {band} was asked for. Count them from 1."
+                    )
                 if np.dtype(file.dtypes[band - 1]).kind not in "iuf":
                     raise FormatError(f"{path.name} holds values of type {file.dtypes[band - 1]}; expected elevations.")
                 declared = file.width * file.height * np.dtype(file.dtypes[band - 1]).itemsize
