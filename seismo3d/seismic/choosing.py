@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.misfit import NOISES
+from seismo3d.seismic.misfit_settings import NOISES
 from seismo3d.seismic.sheet_distances import SheetNodes
 from seismo3d.seismic.sheet_tips import share_out_of_view
 from seismo3d.seismic.term_fits import fit_terms

@@ -35,7 +35,7 @@ from seismo3d.seismic.flanks import FlankSettings, join_flanks
 from seismo3d.seismic.layer_strain import LayerSlopes, sample_slopes
 from seismo3d.seismic.leftovers import link_leftovers
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
-from seismo3d.seismic.misfit import NOISES, MisfitSettings
+from seismo3d.seismic.misfit_settings import NOISES, MisfitSettings
 from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
 from seismo3d.seismic.preparing import as_volume, check_live, clean_volume
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
