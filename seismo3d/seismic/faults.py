@@ -16,14 +16,7 @@ from seismo3d._stages import no_progress
 from seismo3d._typing import Float32Array, Int32Array, Progress
 from seismo3d._validate import as_settings, freeze
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic.choosing import (
-    ChoiceSettings,
-    choose_faults,
-    end_along_layers,
-    end_in_mutes,
-    end_where_still,
-    may_be_faults,
-)
+from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, may_be_faults
 from seismo3d.seismic.cut_offsets import CutSettings, offset_sheets
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.doubles import part_doubles
@@ -48,6 +41,7 @@ from seismo3d.seismic.section_scores import (
     weigh_crests,
     weigh_line,
 )
+from seismo3d.seismic.sheet_ends import end_along_layers, end_in_mutes, end_where_still
 from seismo3d.seismic.sheet_tips import continue_sheet, likeness_beyond
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface, order_by_area
