@@ -180,10 +180,8 @@ def _write(
     cell: float,
     up: Any,
 ) -> None:
-    from importlib.util import find_spec
-
     from seismo3d.graph.poses import write_g2o
-    from seismo3d.io.elevation import write_elevation
+    from seismo3d.io.elevation import raster_suffix, write_elevation
     from seismo3d.robot.ground import make_ground, make_occupancy
 
     mapper.trajectory.save_tum(folder / "trajectory.txt")
@@ -201,8 +199,7 @@ def _write(
     occupancy = make_occupancy(mesh, cell=cell, up=up)
     occupancy.save(folder / "occupancy.npz")
     elevation = make_ground(mesh, cell=cell, up=up)
-    ending = "tif" if find_spec("rasterio") is not None else "npz"
-    write_elevation(folder / f"elevation.{ending}", elevation)
+    write_elevation(folder / f"elevation{raster_suffix()}", elevation)
     _draw(mapper.trajectory, mesh, shown, occupancy, folder)
 
 

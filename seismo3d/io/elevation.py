@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -181,6 +182,16 @@ def holds_elevation(path: str | Path) -> bool:
     except (FormatError, FileAccessError):
         return False
     return any(name in held for name in _NAMES[:1] + _NAMES[2:])
+
+
+def has_rasterio() -> bool:
+    """Whether rasterio is installed, by which rasters are read and written and reference systems are told apart."""
+    return find_spec("rasterio") is not None
+
+
+def raster_suffix() -> str:
+    """Return the ending of maps that are written beside other results: ``.tif``, ``.npz`` without rasterio."""
+    return ".tif" if has_rasterio() else ".npz"
 
 
 def import_rasterio(purpose: str) -> Any:
