@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d.experiments._command import run_command
 from seismo3d.experiments.mapping import measure_trajectory
 from seismo3d.geometry.rotations import exp_rotation, invert_transform, make_transform, rotation_angle
 from seismo3d.robot.camera import Camera, RgbdFrame
@@ -202,4 +203,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)
