@@ -39,8 +39,9 @@ def run(
     """
     import matplotlib.pyplot as plt
 
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.elevation import raster_suffix, read_elevation, write_elevation

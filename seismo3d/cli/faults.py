@@ -54,8 +54,9 @@ def run(
     crash the same command goes on where it was. The volumes are Zarr too then: likelihood.zarr, labels.zarr and
     throw.zarr.
     """
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError, ShapeError
     from seismo3d.io._files import written_aside

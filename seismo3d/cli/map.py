@@ -49,9 +49,10 @@ def run(
     local map), mesh.ply, graph.g2o, occupancy.npz, elevation.tif (.npz where rasterio is not installed), map.npz to go
     on from, trajectory.png, occupancy.png, map.png, report.html and run.json.
     """
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d._validate import as_number
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import GeometryError
     from seismo3d.io._files import written_aside

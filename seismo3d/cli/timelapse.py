@@ -36,8 +36,9 @@ def run(
     """
     import numpy as np
 
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, open_told, print_json, write_record
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.geometry.axis import unit_of
     from seismo3d.io._files import written_aside

@@ -63,8 +63,9 @@ def run(
     Work in blocks (--memory, --scheduler) goes on in a folder beside it, whose name ends in .unfinished: after a
     crash the same command goes on where it was. Layer time is kept as Zarr then: layer_time.zarr.
     """
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told, print_json
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside
