@@ -127,8 +127,8 @@ def register(
     Parameters
     ----------
     target, source : DataArray or array_like of shape (rows, columns)
-        Elevation maps as :func:`read_elevation` gives them, of one reference system, perhaps of different grids;
-        or bare arrays, in cells. NaN where unknown.
+        Elevation maps as :func:`~seismo3d.io.elevation.read_elevation` gives them, of one reference system, perhaps of
+        different grids; or bare arrays, in cells. NaN where unknown.
     model : {"translation", "rigid", "similarity"}
         Horizontal motion: shift; shift and turn; shift, turn and scale.
     vertical : {"offset", "tilt", "scaled"}
