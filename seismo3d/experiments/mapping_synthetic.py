@@ -39,6 +39,7 @@ CASES: dict[str, dict[str, Any]] = {
     "terrain, a second dark": {"kind": "terrain", "blackout": True},
     "terrain, every 4th frame": {"kind": "terrain", "every": 4},
 }
+# metres off the true surface from which on a vertex of the mesh shows nothing that is there
 _GHOST = 0.03
 _SURVEY_CELL, _SURVEY_NOISE = 0.2, 0.01
 """Of the second survey: spacing and standard deviation of its heights, metres."""

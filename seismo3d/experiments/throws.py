@@ -22,6 +22,7 @@ from seismo3d.synthetic import SyntheticCube, fault_cube
 from seismo3d.synthetic.cutoffs import present_slip
 
 KINDS = tuple(kind for kind in SUITE_KINDS if kind not in ("fault_free", "channels"))
+# voxels from the truth, and samples and degrees off it, within which voxel, throw and slip are right
 _NEAR, _THROW, _ANGLE_DEG = 2.0, 1.5, 15.0
 
 

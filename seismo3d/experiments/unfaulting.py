@@ -24,6 +24,7 @@ from seismo3d.experiments._command import run_command
 from seismo3d.synthetic import SyntheticCube, exact_displacement, fault_cube, places_before
 
 KINDS = ("clean", "folded", "noise", "small_throws", "crossing", "low_dips")
+# samples of a correlated window above and below its place, and traces off the fault where it is taken
 _HALF = 10
 _CLEAR = 4.0
 # how far off a surface, on the side of the hanging wall, it is told where it lay

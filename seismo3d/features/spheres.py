@@ -12,6 +12,7 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, In
 from seismo3d.features import _kernels_volume
 
 _NO_MASK = np.ones((1, 1, 1), dtype=np.bool_)
+# voxels at the sides of a volume where no corner is taken: its spheres would reach beyond
 _BORDER = 5
 _LEAST_SHARE = 1e-3
 """Of the tensor's trace: with less along the weakest direction, a place is on a flat layer or an edge."""

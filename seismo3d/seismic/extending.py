@@ -60,6 +60,7 @@ class ExtendSettings:
     rim: int = 1
 
 
+# nodes that a sheet is carried on by at a time
 _RING = 2
 
 

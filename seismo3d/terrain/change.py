@@ -31,6 +31,7 @@ from seismo3d.terrain.fitting import measure_slopes
 
 UNKNOWN = 255
 """What stands for nothing among :attr:`Change.codes`."""
+# classes of slope, of as many cells each, in which noise is told; and cells that a class has at least
 _SLOPE_CLASSES = 8
 _LEAST_CLASS = 50
 
