@@ -13,7 +13,14 @@ from typing import Any
 
 import seismo3d
 
-_NAMESPACES = ("seismo3d", "seismo3d.plot", "seismo3d.synthetic", "seismo3d.terrain", "seismo3d.viewer")
+_NAMESPACES = (
+    "seismo3d",
+    "seismo3d.plot",
+    "seismo3d.robot",
+    "seismo3d.synthetic",
+    "seismo3d.terrain",
+    "seismo3d.viewer",
+)
 _PARTS = {
     "geometry": "Axes, surveys, rotations and meshes",
     "io": "Files",

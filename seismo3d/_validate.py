@@ -12,6 +12,9 @@ from seismo3d.errors import ParameterError, ShapeError
 
 _Settings = TypeVar("_Settings")
 
+# a thousand times the least number that single precision holds to all its digits
+_WEAKEST = 1e-35
+
 
 def as_settings(settings: _Settings | None, kind: type[_Settings]) -> _Settings:
     """Return settings as they are, the usual ones for none, or refuse what is of another kind."""
@@ -60,10 +63,6 @@ def tell_weak(values: AnyArray, name: str) -> str:
         f"{name} has no sample larger than {largest:.3g}; expected {_WEAKEST:g} or more, below which single precision "
         "rounds amplitudes, to zero at last. Scale them up."
     )
-
-
-# a thousand times the least number that single precision holds to all its digits
-_WEAKEST = 1e-35
 
 
 def as_number(value: Any, name: str, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:

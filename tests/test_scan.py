@@ -70,6 +70,13 @@ def test_downsampling_keeps_normals_of_both_signs(rng):
     np.testing.assert_allclose(thin.weights, 1.0)
 
 
+def test_normals_are_estimated_where_a_scan_has_none(rng):
+    flat = Scan.from_points(np.column_stack([rng.uniform(size=(200, 2)), np.full(200, 3.0)]))
+    np.testing.assert_allclose(np.abs(flat.with_normals().normals), np.tile([0.0, 0.0, 1.0], (200, 1)), atol=1e-5)
+    given = flat.with_normals()
+    assert given.with_normals() is given
+
+
 def test_arrays_become_what_they_are(rng):
     assert as_scan(rng.normal(size=(9, 2)), "a").dim == 2
     assert as_scan(rng.normal(size=(30, 40)), "a").raster.kind == "image"

@@ -1,9 +1,9 @@
 """The command line: one file a command, and one place where errors become exit codes.
 
 To add a command ``faults``, write ``cli/faults.py`` with a function ``run`` whose docstring is its help and whose typed
-parameters are its options, and with ``EXAMPLES``, command lines that its help shows: :mod:`seismo3d.cli.app` finds
-it. Import heavy modules inside ``run``. Print results to
-stdout by :func:`typer.echo`, progress by :func:`seismo3d.cli.app.shown_progress`, and let errors fly.
+parameters are its options, and with ``EXAMPLES``, command lines that its help shows: :mod:`seismo3d.cli.app` finds it.
+Import heavy modules inside ``run``. Print results to stdout by :func:`typer.echo`, progress by
+:func:`seismo3d.cli.app.shown_progress`, and let errors fly.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share: what says how a cube is to be read."""
+"""Arguments and options that several commands share, such as those that say how a cube is to be read."""
 
 from __future__ import annotations
 
@@ -41,6 +41,16 @@ Variable: TypeAlias = Annotated[
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the results as JSON.")]
 Overwrite: TypeAlias = Annotated[
     bool, typer.Option("--overwrite", help="Replace the results of an earlier run in the folder.")
+]
+Memory: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        help="Memory to keep to, such as 8GB; a larger cube is worked on in blocks, a larger line refused. "
+        "[default: one piece]"
+    ),
+]
+Scheduler: TypeAlias = Annotated[
+    str | None, typer.Option(help="Address of a dask cluster to work on the blocks, such as tcp://node1:8786.")
 ]
 Columns: TypeAlias = Annotated[
     str | None, typer.Option(help="Which columns of an XYZ file are x, y and z, such as 1,2,5.")

@@ -37,15 +37,14 @@ def run(
     255, as nodata, where a map is unknown) on the earlier map's grid (.npz where rasterio is not installed), change.png
     and run.json.
     """
-    from importlib.util import find_spec
-
     import matplotlib.pyplot as plt
 
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
-    from seismo3d.io.elevation import read_elevation, write_elevation
+    from seismo3d.io.elevation import raster_suffix, read_elevation, write_elevation
     from seismo3d.plot.terrain_maps import change_map
     from seismo3d.terrain.alignment import register
     from seismo3d.terrain.change import compare
@@ -56,7 +55,6 @@ def run(
         vertical = "offset"
     check_run_folder(out, command="compare", inputs=[before, after], overwrite=overwrite)
     first, second = read_elevation(before), read_elevation(after)
-    ending = "tif" if find_spec("rasterio") is not None else "npz"
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
@@ -70,7 +68,7 @@ def run(
         clock("export", 0.0)
         written = {"difference": change.difference, "detection": change.detection, "significant": change.codes}
         for name, values in written.items():
-            write_elevation(aside / f"{name}.{ending}", values)
+            write_elevation(aside / f"{name}{raster_suffix()}", values)
         ax = change_map(change)
         ax.figure.savefig(aside / "change.png", dpi=130)
         plt.close(ax.figure)

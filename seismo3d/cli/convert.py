@@ -28,8 +28,9 @@ def run(
     reading: Reading,
 ) -> None:
     """Convert a cube between SEG-Y, Zarr and NPY, in blocks, so that its size does not matter."""
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import print_json
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io.cubes import convert_cube
 

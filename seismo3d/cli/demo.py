@@ -19,8 +19,9 @@ def run(
     json: Json = False,
 ) -> None:
     """Write a synthetic cube with known faults as SEG-Y, to try the other commands on."""
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import print_json
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import FileAccessError
     from seismo3d.io.segy import write_segy

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from seismo3d.cli._options import Cube, Json, Overwrite, Reading, reads_cube
+from seismo3d.cli._options import Cube, Json, Memory, Overwrite, Reading, Scheduler, reads_cube
 
 if TYPE_CHECKING:
     from seismo3d._typing import Progress
@@ -37,14 +37,8 @@ def run(
     unfault: bool = typer.Option(
         False, "--unfault", help="Write the cube with the slip taken out, and a picture of it."
     ),
-    memory: str | None = typer.Option(
-        None,
-        help="Memory to keep to, such as 8GB; a larger cube is worked on in blocks, a larger line refused. "
-        "[default: one piece]",
-    ),
-    scheduler: str | None = typer.Option(
-        None, help="Address of a dask cluster to work on the blocks, such as tcp://node1:8786."
-    ),
+    memory: Memory = None,
+    scheduler: Scheduler = None,
     overwrite: Overwrite = False,
     json: Json = False,
     *,
@@ -60,8 +54,9 @@ def run(
     crash the same command goes on where it was. The volumes are Zarr too then: likelihood.zarr, labels.zarr and
     throw.zarr.
     """
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError, ShapeError
     from seismo3d.io._files import written_aside
@@ -100,7 +95,10 @@ def run(
             asked["unfault"] = True
         asked |= {name: value for name, value in (("memory", memory), ("scheduler", scheduler)) if value is not None}
         timings = _report(opened, faults, aside, clock, path=cube, asked=asked)
-    (_print_json if json else _say)(out, faults, opened, timings)
+    if json:
+        _print_json(out, faults, opened, timings)
+    else:
+        _say(out, faults, opened)
     say_timings(timings)
 
 
@@ -198,7 +196,7 @@ def _print_json(out: Path, faults: Any, cube: Any, timings: dict[str, float]) ->
     print_json({"folder": out, "faults": tabulate_faults(faults, cube), "timings_s": timings})
 
 
-def _say(out: Path, faults: Any, cube: Any, timings: dict[str, float]) -> None:  # noqa: ARG001 - they follow on stderr
+def _say(out: Path, faults: Any, cube: Any) -> None:
     """Print the largest faults and where the report is."""
     from seismo3d.geometry.bearings import whole_deg
     from seismo3d.seismic.fault_table import tabulate_faults, throw_unit

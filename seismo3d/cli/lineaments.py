@@ -28,8 +28,9 @@ def run(
     The folder gets lineaments.geojson, lineaments.csv, scarp_profiles.csv, likelihood.tif, map.png, rose.png and
     run.json. It appears when all is done, or not at all.
     """
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.elevation import read_elevation

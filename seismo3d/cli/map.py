@@ -49,9 +49,10 @@ def run(
     local map), mesh.ply, graph.g2o, occupancy.npz, elevation.tif (.npz where rasterio is not installed), map.npz to go
     on from, trajectory.png, occupancy.png, map.png, report.html and run.json.
     """
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d._validate import as_number
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import GeometryError
     from seismo3d.io._files import written_aside
@@ -180,10 +181,8 @@ def _write(
     cell: float,
     up: Any,
 ) -> None:
-    from importlib.util import find_spec
-
     from seismo3d.graph.poses import write_g2o
-    from seismo3d.io.elevation import write_elevation
+    from seismo3d.io.elevation import raster_suffix, write_elevation
     from seismo3d.robot.ground import make_ground, make_occupancy
 
     mapper.trajectory.save_tum(folder / "trajectory.txt")
@@ -201,8 +200,7 @@ def _write(
     occupancy = make_occupancy(mesh, cell=cell, up=up)
     occupancy.save(folder / "occupancy.npz")
     elevation = make_ground(mesh, cell=cell, up=up)
-    ending = "tif" if find_spec("rasterio") is not None else "npz"
-    write_elevation(folder / f"elevation.{ending}", elevation)
+    write_elevation(folder / f"elevation{raster_suffix()}", elevation)
     _draw(mapper.trajectory, mesh, shown, occupancy, folder)
 
 

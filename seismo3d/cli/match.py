@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import Reading, reads_cube
+from seismo3d.cli._options import Json, Reading, reads_cube
 
 EXAMPLES = (
     "seismo3d match a.png b.png -o matches.png",
@@ -22,7 +22,7 @@ def run(
     out: Path | None = typer.Option(None, "--out", "--output", "-o", help="Picture to write: .png, .pdf or .svg."),
     points: int | None = typer.Option(None, "--points", min=1, help="Points compared. [default: 500, cubes 300]"),
     tilts: str = typer.Option("auto", help="Compare images as seen from the side: auto, always or never."),
-    json: bool = typer.Option(False, "--json", help="Print the matches as JSON."),
+    json: Json = False,
     *,
     reading: Reading,
 ) -> None:

@@ -36,8 +36,9 @@ def run(
     (map.png, density.png, stereonet.png, rose.png), flow_path.csv and flow_path.png where a path is asked for,
     report.html, and run.json with a summary. It appears when all is done, or not at all.
     """
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside

@@ -119,7 +119,7 @@ def _measure_registration(
 
 def _run_block(path: Path | None, out: Path, *, overwrite: bool, json: bool) -> None:
     """Trace everything in a cube, and write it with a report."""
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import (
         RECORD,
         check_run_folder,
@@ -128,6 +128,7 @@ def _run_block(path: Path | None, out: Path, *, overwrite: bool, json: bool) -> 
         print_json,
         write_record,
     )
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.experiments.f3 import run_block
     from seismo3d.io._files import written_aside

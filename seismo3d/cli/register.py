@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from seismo3d.cli._options import refuse_unused
+from seismo3d.cli._options import Json, refuse_unused
 
 if TYPE_CHECKING:
     from seismo3d.registration.result import Registration
@@ -47,7 +47,7 @@ def run(
     voxel_size: float | None = typer.Option(
         None, help="Of points, edge of the finest voxels. [default: from the source]"
     ),
-    json: bool = typer.Option(False, "--json", help="Print JSON."),
+    json: Json = False,
 ) -> None:
     """Align two scans; print the transform that carries SOURCE onto TARGET, how sure it is, and what cannot be seen."""
     from seismo3d.errors import ParameterError
@@ -134,9 +134,11 @@ def _read_matrix(path: Path) -> Any:
     try:
         return np.loadtxt(path)
     except OSError as error:
-        raise FileAccessError(f"{path} cannot be read: {error}.") from error
+        raise FileAccessError(f"{path} cannot be read: {error}. Give --start a text file with a matrix.") from error
     except ValueError as error:
-        raise FormatError(f"{path} is not a matrix of numbers: {error}.") from error
+        raise FormatError(
+            f"{path} is not a matrix of numbers: {error}. Give as many rows as columns, separated by spaces."
+        ) from error
 
 
 def _lines(found: Registration) -> list[tuple[str, str]]:

@@ -13,6 +13,9 @@ EXAMPLES = (
     "seismo3d timelapse base.sgy monitor.sgy -o shifts",
     "seismo3d timelapse base.npy monitor.npy --interval 4 --start 400 -o shifts",
 )
+_VOLUMES = (
+    "shift", "shift_std", "inline_shift", "crossline_shift", "inline_std", "crossline_std", "aligned",
+)  # fmt: skip
 
 
 @reads_cube
@@ -33,8 +36,9 @@ def run(
     """
     import numpy as np
 
-    from seismo3d._stages import StageClock, say_timings
+    from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, open_told, print_json, write_record
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.geometry.axis import unit_of
     from seismo3d.io._files import written_aside
@@ -81,11 +85,6 @@ def _say(out: Path, facts: dict[str, Any], unit: str) -> None:
         f"and {facts['shift_95_percent']:.3g}), standard deviation {facts['shift_std_median']:.2g} {unit}"
     )
     typer.echo(str(out))
-
-
-_VOLUMES = (
-    "shift", "shift_std", "inline_shift", "crossline_shift", "inline_std", "crossline_std", "aligned",
-)  # fmt: skip
 
 
 def _draw(base: Any, monitor: Any, found: Any, folder: Path) -> None:

@@ -7,7 +7,17 @@ from typing import Any
 
 import typer
 
-from seismo3d.cli._options import Columns, Cube, Json, Overwrite, Reading, as_columns, reads_cube
+from seismo3d.cli._options import (
+    Columns,
+    Cube,
+    Json,
+    Memory,
+    Overwrite,
+    Reading,
+    Scheduler,
+    as_columns,
+    reads_cube,
+)
 
 EXAMPLES = (
     "seismo3d tracks f3.sgy -o f3-tracks --seed 420,880,812",
@@ -36,14 +46,8 @@ def run(
     faults: Path | None = typer.Option(None, help="Folder of a faults run of this cube. [default: no faults]"),
     event: str | None = typer.Option(None, help="peak, trough or zero. [default: the seed's own phase]"),
     count: int = typer.Option(5, min=1, help="Number of horizons to find where no seed is given."),
-    memory: str | None = typer.Option(
-        None,
-        help="Memory to keep to, such as 8GB; a larger cube is worked on in blocks, a larger line refused. "
-        "[default: one piece]",
-    ),
-    scheduler: str | None = typer.Option(
-        None, help="Address of a dask cluster to work on the blocks, such as tcp://node1:8786."
-    ),
+    memory: Memory = None,
+    scheduler: Scheduler = None,
     overwrite: Overwrite = False,
     json: Json = False,
     *,
@@ -59,31 +63,19 @@ def run(
     Work in blocks (--memory, --scheduler) goes on in a folder beside it, whose name ends in .unfinished: after a
     crash the same command goes on where it was. Layer time is kept as Zarr then: layer_time.zarr.
     """
-    from seismo3d._stages import StageClock, say_timings
-    from seismo3d.cli._run_folder import (
-        RECORD,
-        check_run_folder,
-        describe_run,
-        kept_aside,
-        open_told,
-        print_json,
-        write_record,
-    )
+    from seismo3d._stages import StageClock
+    from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told, print_json
+    from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
-    from seismo3d.geometry.survey import SurveyGeometry
     from seismo3d.io._files import written_aside
     from seismo3d.io.horizons import read_horizon
-    from seismo3d.plot.run_reports import tracks_page, write_page
-    from seismo3d.plot.track_pictures import save_track_pictures
     from seismo3d.seismic.faultset import FaultSet
-    from seismo3d.seismic.horizon_search import find_horizons
     from seismo3d.seismic.loop_closure import tabulate_loops
-    from seismo3d.seismic.pick_scores import sample_extent
     from seismo3d.seismic.picks import horizon_seeds
     from seismo3d.seismic.track_events import check_event
-    from seismo3d.seismic.track_exports import irap_note, tabulate_tracks, write_tracks
-    from seismo3d.seismic.tracks import index_seeds, trace_tracks
+    from seismo3d.seismic.track_exports import irap_note, tabulate_tracks
+    from seismo3d.seismic.tracks import index_seeds
 
     points: list[Any] = [_as_seed(text) for text in seed]
     if columns is not None and not horizon:
@@ -101,6 +93,10 @@ def run(
     if opened.ndim == 3:
         index_seeds(opened, points)
     known = None if faults is None else FaultSet.load(faults)
+    asked = {
+        **reading, "seed": seed, "horizon": horizon, "columns": columns, "faults": faults, "event": event,
+        "count": count, "memory": memory, "scheduler": scheduler,
+    }  # fmt: skip
     folder = kept_aside(out) if in_blocks else written_aside(out, folder=True)
     with folder as aside, shown_progress() as show:
         aside.mkdir(exist_ok=in_blocks)
@@ -109,36 +105,8 @@ def run(
             clock("live traces", 0.0)
             opened = opened.assign_coords(live=opened["live"].compute())
         larger: dict[str, Any] = {"memory": memory, "scheduler": scheduler, "folder": aside} if in_blocks else {}
-        layers = _model(opened, known, clock, larger) if opened.ndim == 3 else None
-        how: dict[str, Any] = {"faults": known, "event": event, "layers": layers, "progress": clock}
-        tracks = trace_tracks(opened, points, **how) if points else find_horizons(opened, count, **how)
-        closure = None if layers is None else layers.closure
-        clock("export", 0.0)
-        write_tracks(tracks, opened, directory=aside)
-        clock("pictures", 0.0)
-        pictures = save_track_pictures(aside, opened, tracks, faults=known, closure=closure)
-        asked = {
-            **reading,
-            "seed": seed,
-            "horizon": horizon,
-            "columns": columns,
-            "faults": faults,
-            "event": event,
-            "count": count,
-        }
-        asked |= {"memory": memory, "scheduler": scheduler}
-        timings = clock.stop()
-        record = {
-            **describe_run(cube, command="tracks", options=asked),
-            "extent": sample_extent(opened),
-            "survey": SurveyGeometry.from_cube(opened).to_dict() if opened.ndim == 3 else None,
-            "loops": tabulate_loops(closure),
-            "timings_s": timings,
-        }
-        title = f"Horizons in {cube.name}"
-        page = tracks_page(tracks, opened, title=title, pictures=pictures, run=record, closure=closure)
-        write_page(aside / "report.html", page)
-        write_record(aside / RECORD, record)
+        tracks, closure = _trace(opened, points, count, known, event, clock=clock, larger=larger)
+        timings = _report(tracks, closure, opened, aside, clock, faults=known, path=cube, asked=asked)
     if json:
         found = {"folder": out, "tracks": tabulate_tracks(tracks), "loops": tabulate_loops(closure)}
         print_json({**found, "timings_s": timings})
@@ -157,6 +125,19 @@ def _asks_for_blocks(cube: Any, memory: str | None, scheduler: str | None, out: 
     return asks_for_blocks(cube, memory, folder=out, scheduler=scheduler, whole_bytes=whole_layers_bytes)
 
 
+def _trace(
+    cube: Any, points: list[Any], count: int, faults: Any, event: str | None, *, clock: Any, larger: dict[str, Any]
+) -> tuple[list[Any], Any]:
+    """Follow the seeds, or find horizons where there are none; return the tracks and how well shifts close loops."""
+    from seismo3d.seismic.horizon_search import find_horizons
+    from seismo3d.seismic.tracks import trace_tracks
+
+    layers = _model(cube, faults, clock, larger) if cube.ndim == 3 else None
+    how: dict[str, Any] = {"faults": faults, "event": event, "layers": layers, "progress": clock}
+    tracks = trace_tracks(cube, points, **how) if points else find_horizons(cube, count, **how)
+    return tracks, None if layers is None else layers.closure
+
+
 def _model(cube: Any, faults: Any, clock: Any, larger: dict[str, Any]) -> Any:
     """Return the layer model; `larger` says how that of a cube beyond memory is found."""
     from seismo3d.seismic.layer_graph import LayerTimeSettings
@@ -167,6 +148,38 @@ def _model(cube: Any, faults: Any, clock: Any, larger: dict[str, Any]) -> Any:
     from seismo3d.seismic.blocks.stored_layers import layers_within
 
     return layers_within(cube, faults, **larger, settings=LayerTimeSettings(), progress=clock)
+
+
+def _report(
+    tracks: list[Any], closure: Any, cube: Any, folder: Path, clock: Any, *, faults: Any, path: Path,
+    asked: dict[str, Any],
+) -> dict[str, float]:  # fmt: skip
+    """Write tracks, pictures, report and the record of the run, and return the seconds of each stage."""
+    from seismo3d.cli._run_folder import RECORD, describe_run, write_record
+    from seismo3d.geometry.survey import SurveyGeometry
+    from seismo3d.plot.run_reports import tracks_page, write_page
+    from seismo3d.plot.track_pictures import save_track_pictures
+    from seismo3d.seismic.loop_closure import tabulate_loops
+    from seismo3d.seismic.pick_scores import sample_extent
+    from seismo3d.seismic.track_exports import write_tracks
+
+    clock("export", 0.0)
+    write_tracks(tracks, cube, directory=folder)
+    clock("pictures", 0.0)
+    pictures = save_track_pictures(folder, cube, tracks, faults=faults, closure=closure)
+    timings: dict[str, float] = clock.stop()
+    record = {
+        **describe_run(path, command="tracks", options=asked),
+        "extent": sample_extent(cube),
+        "survey": SurveyGeometry.from_cube(cube).to_dict() if cube.ndim == 3 else None,
+        "loops": tabulate_loops(closure),
+        "timings_s": timings,
+    }
+    title = f"Horizons in {path.name}"
+    page = tracks_page(tracks, cube, title=title, pictures=pictures, run=record, closure=closure)
+    write_page(folder / "report.html", page)
+    write_record(folder / RECORD, record)
+    return timings
 
 
 def _say(out: Path, tracks: list[Any], closure: Any) -> None:

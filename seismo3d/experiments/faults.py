@@ -21,7 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.errors import ParameterError, Seismo3dError
+from seismo3d.errors import ParameterError
+from seismo3d.experiments._command import run_command
 from seismo3d.seismic.fault_evidence import EVIDENCE
 from seismo3d.seismic.scores import FaultScore, ThrowScore, fault_score, throw_score
 from seismo3d.synthetic import KINDS, SyntheticCube, fault_cube
@@ -281,7 +282,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def main(arguments: Sequence[str] | None = None, *, trace: Tracer | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, *, trace: Tracer | None = None) -> None:
     """Run the suite and print its table.
 
     Parameters
@@ -290,11 +291,6 @@ def main(arguments: Sequence[str] | None = None, *, trace: Tracer | None = None)
         Command line; the process's own if not given.
     trace : callable, optional
         What traces the faults; :func:`seismo3d.trace_faults` if not given. With ``--evidence`` it gets that keyword.
-
-    Returns
-    -------
-    int
-        Exit code: 0.
     """
     options = _parse(arguments)
     if options.seeds < 1 or options.shape < 16:
@@ -313,7 +309,6 @@ def main(arguments: Sequence[str] | None = None, *, trace: Tracer | None = None)
         found = {kind: [asdict(result) for result in results] for kind, results in by_evidence.items()}
     if options.json is not None:
         options.json.write_text(json.dumps(_plain(found), indent=1), encoding="utf-8")
-    return 0
 
 
 def _run_kinds(options: argparse.Namespace, trace: Tracer) -> list[CubeResult]:
@@ -331,8 +326,4 @@ def _run_kinds(options: argparse.Namespace, trace: Tracer) -> list[CubeResult]:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except Seismo3dError as error:
-        sys.stderr.write(f"error: {error}\n")
-        sys.exit(2)
+    run_command(main)

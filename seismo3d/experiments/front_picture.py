@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray
-from seismo3d.errors import FileAccessError, Seismo3dError
+from seismo3d.errors import FileAccessError
+from seismo3d.experiments._command import run_command
 
 _DEFAULT = Path("examples/data/faults_demo.png")
 
@@ -75,8 +75,8 @@ def trim(picture: AnyArray) -> AnyArray:
     return picture[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Make the demo cube, write and read it as SEG-Y, trace it, and draw the picture; return the exit code."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Make the demo cube, write and read it as SEG-Y, trace it, and draw the picture."""
     from seismo3d.io.cubes import open_cube
     from seismo3d.io.segy import write_segy
     from seismo3d.seismic.faults import trace_faults
@@ -85,17 +85,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m seismo3d.experiments.front_picture", description=__doc__)
     parser.add_argument("out", nargs="?", type=Path, default=_DEFAULT, help=f"PNG file to write, {_DEFAULT} by default")
     out = parser.parse_args(arguments).out
-    try:
-        _check_folder(out)
-        with tempfile.TemporaryDirectory() as folder:
-            path = write_segy(Path(folder) / "demo.sgy", fault_cube("demo", seed=0).to_dataarray(), like=None)
-            cube = open_cube(path)
-            print(draw_front_picture(out, cube, faults=trace_faults(cube)))
-    except Seismo3dError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    _check_folder(out)
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_segy(Path(folder) / "demo.sgy", fault_cube("demo", seed=0).to_dataarray(), like=None)
+        cube = open_cube(path)
+        print(draw_front_picture(out, cube, faults=trace_faults(cube)))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -19,6 +19,7 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.errors import FormatError
+from seismo3d.experiments._command import run_command
 from seismo3d.geometry.rotations import invert_transform, make_transform, rotation_angle, rotation_from_quaternion
 from seismo3d.registration.align import align_pairs
 from seismo3d.robot.calibration import calibrate_timing
@@ -189,4 +190,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -22,6 +22,7 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.errors import MissingDependencyError
+from seismo3d.experiments._command import run_command
 from seismo3d.experiments.mapping import measure_trajectory, read_truth
 from seismo3d.robot.calibration import calibrate_timing
 from seismo3d.robot.camera import Camera, RgbdFrame
@@ -153,4 +154,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

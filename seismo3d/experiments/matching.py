@@ -14,12 +14,13 @@ import numpy as np
 
 from seismo3d._typing import AnyArray
 from seismo3d.experiments import matching_pairs, matching_speed, matching_tables, matching_volumes
+from seismo3d.experiments._command import run_command
 from seismo3d.experiments.matching_scenes import load_photos, rotation, scaling, tilt
 
 PARTS = ("tables", "oxford", "sections", "volumes", "speed", "unrelated")
 
 
-def main(args: Sequence[str] | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Measure what is asked for, and print it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="parts to measure")
@@ -27,7 +28,7 @@ def main(args: Sequence[str] | None = None) -> None:
     parser.add_argument("--cubes", type=Path, nargs="*", default=[], help="real cubes: SEG-Y, Zarr, .npy, .npz")
     parser.add_argument("--trials", type=int, default=200, help="displacements of sub-volumes, of each cube")
     parser.add_argument("--images", type=int, default=None, help="use only so many images")
-    given = parser.parse_args(args)
+    given = parser.parse_args(arguments)
     cubes = {path.stem: _read_cube(path) for path in given.cubes}
     if "tables" in given.only:
         for table in matching_tables.TABLES.values():
@@ -109,4 +110,4 @@ def report_speed() -> str:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

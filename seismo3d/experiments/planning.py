@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, Float64Array
+from seismo3d.experiments._command import run_command
 from seismo3d.experiments._kernels_planning import a_star
 from seismo3d.robot.dstar import DStarLite
 from seismo3d.robot.lattice import lattice_motions
@@ -27,7 +29,7 @@ PARTS = ("changes", "small", "paths")
 CELL = 0.05
 
 
-def main(words: list[str] | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts that are asked for and print their figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="parts to run; all by default")
@@ -37,7 +39,7 @@ def main(words: list[str] | None = None) -> None:
         "--trials", type=int, default=15, help="obstacles on the large map, of each kind; a third on the lattice"
     )
     parser.add_argument("--maps", type=int, default=40, help="random maps whose paths are checked")
-    given = parser.parse_args(words)
+    given = parser.parse_args(arguments)
     runs: dict[str, Any] = {
         "changes": lambda: report_changes(given.changes),
         "small": lambda: report_small(given.side, given.trials),
@@ -262,4 +264,4 @@ def report_paths(n: int) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -8,6 +8,7 @@ Parts: ``solves`` (random problems of the exact solvers), ``covariance`` (honest
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from seismo3d.experiments import (
@@ -18,11 +19,12 @@ from seismo3d.experiments import (
     registration_solves,
     registration_speed,
 )
+from seismo3d.experiments._command import run_command
 
 PARTS = ("solves", "covariance", "degenerate", "speed", "pairs", "fusion")
 
 
-def main(words: list[str] | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts that are asked for and print their figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
@@ -34,7 +36,7 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--n-scale", type=int, help="random problems a class with free scale; a fiftieth by default")
     parser.add_argument("--trials", type=int, default=200, help="perturbed starts a pair")
     parser.add_argument("--frames", type=int, default=20, help="frame pairs a gap")
-    given = parser.parse_args(words)
+    given = parser.parse_args(arguments)
     parts = given.parts or PARTS
     if "solves" in parts:
         registration_solves.report(n_problems=given.n, n_scale_problems=given.n_scale or max(given.n // 50, 3))
@@ -51,4 +53,4 @@ def main(words: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

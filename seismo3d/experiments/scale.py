@@ -25,6 +25,7 @@ import numpy as np
 from seismo3d._stages import StageClock, no_progress
 from seismo3d._typing import Float32Array
 from seismo3d.errors import MissingDependencyError
+from seismo3d.experiments._command import run_command
 from seismo3d.io.cubes import open_cube
 from seismo3d.io.zarr_store import write_zarr
 from seismo3d.seismic.blocks.plan import parse_memory, plan_blocks
@@ -274,4 +275,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

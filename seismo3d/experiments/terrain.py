@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from scipy import ndimage
 
 from seismo3d._typing import Float64Array
 from seismo3d.errors import Seismo3dError
+from seismo3d.experiments._command import run_command
 from seismo3d.experiments.terrain_lines import report_lineaments, report_nothing, report_scarps, report_valleys
 from seismo3d.io.elevation import make_elevation, read_elevation
 from seismo3d.terrain import compare, lineaments, register
@@ -25,7 +27,7 @@ from seismo3d.terrain import compare, lineaments, register
 PARTS = ("shift", "trials", "srtm", "points", "lineaments", "scarps", "valleys", "nothing", "refusals")
 
 
-def main(words: list[str] | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts that are asked for and print their figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="parts to run; all by default")
@@ -33,7 +35,7 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--trials", type=int, default=100, help="random trials")
     parser.add_argument("--seeds", type=int, default=5, help="made-up maps of each kind")
     parser.add_argument("--pictures", type=Path, help="folder for pictures of the maps with their lines")
-    given = parser.parse_args(words)
+    given = parser.parse_args(arguments)
     parts = given.parts or PARTS
     runs: dict[str, Any] = {
         "shift": lambda: report_shift(given.terrain),
@@ -180,4 +182,4 @@ def _said(work: Any, *maps: Any) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

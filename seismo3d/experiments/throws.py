@@ -7,7 +7,6 @@ compared with those of the fault when it moved, and with what lies apart today.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,12 +15,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import Float64Array, IntArray
-from seismo3d.errors import ParameterError, Seismo3dError
+from seismo3d.errors import ParameterError
+from seismo3d.experiments._command import run_command
 from seismo3d.experiments.faults import SUITE_KINDS, SUITE_SEEDS
 from seismo3d.synthetic import SyntheticCube, fault_cube
 from seismo3d.synthetic.cutoffs import present_slip
 
 KINDS = tuple(kind for kind in SUITE_KINDS if kind not in ("fault_free", "channels"))
+# voxels from the truth, and samples and degrees off it, within which voxel, throw and slip are right
 _NEAR, _THROW, _ANGLE_DEG = 2.0, 1.5, 15.0
 
 
@@ -132,18 +133,13 @@ def _slip_at(faults: Any, voxels: Any, labels: Any) -> tuple[Float64Array, Float
     return found, straight
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the cubes and print one line each, and one a kind.
 
     Parameters
     ----------
     arguments : sequence of str, optional
         Command line; the process's own if not given.
-
-    Returns
-    -------
-    int
-        Exit code: 0.
     """
     import seismo3d
 
@@ -162,7 +158,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             scores.append(score_slip(cube, seismo3d.trace_faults(cube.seismic)))
             print(_line(f"{kind:12s} {seed:4d}", [scores[-1]]), flush=True)
         print(_line(f"{kind:12s} mean", scores), flush=True)
-    return 0
 
 
 def _line(name: str, scores: Sequence[SlipScore]) -> str:
@@ -177,8 +172,4 @@ def _line(name: str, scores: Sequence[SlipScore]) -> str:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except Seismo3dError as error:
-        sys.stderr.write(f"error: {error}\n")
-        sys.exit(2)
+    run_command(main)

@@ -7,7 +7,6 @@ horizon that is nearest to the cube's middle among those a few traces off its ga
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 import warnings
 from collections.abc import Sequence
@@ -19,7 +18,8 @@ from scipy.ndimage import distance_transform_edt
 from scipy.optimize import isotonic_regression
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d.errors import Seismo3dError, Seismo3dWarning
+from seismo3d.errors import Seismo3dWarning
+from seismo3d.experiments._command import run_command
 from seismo3d.experiments.faults import reference_seconds
 from seismo3d.synthetic import SyntheticCube, fault_cube
 
@@ -155,18 +155,13 @@ def run_cube(kind: str, seed: int, *, shape: tuple[int, int, int] = (128, 128, 1
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the cubes and print one line each.
 
     Parameters
     ----------
     arguments : sequence of str, optional
         Command line; the process's own if not given.
-
-    Returns
-    -------
-    int
-        Exit code: 0.
     """
     parser = argparse.ArgumentParser(prog="python -m seismo3d.experiments.tracks", description=__doc__.split("\n")[0])
     parser.add_argument("--kinds", nargs="+", default=list(KINDS), metavar="KIND")
@@ -187,12 +182,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 f"{within:.3f} ({each}) {traced:.3f} | {r.seconds:.1f} {r.ratio:.0f}",
                 flush=True,
             )
-    return 0
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except Seismo3dError as error:
-        sys.stderr.write(f"error: {error}\n")
-        sys.exit(2)
+    run_command(main)

@@ -96,6 +96,7 @@ def slide_window(planes: Int32Array, taps: Int32Array, reach: int) -> Int32Array
 
 @numba.njit(cache=True, nogil=True)
 def window_sums(planes: Int32Array, half_widths: Int32Array) -> Int32Array:
+    """Sum each plane over the window around every pixel afresh: what :func:`slide_window` is measured against."""
     n_planes, rows, columns = planes.shape
     reach = half_widths.size // 2
     out = np.zeros((n_planes, rows, columns), np.int32)

@@ -9,6 +9,7 @@ from seismo3d._typing import BoolArray, Float64Array, Int64Array
 from seismo3d.features import _kernels_agreement
 from seismo3d.features.pairs import Pairs
 
+# places apart from each other at which there are enough: the rest need not be asked
 _MANY = 50
 
 

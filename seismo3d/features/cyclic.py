@@ -14,6 +14,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from seismo3d.features import _kernels
 
+# descriptors that are compared at a time: bounds the memory
 _CHUNK = 8
 
 

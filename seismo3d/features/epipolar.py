@@ -17,6 +17,7 @@ import numpy as np
 from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.features.pairs import Pairs
 
+# matches below which no motion of a camera is told
 _FEWEST = 12
 
 

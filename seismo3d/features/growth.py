@@ -12,6 +12,7 @@ from seismo3d.features.pairs import Pairs
 from seismo3d.features.pyramid import ImagePyramid
 from seismo3d.features.refinement import refine_matches
 
+# how much refinement may stretch or squeeze a patch beyond what its neighbour predicts
 _MAX_CHANGE = 1.4
 
 

@@ -13,7 +13,9 @@ from seismo3d.features import _kernels
 from seismo3d.features.gradients import central_differences
 from seismo3d.features.pyramid import STEP, ImagePyramid
 
+# pixels at the sides of an image where no point is taken: windows would reach beyond
 _BORDER = 8
+# points of a cell that come first, over what it would hold if all were spread evenly
 _CROWD = 1.5
 
 

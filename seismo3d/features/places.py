@@ -22,7 +22,9 @@ from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.features.describing import Features
 from seismo3d.features.planar import ImageFeatures
 
+# lowest frequencies of a descriptor around the circle, whose sizes no turn changes
 _N_FREQUENCIES = 4
+# images that a point votes for, by how much nearer they are than the next one
 _N_NEAREST = 4
 
 

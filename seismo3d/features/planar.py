@@ -28,16 +28,20 @@ class PlanarSettings:
         Points an image and levels of its pyramid, at most.
     tilts : {"auto", "always", "never"}
         Whether to simulate views from the side.
-    max_ratio : float
-        Of descriptor distances, best to best competitor more than ``apart`` pixels away.
+    max_ratio, apart : float
+        Largest ratio of descriptor distances, best to best competitor more than ``apart`` pixels away.
     min_correlation, min_grown : float
         Of refined patches: of first matches, and of those found beside them.
     min_agreeing : int
         Neighbours that must agree with a first match.
+    max_misfit : float
+        Largest distance of a match from the affine map of its neighbours, in target pixels.
     enough : int
         With fewer matches than this, tilts are tried in "auto".
     plane_share : float
         Where one plane explains so many of the first matches, depth is not considered.
+    layout : WindowLayout
+        Windows by which a point is described.
     """
 
     n_points: int = 500

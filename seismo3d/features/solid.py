@@ -24,7 +24,7 @@ class SolidSettings:
     smoothing : float
         Standard deviation of the Gaussian that precedes all, in voxels.
     max_ratio, apart : float
-        Ratio of descriptor distances, best to best competitor more than ``apart`` voxels away.
+        Largest ratio of descriptor distances, best to best competitor more than ``apart`` voxels away.
     distance : float
         Matches within this of the common pose count as first matches, in voxels.
     min_inliers : int
@@ -33,6 +33,8 @@ class SolidSettings:
         Of patches at the final pose: smaller ones are no matches.
     max_shift : float
         Largest shift of a match from the common pose, in voxels.
+    layout : SphereLayout
+        Spheres by which a corner is described.
     """
 
     n_points: int = 300

@@ -12,6 +12,7 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, In
 from seismo3d.features import _kernels_volume
 
 _NO_MASK = np.ones((1, 1, 1), dtype=np.bool_)
+# voxels at the sides of a volume where no corner is taken: its spheres would reach beyond
 _BORDER = 5
 _LEAST_SHARE = 1e-3
 """Of the tensor's trace: with less along the weakest direction, a place is on a flat layer or an edge."""
@@ -21,8 +22,8 @@ _LEAST_SHARE = 1e-3
 class SphereLayout:
     """Spheres in a frame whose third axis is the reflector's normal; lengths in voxels.
 
-    ``rings`` are (ring radius, height on the axis), each of ``n_satellites`` spheres; ``axis`` are heights of
-    spheres on the axis.
+    ``rings`` are (ring radius, height on the axis), each of ``n_satellites`` spheres; ``mirrored`` tells which ring
+    each becomes where the normal is turned round; ``axis`` are heights of spheres on the axis.
     """
 
     rings: tuple[tuple[float, float], ...] = ((3.5, 0.0), (7.0, 0.0), (5.0, 5.0), (5.0, -5.0))

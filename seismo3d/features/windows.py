@@ -21,7 +21,6 @@ from seismo3d.features import _kernels
 from seismo3d.features.gradients import quantise_gradients
 
 _SIDE_END = (0.195, 0.556, 0.831, 0.981)  # sines of 11.25, 33.75, 56.25 and 78.75 degrees
-_N_PLANES = 7
 
 
 @functools.lru_cache(maxsize=64)

@@ -14,9 +14,11 @@ OFF_BINS = 0.5
 """Distance off the map, in bins, that is no rounding: coordinates farther off are wrong, or lie on no map."""
 # the same in the deviation of the others
 _OFF_SPREAD = 6.0
+# of a normal distribution
 _MEDIAN_TO_RMS = 1.4826
 # share of the points that one map must hold before the others count as wrong
 _LEAST_ON_MAP = 0.75
+# most rounds of reweighted least squares
 _N_STEPS = 60
 # distances that weigh alike in the search for that map: in bins, and in coordinates
 _ALIKE_BINS, _ALIKE = 0.01, 1e-12

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import ArrayLike, Float64Array
-from seismo3d._validate import as_points, as_real_array
+from seismo3d._typing import AnyArray, ArrayLike, Float64Array
+from seismo3d._validate import as_points, as_real_array, freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.reference_systems import WEB_MERCATOR, same_system, short_name, unit_of
 
@@ -74,12 +74,6 @@ class MapGrid:
         """Columns: the steps in map units to the next column and to the next row."""
         a, b, _, d, e, _ = self.transform
         return np.array([[a, b], [d, e]])
-
-    @property
-    def cell_size(self) -> tuple[float, float]:
-        """Distance of neighbouring columns and of neighbouring rows, in the reference system's units."""
-        step = self.matrix
-        return float(np.hypot(*step[:, 0])), float(np.hypot(*step[:, 1]))
 
     @property
     def metres_per_unit(self) -> tuple[float, float]:
@@ -194,3 +188,12 @@ def _extent(grid: MapGrid) -> tuple[Float64Array, Float64Array]:
     corners = [[x, y] for x in (-0.5, columns - 0.5) for y in (-0.5, rows - 0.5)]
     points = grid.to_map(corners)
     return points.min(axis=0), points.max(axis=0)
+
+
+def like_map(elevation: Any, values: AnyArray, name: str, *, nodata: float | None = None) -> Any:
+    """Return values on the cells of a map in its form: with its place where it is a DataArray, else read-only."""
+    if not hasattr(elevation, "dims"):
+        return freeze(values)
+    made = elevation.copy(data=values).rename(name)
+    made.attrs = {**elevation.attrs, "nodata": nodata}
+    return made

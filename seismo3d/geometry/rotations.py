@@ -15,6 +15,7 @@ import numpy as np
 from seismo3d._typing import ArrayLike, Float64Array
 from seismo3d.errors import ShapeError
 
+# radians below which the closed forms lose their digits and series are taken
 _SMALL = 1e-6
 
 

@@ -249,16 +249,18 @@ def read_g2o(path: str | Path) -> PoseGraph:
                 W = W + np.triu(W, 1).T
                 edges.append((int(words[1]), int(words[2]), _from_words(words[3:10]), _from_g2o(W)))
         except ValueError as error:
-            raise FormatError(f"{file.name}, line {number}: {error}") from error
+            raise FormatError(f"{file.name}, line {number}: {error}; expected numbers. Write it again.") from error
     order = {name: k for k, name in enumerate(sorted(vertices))}
     missing = next((k for i, j, *_ in edges for k in (i, j) if k not in order), None)
     if missing is not None:
-        raise FormatError(f"{file.name} has an edge to vertex {missing}, which it does not list.")
+        raise FormatError(
+            f"{file.name} has an edge to vertex {missing}, which it does not list. Write the whole graph again."
+        )
     placed = [(order[i], order[j], T, W, abs(order[i] - order[j]) != 1) for i, j, T, W in edges]
     try:
         return PoseGraph.of([vertices[name] for name in sorted(vertices)], placed)
     except (ShapeError, ParameterError) as error:
-        raise FormatError(f"{file.name} is no graph of poses: {error}") from error
+        raise FormatError(f"{file.name} is no graph of poses: {error} Write it again.") from error
 
 
 def _inverse(T: Float64Array) -> Float64Array:

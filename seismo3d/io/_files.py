@@ -12,6 +12,11 @@ from pathlib import Path
 
 from seismo3d.errors import FileAccessError, ParameterError
 
+_ASIDE = ".part"
+_PARTICIPLE = {"read": "read", "write": "written"}
+# how often a folder that writing failed in is removed, as long as others still write to it
+_LOOKS, _SECONDS_BETWEEN_LOOKS = 20, 0.25
+
 
 def as_readable_file(path: str | os.PathLike[str]) -> Path:
     """Return the path of an ordinary file that can be opened for reading, or refuse it."""
@@ -42,10 +47,6 @@ def refuse_os_errors(path: Path, verb: str) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error)
         raise FileAccessError(f"{path} cannot be {_PARTICIPLE[verb]}: {reason}.") from error
-
-
-_ASIDE = ".part"
-_PARTICIPLE = {"read": "read", "write": "written"}
 
 
 @contextmanager
@@ -202,7 +203,3 @@ def _remove_for_good(path: Path) -> None:
         if not path.exists():
             return
     shutil.rmtree(path)
-
-
-_LOOKS = 20
-_SECONDS_BETWEEN_LOOKS = 0.25

@@ -41,7 +41,9 @@ _HINTS: tuple[tuple[str, int, str], ...] = (
     (r"\bpstm\b|time[- ]migrat|pre-?stack time", -2, "text header: time migration"),
 )
 _USUAL_INTERVAL_MS = 4.0
+# interval from which on it is too coarse for time in ms, and speaks for depth
 _COARSE_MS = 10.0
+# traces whose headers are asked where they start
 _N_STARTS = 4096
 # share of a sample by which starts may differ from a whole one and still be one
 _SAME = 0.001

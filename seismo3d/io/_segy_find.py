@@ -21,7 +21,9 @@ _USUAL_PAIRS: tuple[tuple[int, int], ...] = (
 _ANY_FIELD = (1, 5, 9, 13, 17, 21, 25, 181, 185, 189, 193, 197, 201, 205, 209, 213, 217, 221, 225, 229, 233, 237)
 _OFFSET = 37
 _CDP, _SHOT = 21, 9
+# traces of a file up to which all headers are read
 _SMALL = 60_000
+# share of its bins that a grid of line numbers fills at least
 _LEAST_SHARE = 0.1
 XY_PAIRS = ((181, 185), (73, 77), (81, 85))
 

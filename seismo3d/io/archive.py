@@ -21,6 +21,7 @@ from seismo3d.io._files import written_aside
 from seismo3d.io.numpy_files import read_member, refuse_damage
 
 _META = "meta.json"
+# longest description that is read: a damaged file may promise any length
 _META_BYTES = 256 * 2**20
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -183,6 +184,16 @@ def holds_elevation(path: str | Path) -> bool:
     return any(name in held for name in _NAMES[:1] + _NAMES[2:])
 
 
+def has_rasterio() -> bool:
+    """Whether rasterio is installed, by which rasters are read and written and reference systems are told apart."""
+    return find_spec("rasterio") is not None
+
+
+def raster_suffix() -> str:
+    """Return the ending of maps that are written beside other results: ``.tif``, ``.npz`` without rasterio."""
+    return ".tif" if has_rasterio() else ".npz"
+
+
 def import_rasterio(purpose: str) -> Any:
     """Return rasterio, or say how to get it."""
     try:
@@ -203,7 +214,9 @@ def _read_raster(path: Path, band: int) -> Any:
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
             with rasterio.open(path) as file:
                 if not 1 <= band <= file.count:
-                    raise FormatError(f"{path.name} has {file.count} bands; band {band} was asked for.")
+                    raise FormatError(
+                        f"{path.name} has {file.count} bands; band {band} was asked for. Count them from 1."
+                    )
                 if np.dtype(file.dtypes[band - 1]).kind not in "iuf":
                     raise FormatError(f"{path.name} holds values of type {file.dtypes[band - 1]}; expected elevations.")
                 declared = file.width * file.height * np.dtype(file.dtypes[band - 1]).itemsize

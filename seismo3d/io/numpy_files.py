@@ -23,6 +23,7 @@ from seismo3d.io._files import as_readable_file
 
 _DEFLATE = 1032
 """Most that a byte of deflated data can unpack to."""
+# bytes that an array may declare whatever the size of its file
 _ALWAYS_ALLOWED = 256 * 2**20
 _DAMAGE = (
     ValueError, TypeError, KeyError, IndexError, EOFError, OverflowError, RecursionError, SyntaxError, TokenError,

@@ -13,11 +13,11 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d._validate import as_points
-from seismo3d.errors import FileAccessError, FormatError, MissingDependencyError, Seismo3dWarning
+from seismo3d.errors import FormatError, MissingDependencyError, Seismo3dWarning
 from seismo3d.io import _lzf
 from seismo3d.io._column_names import find_names
 from seismo3d.io._decimal_commas import may_have_decimal_commas
-from seismo3d.io._files import check_output, written_aside
+from seismo3d.io._files import as_readable_file, check_output, refuse_os_errors, written_aside
 from seismo3d.io._las import check_las
 from seismo3d.io.numpy_files import list_npz, read_npy, read_npz
 
@@ -88,13 +88,8 @@ def read_points(path: str | Path) -> PointFile:
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise FormatError(f"{path.name} ends in {path.suffix!r}; expected one of {', '.join(sorted(_READERS))}.")
-    if not path.is_file():
-        raise FileAccessError(f"{path} is not a file; expected a point file.")
-    try:
-        columns = reader(path)
-    except OSError as error:
-        raise FileAccessError(f"{path} cannot be read: {error}.") from error
-    points, normals = columns
+    with refuse_os_errors(as_readable_file(path), "read"):
+        points, normals = reader(path)
     good = np.isfinite(points).all(axis=1)
     if normals is not None:
         good &= np.isfinite(normals).all(axis=1)
@@ -246,9 +241,11 @@ def _read_pcd(path: Path) -> tuple[AnyArray, AnyArray | None]:
         layout = np.dtype([(n, k, (c,)) if c > 1 else (n, k) for n, k, c in zip(_unique(names), kinds, counts)])
         form = header["DATA"][0]
     except (KeyError, ValueError, IndexError, TypeError, OverflowError) as error:
-        raise FormatError(f"{path.name} has a broken PCD header: {error}.") from error
+        raise FormatError(f"{path.name} has a broken PCD header: {error}. Write it again.") from error
     if count < 0 or min(counts, default=1) < 1:
-        raise FormatError(f"{path.name} has a broken PCD header: {count} points of {counts} values a field.")
+        raise FormatError(
+            f"{path.name} has a broken PCD header: {count} points of {counts} values a field. Write it again."
+        )
     if form == "ascii":
         lines = data[start:].decode("ascii", errors="replace").split("\n")
         spread = [n if c == 1 else f"{n}{k}" for n, c in zip(_unique(names), counts) for k in range(c)]
@@ -301,7 +298,7 @@ def _parse_numbers(lines: list[str], path: Path) -> Float64Array:
             text = [line.replace(",", " ").replace(";", " ") for line in lines]
             return np.loadtxt(text, ndmin=2, dtype=np.float64, comments=("#", "//"))
         except ValueError as error:
-            raise FormatError(f"{path.name} holds a row that is not numbers: {error}.") from error
+            raise FormatError(f"{path.name} holds a row that is not numbers: {error}. Take it out.") from error
 
 
 def _read_text(path: Path) -> tuple[AnyArray, AnyArray | None]:
@@ -373,7 +370,7 @@ def _read_las(path: Path) -> tuple[AnyArray, AnyArray | None]:
         # the decoder of LAZ panics on what it does not understand, which is no Exception
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        raise FormatError(f"{path.name} is not a readable LAS or LAZ file: {error}.") from error
+        raise FormatError(f"{path.name} is not a readable LAS or LAZ file: {error}. Get it again.") from error
     points = np.concatenate([np.zeros((0, 3)), *parts])
     if len(points) != expected:
         raise FormatError(f"{path.name} is cut short: {len(points)} points of {expected}. Get the file again.")
@@ -421,4 +418,3 @@ _READERS: dict[str, Callable[[Path], tuple[AnyArray, AnyArray | None]]] = {
     ".npy": _read_numpy,
     ".npz": _read_numpy,
 }
-POINT_SUFFIXES = tuple(_READERS)

@@ -19,6 +19,7 @@ from seismo3d.io._segy_write import check_segy, write_segy
 __all__ = ["check_segy", "read_segy", "write_segy"]
 
 _CHUNK_BYTES = 32 * 2**20
+# traces up to which every header is read, lazy or not
 _SCANNED_BELOW = 100_000
 _N_UNITS = 64
 # what trace headers may say that coordinates are in, and the number that stands for a full turn

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.errors import ShapeError
+from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.plot.drawing import NO_DATA, draw_amplitudes, draw_faults, new_axes
 from seismo3d.plot.map_frame import MapFrame
 from seismo3d.plot.pictures import live_traces, name_axes, take_picture
@@ -52,7 +52,7 @@ def time_slice(
     Raises
     ------
     ParameterError
-        If more than one position is given, or it is not on the cube.
+        If more than one position is given, or a line, or it is not on the cube.
     ShapeError
         If the cube is a section, or the faults are of another cube.
     """
@@ -60,14 +60,18 @@ def time_slice(
     check_faults_of(cube, faults)
     if len(name_axes(cube)) == 2:
         raise ShapeError(f"cube has shape {np.shape(cube)}: a section has no time slice. Use plot.section.")
-    where = {"time": time, "depth": depth, "sample": sample, "inline": inline, "crossline": crossline}
+    where = {"time": time, "depth": depth, "sample": sample}
     if all(value is None for value in where.values()):
+        for name, line in (("inline", inline), ("crossline", crossline)):
+            if line is not None:
+                raise ParameterError(
+                    f"{name} is {line!r}; expected the time, depth or sample of a time slice. Use plot.section."
+                )
         where["sample"] = cube.shape[2] // 2
-    picture = take_picture(cube, **where)
+    picture = take_picture(cube, **where, inline=inline, crossline=crossline)
     ax = new_axes(7.5, 7.0) if ax is None else ax
     draw_amplitudes(ax, picture, cmap=cmap, clip=clip)
-    if picture.axis == 2:
-        MapFrame.from_cube(cube).lay_out(ax)
+    MapFrame.from_cube(cube).lay_out(ax)
     if faults is not None:
         draw_faults(ax, cut_faults(faults, picture), colour=colour)
     return ax

@@ -109,6 +109,13 @@ def likelihood(
     -------
     matplotlib Axes
         The axes. Likelihood is transparent at 0.
+
+    Raises
+    ------
+    ParameterError
+        If more than one position is given, or it is not on the cube.
+    ShapeError
+        If the faults are of another cube.
     """
     check_faults_of(cube, faults)
     where = {"inline": inline, "crossline": crossline, "time": time, "depth": depth, "sample": sample}

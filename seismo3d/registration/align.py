@@ -18,7 +18,9 @@ from seismo3d.registration.result import SIZE_IS_FREE, Registration
 from seismo3d.registration.solvers import Limits, Prior, Solution, solve_form
 from seismo3d.registration.start import as_start
 
+# most rounds in which the shares of two terms are measured anew
 _MANY_ROUNDS = 20
+# of either term: one must not vanish for good
 _LEAST_SHARE = 1e-4
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d.errors import ParameterError
 from seismo3d.geometry.voxels import VoxelMap
 from seismo3d.registration.acceleration import Accelerator, Stall
 from seismo3d.registration.fusion import Joint, Level, evaluate, fuse_features
@@ -89,7 +90,7 @@ def run_levels(
         A, t = result.A, result.t
     if result is None:
         if features is None:
-            raise ValueError("the loop needs surfaces or features")
+            raise ParameterError("the loop is given neither surfaces nor features; expected one of them.")
         result = _run_features(features, A, t, prior, limits, model, settings)
     return result
 
@@ -209,7 +210,7 @@ def _run_level(
             plain = (A, t)
             A, t = moved_from(base, mixed, model)
     if joint is None:
-        raise ValueError("max_iterations must be positive")
+        raise ParameterError(f"max_iterations is {job.settings.max_iterations}; expected 1 or more passes a level.")
     return LoopResult(A, t, joint, cutoff, settled, tuple(e for e, _, _ in trail), tuple((B, u) for _, B, u in trail))
 
 

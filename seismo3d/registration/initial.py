@@ -16,6 +16,7 @@ N_DRAWS = 10000
 N_DRAWS_A_ROUND = 500
 MISSED = 1e-9
 """Chance that draws may leave of having missed a pose that as many matches agree with as with the best so far."""
+# most fits to what agrees with the fit before
 REFITS = 6
 
 

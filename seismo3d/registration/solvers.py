@@ -15,6 +15,7 @@ from seismo3d.registration.certificate import TOLERANCE, multiplier_tables, octa
 from seismo3d.registration.constraints import model_number
 from seismo3d.registration.result import MODELS
 
+# most steps of Newton's method
 STEPS = 60
 AT_BOUND = 1e-9
 """Distance from a bound, in the frame's units, up to which a parameter lies on it."""

@@ -32,6 +32,7 @@ STEADY, FALLEN = 0.7, 0.1
 has fallen far."""
 GROWS = 1.5
 """How many times as large it is on a coarser level where edges feign it."""
+# what is added to a curvature, so that one of zero can be divided by
 LEAST_CURVATURE = 1e-9
 
 

@@ -49,7 +49,7 @@ def compute_attributes(
           number.
         - ``azimuth``: direction in which reflectors go down, degrees 0 to 360 from north (from the inline axis towards
           the crossline axis without a map); NaN where level. Cubes only.
-        - ``semblance``: likeness of up to 3 x 3 traces along the dip, over 9 samples; 0 to 1.
+        - ``semblance``: likeness [2]_ of up to 3 x 3 traces along the dip, over 9 samples; 0 to 1.
         - ``curvature_most_positive``, ``curvature_most_negative``: largest and smallest curvature of the reflector
           [1]_, positive on anticlines; 1/m in depth cubes on a map, else samples a bin a bin. A section has
           ``curvature``.

@@ -8,16 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import AnyArray, BoolArray
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.misfit import NOISES
 from seismo3d.seismic.sheet_distances import SheetNodes
+from seismo3d.seismic.sheet_measures import (
+    dip_deg,
+    length_down_dip,
+    mean_support,
+    median_fit,
+    median_throw,
+    share_matched,
+    strength,
+    vertical_extent,
+)
 from seismo3d.seismic.sheet_tips import share_out_of_view
 from seismo3d.seismic.term_fits import fit_terms
-from seismo3d.seismic.throw import SheetSides, SheetThrow, every_sample
+from seismo3d.seismic.throw import SheetThrow
 
-# samples from the edge of a mute within which a sheet lies beside it, and how far off its sides are read
-_BESIDE, _WITHIN = 8, 16
 # root of the area across a cube, in traces times samples, from which on there is room for faults of any strength
 _ROOM = 90.0
 # traces over which a sheet's course along its strike is smoothed
@@ -192,16 +198,6 @@ class ChoiceSettings:
         return replace(self, tall_strength=tall, host_strength=share * self.host_strength)
 
 
-def strength(sheet: Sheet) -> float:
-    """Return a sheet's significance: its mean support times the square root of its area."""
-    return _support(sheet) * float(np.sqrt(sheet.area)) if sheet.inside.any() else 0.0
-
-
-def _support(sheet: Sheet) -> float:
-    """Return a sheet's mean support."""
-    return float(np.nanmean(sheet.score))
-
-
 def may_be_faults(sheets: list[Sheet], is_section: bool, settings: ChoiceSettings) -> list[Sheet]:
     """Leave out the sheets that are too small or weak whatever their throw.
 
@@ -225,112 +221,8 @@ def may_be_faults(sheets: list[Sheet], is_section: bool, settings: ChoiceSetting
         if (is_section or min(sheet.w.shape) > 1)
         and sheet.area >= min(settings.company_area, settings.least_area)
         and strength(sheet) >= min(settings.company_strength, settings.least_strength)
-        and _height(sheet) >= settings.least_height
+        and vertical_extent(sheet) >= settings.least_height
     ]
-
-
-def end_where_still(
-    sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings, *, noise: float
-) -> tuple[Sheet, SheetThrow]:
-    """End a sheet where its sides fit unmoved and its support is weak: it has run on into unbroken ground.
-
-    Parameters
-    ----------
-    sheet, throw : Sheet, SheetThrow
-        A sheet and its throw.
-    settings : ChoiceSettings
-        Thresholds.
-    noise : float
-        The cube's median misfit ratio.
-
-    Returns
-    -------
-    Sheet, SheetThrow
-        Without those places; specks that are left of it are dropped.
-    """
-    still = (np.abs(throw.throw) < np.interp(noise, NOISES[:2], settings.still_throw)) & (
-        sheet.score < settings.still_score
-    )
-    still &= throw.fit >= settings.still_fit
-    if not still.any():
-        return sheet, throw
-    # a few places decide nothing, neither to end a sheet nor to go on with it
-    still = ndimage.median_filter(still, size=(5, 5), mode="nearest")
-    inside = ndimage.binary_opening(sheet.inside & ~still, np.ones((min(3, sheet.w.shape[0]), 3), bool))
-    parts, n_parts = ndimage.label(inside, np.ones((3, 3)))
-    if n_parts > 1:
-        inside &= are_large(parts, settings.company_area / sheet.step)
-    return sheet.only(inside), replace(throw, throw=np.where(inside, throw.throw, np.float32(np.nan)))
-
-
-def end_in_mutes(sheet: Sheet, sides: SheetSides, shape: tuple[int, ...]) -> Sheet:
-    """End a sheet where traces beside it begin and end; gaps in them, and dead traces, it passes.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        A sheet.
-    sides : SheetSides
-        What was read on its two sides.
-    shape : tuple of int
-        Inlines, crosslines and samples of the cube.
-
-    Returns
-    -------
-    Sheet
-        Without what lies above the first and below the last data on either side. None of its nodes where it runs along
-        a mute that slopes, whose edge breaks all layers as a fault would.
-    """
-    told = (sides.known > 0.0)[:, :, :: sheet.step]
-    begun, still = np.maximum.accumulate(told, axis=2), np.maximum.accumulate(told[..., ::-1], axis=2)[..., ::-1]
-    dead: BoolArray = np.asarray(~told.any(axis=(0, 2)))[:, None]
-    ended = sheet.only(sheet.inside & ((begun.any(axis=0) & still.any(axis=0)) | dead))
-    muted = ended.inside & ~(begun & still).all(axis=0) & ~dead
-    # what is read beyond the cube is none of a mute
-    points, last = ended.nodes(), np.array(shape) - 1
-    told_of = np.all((last < 2 * _WITHIN) | ((points >= _WITHIN) & (points <= last - _WITHIN)), axis=1)
-    along = ndimage.maximum_filter1d(muted, 2 * (_BESIDE // sheet.step) + 1, axis=1)[ended.inside][told_of]
-    return sheet.only(np.zeros(sheet.w.shape, bool)) if 2 * along.sum() > along.size else ended
-
-
-def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) -> Sheet:
-    """Leave nothing of a sheet that runs along the layers beside it, or of a weak one that leans over as they do.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        A sheet.
-    sides : SheetSides
-        What was read on its two sides.
-    settings : ChoiceSettings
-        The angle, and the support of what leans, that are needed.
-
-    Returns
-    -------
-    Sheet
-        The same one, or none of its nodes.
-    """
-    if sheet.w.shape[1] < 2:
-        return sheet
-    lean = np.arctan2(1.0, np.gradient(every_sample(sheet), axis=1))
-    apart = np.abs(lean - np.arctan(sides.tilts))
-    apart = np.minimum(apart, np.pi - apart)
-    told = (sides.known > 0.0) & np.isfinite(lean)
-    if not told.any():
-        return sheet
-    angle, dip = np.median(apart[told]), np.median(np.broadcast_to(np.minimum(lean, np.pi - lean), told.shape)[told])
-    leans = angle < min(settings.leaning * dip, np.radians(settings.leaning_deg))
-    is_sure = strength(sheet) >= settings.sure_strength or _support(sheet) >= settings.leaning_score
-    if angle >= np.radians(settings.layer_angle_deg) and not (leans and not is_sure):
-        return sheet
-    return sheet.only(np.zeros(sheet.w.shape, bool))
-
-
-def are_large(parts: AnyArray, least: float) -> BoolArray:
-    """Mark what belongs to a part of at least so many places; parts are numbered from 1, as ``label`` does."""
-    large = np.bincount(parts.ravel()) >= least
-    large[0] = False
-    return np.asarray(large[parts])
 
 
 def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSettings) -> list[int]:
@@ -343,7 +235,7 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
     Parameters
     ----------
     candidates : list of (Sheet, SheetThrow)
-        From :func:`may_be_faults` and :func:`end_where_still`.
+        What :func:`may_be_faults` leaves, ended where it ends: see :mod:`seismo3d.seismic.sheet_ends`.
     settings : ChoiceSettings
         Thresholds.
 
@@ -403,7 +295,7 @@ def _is_new(
 
 def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings, *, alone: bool) -> bool:
     """Tell whether a sheet is a fault by itself, alone or beside a strong one, where it may be that one once more."""
-    height = _height(sheet)
+    height = vertical_extent(sheet)
     is_tall = height >= settings.tall
     needs_less = is_tall or (alone and _is_well_told(sheet, throw, settings))
     enough = settings.tall_strength if needs_less else settings.least_strength
@@ -420,8 +312,8 @@ def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings, *, alone:
 def _is_well_told(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
     """Tell whether most of a sheet's sides match well once moved, which neither noise nor an upright bend does."""
     return (
-        _share_matched(sheet, throw) >= settings.told_matched
-        and _median_fit(sheet, throw) >= settings.little_fit
+        share_matched(sheet, throw) >= settings.told_matched
+        and median_fit(sheet, throw) >= settings.little_fit
         and median_throw(throw) >= settings.company_throw[1]
         and dip_deg(sheet) < settings.leftover_dip_deg
     )
@@ -434,7 +326,7 @@ def _is_unlike(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> boo
     """
     return bool(
         float(throw.fit[sheet.inside].mean()) < settings.unlike_fit
-        and _support(sheet) < settings.unlike_score
+        and mean_support(sheet) < settings.unlike_score
         and not _is_told_by_little(sheet, throw, settings)
     )
 
@@ -449,13 +341,13 @@ def _is_told_by_little(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings
 
 def _matches_on_little(sheet: Sheet, throw: SheetThrow, least_fit: float, settings: ChoiceSettings) -> bool:
     """Tell whether a sheet's sides match on a little of it at least, and so well there in the median."""
-    return _share_matched(sheet, throw) >= settings.little_matched and _median_fit(sheet, throw) >= least_fit
+    return share_matched(sheet, throw) >= settings.little_matched and median_fit(sheet, throw) >= least_fit
 
 
 def _is_clear(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
     """Tell whether a low sheet's sides match where it puts them, and its shape is not that of a channel's edge."""
-    is_low_edge = dip_deg(sheet) >= settings.steep_deg and _height(sheet) < settings.steep_height
-    return _median_fit(sheet, throw) >= settings.low_fit and not is_low_edge
+    is_low_edge = dip_deg(sheet) >= settings.steep_deg and vertical_extent(sheet) < settings.steep_height
+    return median_fit(sheet, throw) >= settings.low_fit and not is_low_edge
 
 
 def _winds(sheet: Sheet, settings: ChoiceSettings) -> bool:
@@ -484,19 +376,20 @@ def _is_walled(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> boo
 
 
 def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+    """Tell whether a sheet that does not stand by itself is a fault if it lies beside a strong one."""
     is_told = _is_told_leftover if sheet.leftover else _is_told_company
     return (
         sheet.area >= settings.company_area
-        and _height(sheet) >= settings.least_height
+        and vertical_extent(sheet) >= settings.least_height
         and length_down_dip(sheet) >= settings.company_length
-        and (_share_matched(sheet, throw) >= settings.company_half or _support(sheet) >= settings.company_score)
+        and (share_matched(sheet, throw) >= settings.company_half or mean_support(sheet) >= settings.company_score)
         and is_told(sheet, throw, settings)
     )
 
 
 def _is_told_company(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
     """Tell whether a sheet is strong enough, and its sides match and move, as a weaker fault's do."""
-    matched, fit = _share_matched(sheet, throw), _median_fit(sheet, throw)
+    matched, fit = share_matched(sheet, throw), median_fit(sheet, throw)
     steep = int(dip_deg(sheet) >= settings.steep_deg)
     enough = settings.company_fit[steep]
     least_fit = float(np.interp(matched, settings.company_matched, (settings.company_fit[1], enough)))
@@ -518,46 +411,8 @@ def _is_told_leftover(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings)
         and median_throw(throw) >= settings.company_throw[1]
         and _matches_on_little(sheet, throw, settings.leftover_fit, settings)
         and dip < settings.leftover_dip_deg
-        and (dip >= settings.low_dip_deg or _support(sheet) >= settings.leftover_score)
+        and (dip >= settings.low_dip_deg or mean_support(sheet) >= settings.leftover_score)
     )
-
-
-def _share_matched(sheet: Sheet, throw: SheetThrow) -> float:
-    """Return the share of the places whose sides match."""
-    fits = throw.fit[sheet.inside]
-    return float(np.count_nonzero(fits > 0.0)) / max(len(fits), 1)
-
-
-def _median_fit(sheet: Sheet, throw: SheetThrow) -> float:
-    """Return the median fit of the places whose sides match; 0 where none does."""
-    fit = throw.fit[sheet.inside]
-    matched = fit[fit > 0.0]
-    return float(np.median(matched)) if matched.size else 0.0
-
-
-def median_throw(throw: SheetThrow) -> float:
-    """Return the median size of the throw; 0 where no side has data."""
-    known = np.abs(throw.throw[np.isfinite(throw.throw)])
-    return float(np.median(known)) if known.size else 0.0
-
-
-def _height(sheet: Sheet) -> float:
-    columns = np.flatnonzero(sheet.inside.any(axis=0))
-    return float(np.ptp(columns)) * sheet.step if len(columns) else 0.0
-
-
-def dip_deg(sheet: Sheet) -> float:
-    """Return a sheet's median dip in degrees, in traces and samples; 90 for a sheet of one column."""
-    if sheet.w.shape[1] < 2:
-        return 90.0
-    moves = np.abs(np.diff(sheet.w, axis=1))
-    moves = moves[np.isfinite(moves)]
-    return float(np.degrees(np.arctan2(sheet.step, np.median(moves)))) if moves.size else 90.0
-
-
-def length_down_dip(sheet: Sheet) -> float:
-    """Return a sheet's extent down its dip, in samples and traces."""
-    return _height(sheet) / np.sin(np.radians(max(dip_deg(sheet), 10.0)))
 
 
 def _is_upright(sheet: Sheet, throw: SheetThrow, nodes: SheetNodes, host: _Chosen, settings: ChoiceSettings) -> bool:
@@ -579,6 +434,7 @@ def _is_upright(sheet: Sheet, throw: SheetThrow, nodes: SheetNodes, host: _Chose
 
 
 def _is_bend(sheet: Sheet, host: Sheet, settings: ChoiceSettings) -> bool:
+    """Tell whether a steep sheet is the bend of layers over a low fault."""
     if not _strike_alike(sheet, host, settings):
         return False
     return dip_deg(sheet) >= settings.steep_deg and dip_deg(host) < settings.low_dip_deg

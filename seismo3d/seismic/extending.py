@@ -11,10 +11,10 @@ from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_extending import find_beside, fit_local_planes, follow_planes, lay_on_grid
-from seismo3d.seismic.choosing import strength
 from seismo3d.seismic.linking import Room, Sheet
 from seismo3d.seismic.scan import RidgePoints
 from seismo3d.seismic.sheet_distances import SheetNodes
+from seismo3d.seismic.sheet_measures import strength
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +60,7 @@ class ExtendSettings:
     rim: int = 1
 
 
+# nodes that a sheet is carried on by at a time
 _RING = 2
 
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.errors import ParameterError
 from seismo3d.seismic._kernels_registration import registered_misfit
-from seismo3d.seismic.misfit import Compare, Evidence, MisfitSettings, compare_along, fuse_misfits
+from seismo3d.seismic.misfit import Compare, Evidence, compare_along, fuse_misfits
+from seismo3d.seismic.misfit_settings import MisfitSettings
 from seismo3d.seismic.side_shifts import RegistrationSettings, SideShifts, carry_sides, register_slices
 
 EVIDENCE = ("semblance", "registration", "both")

@@ -13,17 +13,10 @@ from typing import Any
 import numpy as np
 
 from seismo3d._stages import no_progress
-from seismo3d._typing import Float32Array, Int32Array, Progress
+from seismo3d._typing import BoolArray, Float32Array, Progress
 from seismo3d._validate import as_settings, freeze
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic.choosing import (
-    ChoiceSettings,
-    choose_faults,
-    end_along_layers,
-    end_in_mutes,
-    end_where_still,
-    may_be_faults,
-)
+from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, may_be_faults
 from seismo3d.seismic.cut_offsets import CutSettings, offset_sheets
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.doubles import part_doubles
@@ -35,10 +28,10 @@ from seismo3d.seismic.flanks import FlankSettings, join_flanks
 from seismo3d.seismic.layer_strain import LayerSlopes, sample_slopes
 from seismo3d.seismic.leftovers import link_leftovers
 from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
-from seismo3d.seismic.misfit import NOISES, MisfitSettings
+from seismo3d.seismic.misfit_settings import NOISES, MisfitSettings
 from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
 from seismo3d.seismic.preparing import as_volume, check_live, clean_volume
-from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
+from seismo3d.seismic.rasterise import draw_ridges, draw_sheets, to_likelihood
 from seismo3d.seismic.restored_throws import restore_throws
 from seismo3d.seismic.scan import RidgePoints, ScanSettings, leave_layers, scan_planes, thin
 from seismo3d.seismic.section_scores import (
@@ -48,6 +41,7 @@ from seismo3d.seismic.section_scores import (
     weigh_crests,
     weigh_line,
 )
+from seismo3d.seismic.sheet_ends import end_along_layers, end_in_mutes, end_where_still
 from seismo3d.seismic.sheet_tips import continue_sheet, likeness_beyond
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface, order_by_area
@@ -62,9 +56,6 @@ from seismo3d.seismic.throw import (
     refine_throw,
     slopes_beside,
 )
-
-# support, in standard deviations of the evidence, at which a fault is as likely as not
-_EVEN = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,25 +229,10 @@ def trace_faults(
         del slopes
         slopes = slopes_beside(volume, valid, sheets, dip=settings.dip, settings=settings.throw)
     layers = sample_slopes(slopes, valid, sheets, volume.shape)
-    sheets = [
-        place_sheet(
-            sheet,
-            *read_profile(volume, valid, slopes, sheet, throw=settings.throw, settings=settings.place),
-            settings=settings.place,
-        )
-        for sheet in sheets
-    ]
+    sheets = _place_sheets(sheets, (volume, valid), slopes, settings)
     if not is_section:
         sheets = join_flanks(sheets, settings.choice, settings=settings.flank)
-    moving = []
-    for number, sheet in enumerate(sheets):
-        report("throw", number / len(sheets))
-        off = farther_off(sheet, settings.throw)
-        sides, beyond = (
-            gather_sides(volume, valid, slopes, part, settings=settings.throw, off=off)
-            for part in (sheet, continue_sheet(sheet, volume.shape[2]))
-        )
-        moving.append(measure_moving(sheet, sides, beyond, volume.shape, found.noise, settings))
+    moving = _measure_sheets(sheets, (volume, valid), slopes, found.noise, settings, report)
     report("surfaces", 0.0)
     numbers = choose_faults(moving, settings.choice.for_size(volume.shape))
     chosen = [sheets[number] for number in numbers]
@@ -304,11 +280,6 @@ def score_at_noise(scores: tuple[float, float, float], noise: float) -> float:
     return float(np.interp(noise, NOISES, scores))
 
 
-def to_likelihood(score: Float32Array) -> Float32Array:
-    """Turn support into a likelihood from 0 to 1: one half at `_EVEN` standard deviations of the cube's evidence."""
-    return (1.0 - np.exp2(-np.maximum(score, 0.0) / np.float32(_EVEN))).astype(np.float32)
-
-
 def find_candidates(
     strong: RidgePoints,
     weak: RidgePoints,
@@ -339,6 +310,44 @@ def find_candidates(
     return offset_sheets(
         sheets, patch=(settings.scan.along_strike[0], settings.scan.along_dip[0]), settings=settings.cut
     )
+
+
+def _place_sheets(
+    sheets: list[Sheet],
+    data: tuple[Float32Array, BoolArray],
+    slopes: tuple[Float32Array, Float32Array],
+    settings: FaultSettings,
+) -> list[Sheet]:
+    """Move the sheets of a cube, of which amplitudes and where there are any are given, to where layers break."""
+    return [
+        place_sheet(
+            sheet,
+            *read_profile(*data, slopes, sheet, throw=settings.throw, settings=settings.place),
+            settings=settings.place,
+        )
+        for sheet in sheets
+    ]
+
+
+def _measure_sheets(
+    sheets: list[Sheet],
+    data: tuple[Float32Array, BoolArray],
+    slopes: tuple[Float32Array, Float32Array],
+    noise: float,
+    settings: FaultSettings,
+    report: Progress,
+) -> list[tuple[Sheet, SheetThrow]]:
+    """Return what :func:`measure_moving` does for all sheets of a cube in one piece."""
+    moving, shape = [], data[0].shape
+    for number, sheet in enumerate(sheets):
+        report("throw", number / len(sheets))
+        off = farther_off(sheet, settings.throw)
+        sides, beyond = (
+            gather_sides(*data, slopes, part, settings=settings.throw, off=off)
+            for part in (sheet, continue_sheet(sheet, shape[2]))
+        )
+        moving.append(measure_moving(sheet, sides, beyond, shape, noise, settings))
+    return moving
 
 
 def measure_moving(
@@ -408,42 +417,6 @@ def build_surfaces(
         build_surface(sheet, throw, now, to_likelihood(sheet.score), shape, geometry=geometry, sampling=sampling)
         for sheet, throw, now in zip(sheets, throws, today, strict=True)
     )
-
-
-def draw_sheets(
-    sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, ...], *, corner: tuple[int, int] = (0, 0)
-) -> tuple[Int32Array, Float32Array]:
-    """Draw labels and throws into a block; where surfaces cross, the voxel belongs to the likelier one."""
-    labels = np.zeros(shape, np.int32)
-    throw_volume = np.full(shape, np.nan, np.float32)
-    strongest = np.zeros(shape, np.float32)
-    for number, (sheet, throw) in enumerate(zip(sheets, throws, strict=True), start=1):
-        voxels, places = sheet_voxels(sheet, (shape[0], shape[1], shape[2]), corner=corner)
-        score = np.maximum(sample_grid(sheet.score, places), 1e-6)
-        at = tuple(voxels.T)
-        wins = score > strongest[at]
-        at = tuple(voxels[wins].T)
-        strongest[at] = score[wins]
-        labels[at] = number
-        throw_volume[at] = sample_grid(throw.throw, places[wins])
-    return labels, throw_volume
-
-
-def draw_ridges(
-    ridges: RidgePoints, step: int, shape: tuple[int, ...], *, corner: tuple[int, int] = (0, 0)
-) -> Float32Array:
-    """Put the ridges' likelihood at the voxels nearest to them, at every sample a step of the evidence stands for."""
-    likelihood = np.zeros(shape, np.float32)
-    value = to_likelihood(ridges.score)
-    for k in range(step):
-        cotangent = ridges.planes[:, 2]
-        at = ridges.positions.copy()
-        at[:, :2] += k * cotangent[:, None] * ridges.planes[:, :2]
-        at[:, 2] += k
-        voxels = np.rint(at).astype(np.int64) - np.array((*corner, 0))
-        inside = ((voxels >= 0) & (voxels < np.array(shape))).all(axis=1)
-        np.maximum.at(likelihood, tuple(voxels[inside].T), value[inside])
-    return likelihood
 
 
 def _like(cube: Any, values: Any, name: str) -> Any:

@@ -32,6 +32,8 @@ from seismo3d.geometry.axis import METRES
 _FILE = "faultset.npz"
 _VERSION = 5
 _VOLUMES = ("likelihood", "labels", "throw")
+# area, in index units, of a surface that has half the weight of a large one
+_HALF_WEIGHT = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,6 +165,11 @@ class FaultSurface:
                 + (f", or throw_{'ms' if unit == 'm' else 'm'}." if self.sample_unit in ("ms", *METRES) else ".")
             )
         return self.throw * np.float32(self.sample_interval)
+
+
+def surface_confidence(likelihood: Float32Array, area: float) -> float:
+    """Return a surface's confidence: the mean likelihood at its vertices, weighed down where its area is small."""
+    return float(likelihood.mean() * area / (area + _HALF_WEIGHT)) if len(likelihood) else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,12 +8,12 @@ from dataclasses import fields, replace
 import numpy as np
 
 from seismo3d._typing import BoolArray, IntArray
-from seismo3d.seismic.choosing import strength
 from seismo3d.seismic.doubles import node_normals
 from seismo3d.seismic.extending import ExtendSettings, ridges_beside
 from seismo3d.seismic.linking import InMemory, LinkSettings, Room, Sheet, link_sheets
 from seismo3d.seismic.scan import RidgePoints
 from seismo3d.seismic.sheet_distances import SheetNodes
+from seismo3d.seismic.sheet_measures import strength
 
 
 def link_leftovers(

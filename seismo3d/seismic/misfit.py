@@ -8,90 +8,50 @@ from functools import reduce
 from itertools import pairwise
 
 import numpy as np
-from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_filters import (
     Traces,
-    all_traces,
     filter_samples,
     gaussian_taps,
     grow_traces,
     shift_traces,
     smooth,
-    spread_traces,
 )
 from seismo3d.seismic._kernels_misfit import clear_unknown, divide_known, log_ratio, side_misfit
+from seismo3d.seismic.levelling import (
+    bridge_unknown,
+    fill_absent,
+    find_footprint,
+    find_moments,
+    level,
+    level_mean,
+    mean_known,
+    spread_laterally,
+    take_out_lines,
+    trace_medians,
+    trace_moments,
+)
+from seismo3d.seismic.misfit_settings import (
+    NOISES,
+    MisfitSettings,
+    energy_reach,
+    find_noise,
+    find_softness,
+    judge_noise,
+    width_along_trace,
+)
 
 Compare = Callable[[int, int, tuple[int, int], Float32Array, Float32Array], None]
+"""A way of carrying the sides of every voxel to it, and of comparing them there: see :func:`compare_along`."""
 
-NOISES = (0.0, 0.057, 0.145)
-"""Median misfit ratios of a cube without noise, of a good survey, and of one with nearly as much noise as signal."""
-
-# median misfit ratio of mild noise
-_MILD = 0.036
-# widths along the trace, and what noise leaves in the median ratio over them, as a share of that over the second
-_WIDTHS, _LEFT = (0.7, 1.5, 2.0), (0.81, 1.0, 1.06)
 # samples over which the energy of a depth is averaged, about, and share of that of all depths which it is at least
 _DEPTH, _LEAST_ENERGY = 256, 0.01
 # pieces of such a depth; what is bright here and there must not hide the rest: in a piece a trace's energy counts up to
 # so many times the median of all traces, and that of a piece up to so many times the median of the pieces
 _PIECES, _BRIGHT_TRACE, _BRIGHT_PIECE = 4, 8.0, 4.0
-
 # share of a second way that is not worth measuring it
 _LEAST_SHARE = 0.05
-# mean and spread of the evidence of a cube with a few faults: without noise, and in the mild noise of a good survey
-_LEAST_MEAN = (0.47, 0.6)
-_LEAST_SPREAD = (0.65, 0.9)
-_LEAST_LINE = 32
-
-
-@dataclass(frozen=True, slots=True)
-class MisfitSettings:
-    """How the misfit is measured; lengths in samples and traces.
-
-    Attributes
-    ----------
-    reach : tuple of (int, int)
-        Traces averaged on each side, in a cube without noise and in a cube of noise.
-    vertical : tuple of (float, float)
-        Width of the Gaussian that smooths the misfit along the trace, in a cube without noise and in a cube of noise.
-        What it spreads along the trace lies off a gently dipping fault, by as many traces as samples and more.
-    lateral : float
-        Width of the Gaussian that smooths the evidence over neighbouring traces.
-    footprint : float
-        Most that is taken out of the evidence for acquisition footprint; less in a cube with next to no noise.
-    background : tuple of (float, float)
-        Lateral and vertical width of the window of the local background.
-    levelling : float
-        Share of the local background that is taken out: 0 none, 1 all.
-    energy : tuple of (float, float)
-        Lateral and vertical width of the window whose energy normalises the misfit.
-    floor : float
-        What is added to that energy, as a share of the mean at the depth: between strong reflectors the noise alone
-        differs from side to side, and in proportion to itself it differs much.
-    step : int
-        Every how many samples the evidence is kept.
-    softness : float
-        Misfit ratio below which differences count no more.
-    most : float
-        Largest misfit ratio; two unrelated sides give 1 on average.
-    slab : int
-        Inlines that are worked on at a time; bounds the memory.
-    """
-
-    reach: tuple[int, int] = (2, 10)
-    vertical: tuple[float, float] = (0.7, 2.0)
-    lateral: float = 1.25
-    footprint: float = 0.5
-    background: tuple[float, float] = (7.0, 9.0)
-    levelling: float = 1.0
-    energy: tuple[float, float] = (2.0, 4.0)
-    floor: float = 0.25
-    step: int = 2
-    softness: float = 0.02
-    most: float = 1.5
-    slab: int = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,35 +89,6 @@ class Evidence:
     present: BoolArray | None = None
 
 
-def measure_misfit(
-    volume: Float32Array, valid: BoolArray, p: Float32Array, q: Float32Array, *, settings: MisfitSettings | None = None
-) -> Evidence:
-    r"""Measure how badly the two sides of every voxel fit after each is carried along its own reflectors.
-
-    With L and R the means of a few traces on either side, the ratio :math:`\langle (L - R)^2 \rangle / \langle L^2 +
-    R^2 \rangle` is near 0 on an unbroken reflector and 1 on average where the sides are unrelated: a semblance of
-    two. To its denominator a share of the mean at the depth is added, so that it is less between strong reflectors. Its
-    logarithm, softened by the cube's own noise, is the evidence: the mean logarithm over a patch cannot be raised by a
-    few bright voxels. How many traces are averaged follows from the cube's noise, which is measured first.
-
-    Parameters
-    ----------
-    volume : ndarray of shape (inline, crossline, sample), float32
-        Amplitudes, finite everywhere.
-    valid : ndarray of the same shape, bool
-        False where there are no data.
-    p, q : ndarray of the same shape, float32
-        Slopes from :func:`~seismo3d.seismic.dip.estimate_slopes`.
-    settings : MisfitSettings, optional
-        Windows.
-
-    Returns
-    -------
-    Evidence
-    """
-    return fuse_misfits(volume, valid, [compare_along(volume, valid, (p, q))], settings=settings)
-
-
 def compare_along(volume: Float32Array, valid: BoolArray, slopes: tuple[Float32Array, Float32Array]) -> Compare:
     """Return what compares the two sides of every voxel after each is carried along its own reflectors.
 
@@ -191,10 +122,16 @@ def fuse_misfits(
     farther: float = 0.0,
     settings: MisfitSettings | None = None,
 ) -> Evidence:
-    """Measure the misfit of both sides under one or two ways of carrying them, and take the mean of their logarithms.
+    r"""Measure how badly the two sides of every voxel fit under one or two ways of carrying them to it.
 
-    Each way has the softness of its own noise, so that its evidence is a log ratio to what it leaves
-    where nothing breaks, and the two add up.
+    With L and R the means of a few traces on either side, the ratio :math:`\langle (L - R)^2 \rangle / \langle L^2 +
+    R^2 \rangle` is near 0 on an unbroken reflector and 1 on average where the sides are unrelated: a semblance of
+    two. To its denominator a share of the mean at the depth is added, so that it is less between strong reflectors. Its
+    logarithm, softened by the cube's own noise, is the evidence: the mean logarithm over a patch cannot be raised by a
+    few bright voxels. How many traces are averaged follows from the cube's noise, which is measured first.
+
+    Of two ways the mean of the logarithms counts. Each has the softness of its own noise, so that its evidence is a log
+    ratio to what it leaves where nothing breaks, and the two add up.
 
     Parameters
     ----------
@@ -290,123 +227,6 @@ def _add_logs(
     return first[0], first[1], min(first[2], second[2])
 
 
-def judge_noise(noise: float, settings: MisfitSettings) -> tuple[float, int]:
-    """Return how noisy a cube is, 0 to 1, by its median misfit ratio, and how many traces to average for that."""
-    least, most = settings.reach
-    noisiness = float(np.clip((noise - 0.01) / 0.28, 0.0, 1.0))
-    return noisiness, round(least + noisiness * (most - least))
-
-
-def find_noise(median: float, reach: int, settings: MisfitSettings) -> float:
-    """Return what a median ratio would be over the usual width along the trace: noise leaves less over a narrow one."""
-    return median / float(np.interp(width_along_trace(reach, settings), _WIDTHS, _LEFT))
-
-
-def width_along_trace(reach: int, settings: MisfitSettings) -> float:
-    """Return the width of the window along the trace, given how many traces a side the cube's noise asks for."""
-    least, most = settings.reach
-    return float(np.interp(reach, settings.reach, settings.vertical)) if least < most else settings.vertical[0]
-
-
-def find_softness(noise: float, settings: MisfitSettings) -> np.float32:
-    """Return the misfit ratio below which differences count no more, given the cube's median one."""
-    return np.float32(max(settings.softness, 0.8 * noise))
-
-
-def share_of_noise(noise: float) -> float:
-    """Return how much of what differs between lines is taken for noise, given the cube's median misfit ratio.
-
-    All of it from mild noise on; in a cube with next to none it is the faults'.
-    """
-    return min(1.0, noise / _MILD)
-
-
-def find_footprint(medians: Float32Array, axis: int, noise: float, settings: MisfitSettings) -> Float32Array | None:
-    """Find what an acquisition footprint adds: evidence that a whole line has more of than its neighbours.
-
-    The median over a line and all its samples does not see a fault, which crosses the line somewhere or leaves it with
-    depth, and at most `footprint` is taken out, a fraction of what a fault shows. `medians` are those of the traces;
-    None where lines are too short to tell. A line without evidence is taken to be as those beside it.
-    """
-    most = settings.footprint * share_of_noise(noise)
-    if medians.shape[1 - axis] < _LEAST_LINE:
-        return None
-    lines = np.moveaxis(medians, axis, 0)
-    some = np.any(np.isfinite(lines), axis=1)
-    if not some.any():
-        return None
-    told = np.nanmedian(lines[some], axis=1)
-    median = np.interp(np.arange(len(lines)), np.flatnonzero(some), told).astype(medians.dtype)
-    excess = np.clip(median - ndimage.gaussian_filter1d(median, 8.0), -most, most)
-    return np.asarray(excess, np.float32)
-
-
-def take_out_lines(evidence: Float32Array, excess: Float32Array | None, axis: int) -> None:
-    """Subtract each line's excess, in place."""
-    if excess is not None:
-        evidence -= excess.reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
-
-
-def spread_laterally(evidence: Float32Array, sigma: float, *, within: Traces | None = None) -> Float32Array:
-    """Smooth over neighbouring traces: a wavelet ties samples of a trace together, and nothing else ties traces."""
-    taps = gaussian_taps(sigma)
-    return spread_traces(evidence, taps, taps, within=within)
-
-
-def level(
-    evidence: Float32Array, settings: MisfitSettings, *, within: Traces | None = None
-) -> tuple[Float32Array, Float64Array]:
-    """Take out part of the wide local mean: chaotic and noisy zones have more evidence everywhere.
-
-    Returns also the sums over every trace of what was the local mean, for :func:`level_mean` to put its own mean back.
-    """
-    lateral, vertical = settings.background
-    mean = smooth(evidence, (lateral, lateral, vertical / settings.step), within=within)
-    sums = np.stack([line.astype(np.float64).sum(axis=1) for line in mean])
-    mean *= np.float32(settings.levelling)
-    np.subtract(evidence[within or all_traces(evidence)], mean, out=mean)
-    return mean, sums
-
-
-def level_reach(settings: MisfitSettings) -> int:
-    """Return over how many traces to either side :func:`level` averages."""
-    return len(gaussian_taps(settings.background[0])) // 2
-
-
-def level_mean(sums: Float64Array, shape: tuple[int, ...], settings: MisfitSettings) -> np.float32:
-    """Return what levelling has to give back, so that the evidence's mean stays: from the sums of all traces."""
-    return np.float32(settings.levelling * sums.sum() / np.prod(shape, dtype=np.float64))
-
-
-def trace_moments(ratio: Float32Array, weight: Float32Array) -> Float64Array:
-    """Return count, sum and sum of squares of every trace's evidence where it is known: shape (3, inline, crossline).
-
-    Added up in the order of the traces they give the same however a cube is cut.
-    """
-    sums = np.empty((3, *ratio.shape[:2]))
-    for line, (values, known) in enumerate(zip(ratio, weight > 0.5, strict=True)):
-        counted = np.where(known, values, np.float32(0.0)).astype(np.float64)
-        sums[:, line] = known.sum(axis=1), counted.sum(axis=1), (counted**2).sum(axis=1)
-    return sums
-
-
-def mean_known(sums: Float64Array) -> float:
-    """Return the mean of one way's evidence where it is known, from its traces' sums; 0 where it is nowhere."""
-    return float(sums[1].sum() / max(sums[0].sum(), 1.0))
-
-
-def find_moments(sums: list[Float64Array], noise: float, noisiness: float) -> tuple[float, float]:
-    """Mean and standard deviation of a cube's evidence where it is known, from its traces' sums and its noise."""
-    count, total, square = (float(sum(part[k].sum() for part in sums)) for k in range(3))
-    mean = total / max(count, 1.0)
-    spread = max(float(np.sqrt(max(square / max(count, 1.0) - mean**2, 0.0))), 1e-6)
-    # where there is next to no evidence, its own scatter must not be taken for faults
-    least_mean, least_spread = (
-        np.interp(share_of_noise(noise), (0.0, 1.0), ends) for ends in (_LEAST_MEAN, _LEAST_SPREAD)
-    )
-    return max(mean, float(least_mean)), max(spread, float(least_spread) * (1.0 - noisiness))
-
-
 def _median_ratio(ratios: list[Float32Array], known: list[Float32Array]) -> float:
     parts = [ratio[weight > 0.5] for ratio, weight in zip(ratios, known, strict=True)]
     values = np.concatenate(parts)
@@ -417,16 +237,6 @@ def _ratios(
     shape: tuple[int, ...], compare: Compare, reach: int, floor: Float32Array, settings: MisfitSettings
 ) -> tuple[list[Float32Array], list[Float32Array]]:
     return measure_ratios(shape, compare, reach, floor, settings, (slice(0, shape[0]), slice(0, shape[1])))
-
-
-def misfit_reach(reach: int, settings: MisfitSettings) -> int:
-    """Return how many traces off the misfit depends on, besides the slopes there."""
-    return reach + energy_reach(settings)
-
-
-def energy_reach(settings: MisfitSettings) -> int:
-    """Return over how many traces to either side the energy is averaged."""
-    return len(gaussian_taps(settings.energy[0])) // 2
 
 
 def measure_ratios(
@@ -547,42 +357,3 @@ def _piece_edges(n_samples: int) -> IntArray:
     edges = _depth_edges(n_samples)
     inner = [np.linspace(a, b, min(_PIECES, n_samples) + 1)[:-1].astype(np.int64) for a, b in pairwise(edges)]
     return np.append(np.concatenate(inner), n_samples)
-
-
-BRIDGE_WIDTH = 2.0
-"""Width of the window over which unknown evidence is bridged, in traces and in steps of the samples."""
-
-
-def bridge_unknown(evidence: Float32Array, weight: Float32Array, *, within: Traces | None = None) -> Float32Array:
-    """Bridge what is not known by its neighbours' evidence; NaN where they are far."""
-    unknown, inner = weight < 0.5, within or all_traces(evidence)
-    if not unknown.any():
-        return evidence[inner]
-    near = np.where(unknown, np.float32(0.0), np.float32(1.0))
-    sigma = (BRIDGE_WIDTH, BRIDGE_WIDTH, BRIDGE_WIDTH)
-    share = smooth(near, sigma, within=inner)
-    near *= evidence
-    bridged = smooth(near, sigma, within=inner)
-    del near
-    far = share <= np.float32(0.1)
-    bridged /= np.maximum(share, np.float32(0.1), out=share)
-    bridged[far] = np.nan
-    np.copyto(bridged, evidence[inner], where=~unknown[inner])
-    return bridged
-
-
-def trace_medians(bridged: Float32Array) -> Float32Array:
-    """Return the median of every trace's evidence where there is any; NaN on traces without."""
-    medians = np.median(bridged, axis=2)
-    some = np.isnan(medians)
-    if some.any():
-        in_order = np.sort(bridged[some], axis=1)  # NaN last
-        n, rows = np.isfinite(in_order).sum(axis=1), np.arange(len(in_order))
-        middle = np.float32(0.5) * (in_order[rows, (n - 1) // 2] + in_order[rows, n // 2])
-        medians[some] = np.where(n > 0, middle, np.nan)
-    return np.asarray(medians, np.float32)
-
-
-def fill_absent(bridged: Float32Array, mean: float) -> None:
-    """Put the mean of all evidence where there is none, in place: means of windows stay about what they were."""
-    np.copyto(bridged, np.float32(mean), where=np.isnan(bridged))

@@ -1,4 +1,4 @@
-"""Sheets drawn into volumes: the voxels that a fault passes through, with its likelihood and throw."""
+"""Sheets and ridges drawn into volumes: the voxels that a fault passes through, with its likelihood and throw."""
 
 from __future__ import annotations
 
@@ -7,6 +7,52 @@ from scipy import ndimage
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.scan import RidgePoints
+from seismo3d.seismic.throw import SheetThrow
+
+# support, in standard deviations of the evidence, at which a fault is as likely as not
+_EVEN = 0.6
+
+
+def to_likelihood(score: Float32Array) -> Float32Array:
+    """Turn support into a likelihood from 0 to 1: one half at `_EVEN` standard deviations of the cube's evidence."""
+    return (1.0 - np.exp2(-np.maximum(score, 0.0) / np.float32(_EVEN))).astype(np.float32)
+
+
+def draw_sheets(
+    sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, ...], *, corner: tuple[int, int] = (0, 0)
+) -> tuple[Int32Array, Float32Array]:
+    """Draw labels and throws into a block; where surfaces cross, the voxel belongs to the likelier one."""
+    labels = np.zeros(shape, np.int32)
+    throw_volume = np.full(shape, np.nan, np.float32)
+    strongest = np.zeros(shape, np.float32)
+    for number, (sheet, throw) in enumerate(zip(sheets, throws, strict=True), start=1):
+        voxels, places = sheet_voxels(sheet, (shape[0], shape[1], shape[2]), corner=corner)
+        score = np.maximum(sample_grid(sheet.score, places), 1e-6)
+        at = tuple(voxels.T)
+        wins = score > strongest[at]
+        at = tuple(voxels[wins].T)
+        strongest[at] = score[wins]
+        labels[at] = number
+        throw_volume[at] = sample_grid(throw.throw, places[wins])
+    return labels, throw_volume
+
+
+def draw_ridges(
+    ridges: RidgePoints, step: int, shape: tuple[int, ...], *, corner: tuple[int, int] = (0, 0)
+) -> Float32Array:
+    """Put the ridges' likelihood at the voxels nearest to them, at every sample a step of the evidence stands for."""
+    likelihood = np.zeros(shape, np.float32)
+    value = to_likelihood(ridges.score)
+    for k in range(step):
+        cotangent = ridges.planes[:, 2]
+        at = ridges.positions.copy()
+        at[:, :2] += k * cotangent[:, None] * ridges.planes[:, :2]
+        at[:, 2] += k
+        voxels = np.rint(at).astype(np.int64) - np.array((*corner, 0))
+        inside = ((voxels >= 0) & (voxels < np.array(shape))).all(axis=1)
+        np.maximum.at(likelihood, tuple(voxels[inside].T), value[inside])
+    return likelihood
 
 
 def sheet_voxels(

@@ -10,7 +10,8 @@ import numpy as np
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, Progress
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_scan import find_ridges, keep_best_dip, merge_best, sum_strike_lines
-from seismo3d.seismic.misfit import Evidence, share_of_noise
+from seismo3d.seismic.misfit import Evidence
+from seismo3d.seismic.misfit_settings import share_of_noise
 
 BESIDE = 8
 """Traces off a crest where slopes are none that its own break looks like."""
@@ -115,7 +116,7 @@ def scan_planes(
     Parameters
     ----------
     evidence : Evidence
-        From :func:`~seismo3d.seismic.misfit.measure_misfit`.
+        From :func:`~seismo3d.seismic.fault_evidence.measure_evidence`.
     settings : ScanSettings, optional
         Sizes and orientations.
     progress : callable, optional

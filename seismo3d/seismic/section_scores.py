@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_moves import explained_shares
-from seismo3d.seismic.choosing import strength
 from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
 from seismo3d.seismic.scan import RidgePoints
+from seismo3d.seismic.sheet_measures import strength
 
 
 @dataclass(frozen=True, slots=True)

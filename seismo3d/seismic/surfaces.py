@@ -12,7 +12,7 @@ from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.geometry.triangles import measure_cells
 from seismo3d.seismic.doubles import normals_of
 from seismo3d.seismic.extending import local_planes
-from seismo3d.seismic.faultset import FaultSurface
+from seismo3d.seismic.faultset import FaultSurface, surface_confidence
 from seismo3d.seismic.index_frame import IndexFrame
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.throw import SheetThrow
@@ -67,8 +67,6 @@ def build_surface(
         strike_deg = geometry.strike_deg(normals)
     area = float(measure_cells(vertices, cells).sum())
     at_nodes = likelihood[rows, columns]
-    # a surface of a hundred voxels has half the weight that a large one has
-    confidence = float(at_nodes.mean() * area / (area + 100.0)) if len(at_nodes) else 0.0
     return FaultSurface(
         vertices=_frozen32(vertices),
         cells=freeze(cells),
@@ -81,7 +79,7 @@ def build_surface(
         dip_deg=_frozen32(dip_deg),
         sample_interval=sampling[0],
         sample_unit=sampling[1],
-        confidence=confidence,
+        confidence=surface_confidence(at_nodes, area),
         area=area,
         # where a sheet's `across` points to the hanging wall its `along` lies against the strike
         strike_share=-throw.hanging_side * throw.strike_share if geometry is not None else 0.0,

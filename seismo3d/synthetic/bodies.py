@@ -96,7 +96,8 @@ def erosion_rows(
     Returns
     -------
     ndarray of shape (1 + n, 7), float64
-        First row the plane's terms as :class:`Folding` has them, then one Gaussian a row in the first four columns.
+        First row the plane's terms as :class:`~seismo3d.synthetic.folding.Folding` has them, then one Gaussian a row in
+        the first four columns.
     """
     ni, nx, ns = shape
     n = 8

@@ -94,8 +94,10 @@ class SyntheticFault:
             "elliptic": 1.6 / self.semi_axes[1],
         }
         if self.listric is None and abs(self.throw) * steepest[self.profile] > 0.9:
+            remedy = "Give a smaller trend[1]" if self.profile == "uniform" else "Lengthen semi_axes"
             raise ParameterError(
-                f"throw {self.throw:g} changes faster down dip than one sample a sample. Lengthen semi_axes."
+                f"throw {self.throw:g} changes by {abs(self.throw) * steepest[self.profile]:.2g} samples a sample down "
+                f"dip; expected at most 0.9, or layers would turn over. {remedy}."
             )
         if self.drag and abs(self.throw) * 2.0 * max(self.share, 1.0 - self.share) > 0.9 * self.drag:
             raise ParameterError(
@@ -103,7 +105,7 @@ class SyntheticFault:
             )
         if self.listric is not None and (self.rake_deg != 90.0 or self.drag or self.share != 1.0 or self.bend[1]):
             raise ParameterError(
-                "a listric fault moves its hanging wall by dip slip alone: leave rake, drag, share, bend[1]."
+                "a listric fault moves its hanging wall by dip slip alone. Leave rake_deg, drag, share and bend[1] out."
             )
 
     def row(self) -> Float64Array:

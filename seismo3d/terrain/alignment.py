@@ -32,6 +32,7 @@ VERTICALS = {"offset": (4,), "tilt": (4, 5, 6), "scaled": (4, 5, 6, 7)}
 GOOD_FIT = 0.25
 """Residual over relief below which the answer from the maps' own places is taken without a global search."""
 POOR_FIT = 0.7
+"""Residual over relief beyond which an answer explains too little to be one."""
 RESTLESS = 0.25
 """Share of the standard deviations below which steps that go on are at rest: cells that join and leave make them."""
 LEAST_OVERLAP = 0.02
@@ -127,8 +128,8 @@ def register(
     Parameters
     ----------
     target, source : DataArray or array_like of shape (rows, columns)
-        Elevation maps as :func:`read_elevation` gives them, of one reference system, perhaps of different grids;
-        or bare arrays, in cells. NaN where unknown.
+        Elevation maps as :func:`~seismo3d.io.elevation.read_elevation` gives them, of one reference system, perhaps of
+        different grids; or bare arrays, in cells. NaN where unknown.
     model : {"translation", "rigid", "similarity"}
         Horizontal motion: shift; shift and turn; shift, turn and scale.
     vertical : {"offset", "tilt", "scaled"}

@@ -23,7 +23,7 @@ from scipy.special import ndtri
 from seismo3d._typing import ArrayLike, BoolArray, Float64Array
 from seismo3d._validate import as_number, as_points, freeze
 from seismo3d.errors import GeometryError, ParameterError
-from seismo3d.geometry.map_grid import MapGrid, elevation_values, refuse_apart, refuse_other_systems
+from seismo3d.geometry.map_grid import MapGrid, elevation_values, like_map, refuse_apart, refuse_other_systems
 from seismo3d.geometry.voxels import downsample_points
 from seismo3d.registration.robust import robust_scale
 from seismo3d.terrain.alignment import ElevationRegistration
@@ -31,6 +31,7 @@ from seismo3d.terrain.fitting import measure_slopes
 
 UNKNOWN = 255
 """What stands for nothing among :attr:`Change.codes`."""
+# classes of slope, of as many cells each, in which noise is told; and cells that a class has at least
 _SLOPE_CLASSES = 8
 _LEAST_CLASS = 50
 
@@ -69,7 +70,7 @@ class Change:
         """What a file of the significant change holds: 1 where it is, 0 where not, 255, as nodata, where unknown."""
         unknown = np.isnan(np.asarray(self.difference))
         values = np.where(unknown, np.uint8(UNKNOWN), np.asarray(self.significant, np.uint8))
-        return _like(self.difference, values, "significant", nodata=UNKNOWN)
+        return like_map(self.difference, values, "significant", nodata=UNKNOWN)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,9 +169,9 @@ def compare(
     ]
     detection = np.where(known, detection, np.nan)
     return Change(
-        _like(before, difference.astype(np.float32), "difference"),
-        _like(before, detection.astype(np.float32), "detection"),
-        _like(before, significant, "significant"),
+        like_map(before, difference.astype(np.float32), "difference"),
+        like_map(before, detection.astype(np.float32), "detection"),
+        like_map(before, significant, "significant"),
         volumes[0][0], volumes[1][0], errors[0], errors[1], level,
     )  # fmt: skip
 
@@ -357,11 +358,3 @@ def _in_cylinders(
             if len(held) >= 4:
                 mean[row], square[row] = held.mean(), held.var(ddof=1) / len(held)
     return mean, square
-
-
-def _like(elevation: Any, values: Any, name: str, *, nodata: int | None = None) -> Any:
-    if not hasattr(elevation, "dims"):
-        return freeze(values)
-    made = elevation.copy(data=values).rename(name)
-    made.attrs = {**elevation.attrs, "nodata": nodata}
-    return made

@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from seismo3d._typing import Float64Array
 from seismo3d.terrain.evidence import SCALE
-from seismo3d.terrain.prominence import paths_beside
+from seismo3d.terrain.prominence import even_path, paths_beside
 
 _SMOOTH = 12.0
 """Width of the Gaussian along a path, in cells."""
@@ -35,9 +35,7 @@ def follows_contour(z: Float64Array, places: Float64Array) -> bool:
     places : ndarray of shape (n, 2), float64
         (row, column).
     """
-    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
-    at = np.arange(0.0, arc[-1], 1.0)
-    path = np.column_stack([np.interp(at, arc, places[:, k]) for k in (0, 1)])
+    path = even_path(places)
     normals, moves = paths_beside(path)
     # the height that an edge keeps to is somewhere on its riser
     own = [_way_of(z, path, normals, move) for move in (-SCALE, 0.0, SCALE)]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d.io._files import written_aside
-from seismo3d.io.elevation import write_elevation
+from seismo3d.io.elevation import has_rasterio, raster_suffix, write_elevation
 from seismo3d.terrain.lineament_search import Lineament, LineamentSet
 from seismo3d.terrain.scarp_profiles import Scarp
 
@@ -73,7 +73,7 @@ def write_lineaments(directory: str | Path, found: LineamentSet, *, scarps: Sequ
         table = csv.DictWriter(file, names)
         table.writeheader()
         table.writerows(rows)
-    out.append(write_elevation(folder / ("likelihood.tif" if _has_rasterio() else "likelihood.npz"), found.likelihood))
+    out.append(write_elevation(folder / f"likelihood{raster_suffix()}", found.likelihood))
     if scarps:
         numbers = {id(line): n for n, line in enumerate(found.lines, start=1)}
         out.append(folder / "scarp_profiles.csv")
@@ -107,18 +107,12 @@ def _scarp_properties(scarp: Scarp | None) -> dict[str, Any]:
     return {name: round(float(value), 4) for name, value in named if np.isfinite(value)}
 
 
-def _has_rasterio() -> bool:
-    from importlib.util import find_spec
-
-    return find_spec("rasterio") is not None
-
-
 def _to_degrees(found: LineamentSet) -> tuple[Any, dict[str, Any]]:
     """Return what carries points to coordinate lists, and the member that names their system where it is needed."""
     grid = found.grid
     if grid.unit == "degree":
         return lambda points: np.round(points, 7).tolist(), {}
-    if grid.crs and _has_rasterio():
+    if grid.crs and has_rasterio():
         from rasterio.warp import transform
 
         def carry(points: Any) -> Any:

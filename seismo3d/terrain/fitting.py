@@ -19,6 +19,8 @@ NEAR = 1e-2
 """Step, in cells, from which on the robust weights' cutoff holds still."""
 LAST = 8
 """Steps at the end that tell how restless a pose still is."""
+FARTHEST = 4.0
+"""Cells that a step shifts a map by at most: slopes tell no farther."""
 MOST_PACE = 4.0
 """Factor by which horizontal steps are lengthened at most."""
 SAMPLE = 200_000
@@ -174,20 +176,16 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
             cutoff = max(TUKEY * spread, 1e-9)
         if step == 0:
             continue
-        matrix, vector = _form(sums)
-        x = np.zeros(8)
-        chosen = np.array(free)
-        x[chosen] = _solve(matrix[np.ix_(chosen, chosen)], vector[chosen])
+        x = _solve_free(sums, free)
         # noise in the slopes makes steps too short; where cells join and leave at edges and holes, they turn back
         if (x[:4] * lengths) @ gone < 0.0:
             pace *= 0.5
         elif is_near:
             pace = min(1.5 * pace, MOST_PACE)
         x[:4] *= pace
-        # a step beyond the slopes' reach is cut
         length = float(np.hypot(x[0], x[1]))
-        if length > 4.0 * level.cell:
-            x[:4] *= 4.0 * level.cell / length
+        if length > FARTHEST * level.cell:
+            x[:4] *= FARTHEST * level.cell / length
         motion = _moved(x[:4]) @ motion
         vertical = vertical + x[4:]
         gone = x[:4] * lengths
@@ -258,7 +256,16 @@ def _spread(values: Float64Array) -> tuple[float, float]:
     return middle, robust_scale(some - middle)
 
 
+def _solve_free(sums: Float64Array, free: tuple[int, ...]) -> Float64Array:
+    """Return the step of all eight parameters, zero for those that are not estimated."""
+    matrix, vector = _form(sums)
+    step, chosen = np.zeros(8), np.array(free)
+    step[chosen] = _solve(matrix[np.ix_(chosen, chosen)], vector[chosen])
+    return step
+
+
 def _form(sums: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Return the normal matrix (8, 8) and the right side (8,) from the rows' sums, of which it holds the upper half."""
     total = sums.sum(axis=0)
     upper = total[:64].reshape(8, 8)
     return np.triu(upper) + np.triu(upper, 1).T, total[64:72]

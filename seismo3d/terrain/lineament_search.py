@@ -12,7 +12,7 @@ from seismo3d._stages import no_progress
 from seismo3d._typing import Float64Array, Progress
 from seismo3d._validate import as_number, as_settings, freeze
 from seismo3d.errors import ShapeError
-from seismo3d.geometry.map_grid import MapGrid, elevation_values
+from seismo3d.geometry.map_grid import MapGrid, elevation_values, like_map
 from seismo3d.terrain.choosing import choose_lines, is_not_drained, regional_slope
 from seismo3d.terrain.evidence import TerrainEvidence, fill_smoothly, measure_levels, square_map
 from seismo3d.terrain.support import LineSupport, scan_lines
@@ -275,9 +275,4 @@ def _like(elevation: Any, likelihood: Float64Array, z: Float64Array, stretch: tu
         rows, columns = (np.arange(n) * s for n, s in zip(z.shape, stretch[::-1]))
         grid = np.meshgrid(rows, columns, indexing="ij")
         likelihood = ndimage.map_coordinates(likelihood, grid, order=1, mode="nearest")
-    values = np.where(np.isfinite(z), likelihood, np.nan).astype(np.float32)
-    if not hasattr(elevation, "dims"):
-        return freeze(values)
-    made = elevation.copy(data=values).rename("likelihood")
-    made.attrs = {**elevation.attrs, "nodata": None}
-    return made
+    return like_map(elevation, np.where(np.isfinite(z), likelihood, np.nan).astype(np.float32), "likelihood")

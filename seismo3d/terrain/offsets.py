@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from seismo3d._typing import Float64Array
 from seismo3d.registration.robust import robust_scale
-from seismo3d.terrain.prominence import paths_beside
+from seismo3d.terrain.prominence import even_path, paths_beside
 
 _BESIDE = 8.0
 """Cells on each side of a line that belong to the step itself."""
@@ -41,9 +41,7 @@ def parts_even_ground(z: Float64Array, places: Float64Array) -> bool:
     places : ndarray of shape (n, 2), float64
         (row, column).
     """
-    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
-    at = np.arange(0.0, arc[-1], 1.0)
-    path = np.column_stack([np.interp(at, arc, places[:, k]) for k in (0, 1)])
+    path = even_path(places)
     n_windows = len(path) // _WINDOW
     if n_windows < _LEAST_WINDOWS:
         return False

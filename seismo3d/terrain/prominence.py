@@ -44,7 +44,7 @@ def measure_prominence(line: TracedLine, levels: list[TerrainEvidence]) -> float
 
 
 def _prominence(line: TracedLine, evidence: TerrainEvidence) -> float:
-    path = _even_path((line.places + 0.5) / evidence.factor - 0.5)
+    path = even_path((line.places + 0.5) / evidence.factor - 0.5, stride=_STRIDE)
     if len(path) < 4:
         return float("nan")
     normals, far = paths_beside(path, stride=_STRIDE)
@@ -58,6 +58,13 @@ def _prominence(line: TracedLine, evidence: TerrainEvidence) -> float:
     # a ridge is no trough
     top = np.array([np.nanmax(np.abs(own[:, 0])), max(float(np.nanmax(own[:, 1])), 0.0)])
     return float(np.hypot(*(top / chance)))
+
+
+def even_path(places: Float64Array, *, stride: float = 1.0) -> Float64Array:
+    """Return places (row, column) along a path of places (n, 2), a stride of cells apart, from its first one on."""
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+    at = np.arange(0.0, arc[-1], stride)
+    return np.column_stack([np.interp(at, arc, places[:, k]) for k in (0, 1)])
 
 
 def paths_beside(path: Float64Array, *, stride: float = 1.0) -> tuple[Float64Array, Float64Array]:
@@ -74,12 +81,6 @@ def paths_beside(path: Float64Array, *, stride: float = 1.0) -> tuple[Float64Arr
     normals = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
     far = 2.0 * REGION * SCALE + REGION * SCALE * np.arange(_BESIDE)
     return np.asarray(normals), np.concatenate([-far, far])
-
-
-def _even_path(places: Float64Array) -> Float64Array:
-    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
-    at = np.arange(0.0, arc[-1], _STRIDE)
-    return np.column_stack([np.interp(at, arc, places[:, k]) for k in (0, 1)])
 
 
 def _mean_evidence(

@@ -15,7 +15,7 @@ from seismo3d._typing import ArrayLike, BoolArray
 from seismo3d._validate import freeze
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.triangles import measure_cells
-from seismo3d.seismic.faultset import VERTEX_ARRAYS, FaultSurface
+from seismo3d.seismic.faultset import VERTEX_ARRAYS, FaultSurface, surface_confidence
 from seismo3d.seismic.tracks import Track
 
 
@@ -198,12 +198,11 @@ def take_cells(surface: FaultSurface, chosen: BoolArray) -> FaultSurface:
     used, renumbered = np.unique(cells, return_inverse=True)
     arrays: dict[str, Any] = {name: freeze(getattr(surface, name)[used]) for name in VERTEX_ARRAYS}
     area = float(measure_cells(arrays["vertices"], renumbered.reshape(cells.shape)).sum())
-    confidence = float(arrays["likelihood"].mean() * area / (area + 100.0)) if len(used) else 0.0
     return replace(
         surface,
         cells=freeze(renumbered.reshape(cells.shape).astype(np.int32)),
         area=area,
-        confidence=confidence,
+        confidence=surface_confidence(arrays["likelihood"], area),
         **arrays,
     )
 

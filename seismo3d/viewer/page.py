@@ -22,8 +22,10 @@ from seismo3d.viewer.session import Panel, Session
 from seismo3d.viewer.tracing import REACHES
 
 _LOG = logging.getLogger("seismo3d.viewer")
-_COARSE = 256
-"""Rows and columns of a slice of a lazy cube while its slider moves."""
+_FULL, _COARSE = 1024, 256
+"""Rows and columns of a slice, at most: as a screen shows it, and of a lazy cube while its slider moves."""
+_REST = 0.12
+"""Seconds without a move after which a slider rests."""
 _MODES = (
     {"name": "look", "words": "Look", "help": "Click a fault to select it, or a place to move the other slices there"},
     {"name": "seed", "words": "Seed", "help": "Click on a reflector to follow it through the cube"},
@@ -78,8 +80,7 @@ class Page:
                 low, high = (first, last) if along == across or rising else (last, first)
                 words = (low, axis_labels(session.cube)[along], high)
                 state.update({f"{name}_{end}": word for end, word in zip(ends, words, strict=True)})
-            most = _COARSE if session.reader.is_lazy else 1024
-            self._put(axis, session.panel(axis, most=most))
+            self._put(axis, session.panel(axis, most=self._most))
         self._put_controls()
 
     def _bind(self) -> None:
@@ -100,15 +101,19 @@ class Page:
         from trame.widgets import client, vtk
 
         with DivLayout(self._server) as layout:
-            client.Style(STYLE)
             self._view = vtk.VtkLocalView(self._scene.window, ref="scene", trame_server=self._server)
             view = self._view.html
-            layout.root.clear()
+            layout.root.clear()  # of the view, which the template holds
             client.Style(STYLE)
             layout.root.add_child(make_template(view))
         self._layout = layout
 
     # what is shown
+
+    @property
+    def _most(self) -> int:
+        """Rows and columns, at most, of a slice that is shown at once."""
+        return _COARSE if self._session.reader.is_lazy else _FULL
 
     def _put(self, axis: int, panel: Panel) -> None:
         """Put one panel into the page's state."""
@@ -151,16 +156,15 @@ class Page:
             }
         )
 
-    def _show_all(self, axes: tuple[int, ...] = (0, 1, 2)) -> None:
+    def _show_all(self) -> None:
         """Draw all panels, the scene and the lists anew, and send them."""
-        most = _COARSE if self._session.reader.is_lazy else 1024
         with self._state:
             for axis in range(3):
                 self._state[f"{PANELS[axis]}_index"] = self._session.index[axis]
-                self._put(axis, self._session.panel(axis, most=most))
+                self._put(axis, self._session.panel(axis, most=self._most))
             self._put_controls()
         if self._session.reader.is_lazy:
-            for axis in axes:
+            for axis in range(3):
                 self._start(self._refine(axis))
         self._update_scene()
         self._show_map()
@@ -195,8 +199,7 @@ class Page:
 
     async def _follow_slider(self, axis: int, turn: int) -> None:
         """Show a slice that was moved to, unless the slider has gone on meanwhile."""
-        lazy = self._session.reader.is_lazy
-        panel = await asyncio.to_thread(self._session.panel, axis, most=_COARSE if lazy else 1024)
+        panel = await asyncio.to_thread(self._session.panel, axis, most=self._most)
         if turn != self._turn[axis]:
             return
         with self._state:
@@ -205,7 +208,7 @@ class Page:
                 if other != axis:
                     self._state[f"{PANELS[other]}_lines"] = list(self._session.crossing(other))
             self._state.n_picked = len(self._session.picked)
-        await asyncio.sleep(0.12)
+        await asyncio.sleep(_REST)
         if turn != self._turn[axis]:
             return
         self._update_scene()
@@ -215,7 +218,7 @@ class Page:
     async def _refine(self, axis: int, turn: int | None = None) -> None:
         """Show a slice at full detail, unless the slider has gone on meanwhile."""
         turn = self._turn[axis] if turn is None else turn
-        panel = await asyncio.to_thread(self._session.panel, axis)
+        panel = await asyncio.to_thread(self._session.panel, axis, most=_FULL)
         if turn == self._turn[axis]:
             with self._state:
                 self._put(axis, panel)

@@ -164,7 +164,7 @@ def test_broken_files_are_refused(tmp_path, name, body, match):
 
 
 def test_missing_files_and_unknown_outputs_are_refused(tmp_path):
-    with pytest.raises(FileAccessError, match="is not a file"):
+    with pytest.raises(FileAccessError, match="does not exist"):
         read_points(tmp_path / "no.ply")
     with pytest.raises(ParameterError, match=r"expected \.ply"):
         write_points(tmp_path / "a.las", POINTS)

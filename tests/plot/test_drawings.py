@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fake_faults import make_cube, make_faults, make_section
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from seismo3d import plot
@@ -197,11 +198,13 @@ def test_bars_of_throws_that_are_alike_are_wide_enough_to_be_seen(ax: Any, throw
 def test_empty_fault_set_draws_everywhere(ax: Any) -> None:
     cube = make_cube()
     empty = FaultSet((), cube.copy(data=np.zeros(cube.shape)), cube.copy(data=np.zeros(cube.shape, int)), cube)
-    plot.section(cube, faults=empty, ax=ax)
-    figure = Figure()
-    plot.throw_map(empty, cube, ax=figure.subplots())
-    plot.throw_histogram(empty, ax=Figure().subplots())
-    plot.strike_rose(empty, from_north=False, ax=Figure().add_subplot(projection="polar"))
+    bare = plot.section(cube, ax=Figure().subplots())
+    assert len(plot.section(cube, faults=empty, ax=ax).get_children()) == len(bare.get_children())
+    seen = plot.throw_map(empty, cube, ax=Figure().subplots())
+    assert not [entry for entry in seen.collections if isinstance(entry, PolyCollection)]
+    bars = plot.throw_histogram(empty, ax=Figure().subplots()).patches
+    petals = plot.strike_rose(empty, from_north=False, ax=Figure().add_subplot(projection="polar")).patches
+    assert not any(bar.get_height() for bar in (*bars, *petals))
 
 
 def test_most_faulted_lines_are_found() -> None:
@@ -222,6 +225,10 @@ def test_refusals(ax: Any) -> None:
         plot.section(cube[:5], faults=faults, ax=ax)
     with pytest.raises(ShapeError, match="a section has no time slice"):
         plot.time_slice(make_section()[0], ax=ax)
+    with pytest.raises(ParameterError, match=r"inline is 104; expected the time, .* Use plot\.section"):
+        plot.time_slice(cube, inline=104, ax=ax)
+    with pytest.raises(ParameterError, match="time and inline are given; expected one"):
+        plot.section(cube, inline=104, time=1100, ax=ax)
     with pytest.raises(ParameterError, match="clip is 150"):
         plot.section(cube, clip=150, ax=ax)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):

@@ -167,6 +167,11 @@ def test_symmetric_option_agrees(rng):
     assert_near(both, SMALL)
 
 
+def test_a_loop_of_no_passes_is_refused(rng):
+    with pytest.raises(ParameterError, match=r"settings\.max_iterations is 0; expected .* at least 1"):
+        register(*pair(rng), settings=LoopSettings(max_iterations=0))
+
+
 def test_normals_and_weights_of_a_scan_are_used(rng):
     target, source = pair(rng)
     wrong = rng.uniform(size=len(target)) < 0.3

@@ -4,45 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain_sheets import candidate
 
 import seismo3d as s3
-from seismo3d.seismic.choosing import (
-    ChoiceSettings,
-    choose_faults,
-    dip_deg,
-    end_along_layers,
-    end_in_mutes,
-    end_where_still,
-    length_down_dip,
-    may_be_faults,
-    median_throw,
-    strength,
-)
-from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.throw import SheetSides, SheetThrow
+from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, may_be_faults
+from seismo3d.seismic.sheet_measures import strength
 from seismo3d.synthetic import fault_cube
 from seismo3d.synthetic.bodies import Channel
 
 SETTINGS = ChoiceSettings()
-
-
-def candidate(rows=60, columns=40, *, origin=(0.0, 0.0), across=(1.0, 0.0), score=0.6, throw=6.0, fit=0.8, dip=90.0):
-    """A sheet of rows traces by 2 * columns samples, upright by default, that begins at `origin`, and its throw."""
-    shape = (rows, columns)
-    w = np.broadcast_to(2.0 * np.arange(columns) / np.tan(np.radians(dip)), shape).astype(np.float32)
-    sheet = Sheet(np.array(origin), np.array(across), 0, 2, 0.0, w, np.full(shape, score, np.float32))
-    return sheet, SheetThrow(np.full(shape, throw, np.float32), np.full(shape, fit, np.float32), 1)
-
-
 HOST = candidate()
 
 
 def chosen(*candidates):
     return choose_faults(list(candidates), SETTINGS)
-
-
-def test_strength_is_mean_support_times_the_root_of_the_area():
-    assert strength(candidate(10, 20, score=0.5)[0]) == pytest.approx(0.5 * 20.0)
 
 
 def test_a_large_strong_sheet_stands_by_itself():
@@ -158,84 +133,6 @@ def test_sheets_too_small_for_any_throw_are_left_out_first():
     large, small, line = HOST[0], candidate(5, 10)[0], candidate(1, 400)[0]
     assert may_be_faults([large, small, line], False, SETTINGS) == [large]
     assert may_be_faults([line], True, ChoiceSettings.for_section()) == [line]
-
-
-def test_a_sheet_ends_in_mutes_but_passes_gaps_and_dead_traces():
-    sheet, _ = candidate(rows=20, columns=30)
-    known = np.ones((2, 20, 59), np.float32)
-    known[0, :, :10] = known[1, :, :14] = 0.0  # muted, on one side farther down
-    known[:, :, 30:36] = 0.0
-    known[:, 5:7] = 0.0
-    known[:, :, 51:] = 0.0
-    ended = end_in_mutes(sheet, SheetSides(np.zeros_like(known), known, np.zeros_like(known)), (20, 20, 59))
-    expected = np.zeros((20, 30), bool)
-    expected[:, 5:26] = expected[5:7] = True
-    np.testing.assert_array_equal(ended.inside, expected)
-
-
-@pytest.mark.parametrize("turn", [1, -1])
-@pytest.mark.parametrize(("begins", "is_left"), [(36, False), (28, False), (24, True)])
-def test_a_sheet_along_a_mute_is_none(begins, is_left, turn):
-    sheet = candidate(rows=20, columns=30)[0].only(np.tile((np.arange(30) > 12) & (np.arange(30) < 17), (20, 1)))
-    known = np.ones((2, 20, 59), np.float32)
-    known[0, :, :begins] = 0.0  # the sheet is at samples 26 to 32
-    known = known[..., ::turn]
-    sides = SheetSides(np.zeros_like(known), known, np.zeros_like(known))
-    assert end_in_mutes(sheet, sides, (20, 20, 59)).inside.any() == is_left
-
-
-def test_a_sheet_with_data_on_one_side_alone_is_none_but_at_the_border():
-    sheet = candidate(rows=20, columns=30)[0]
-    known = np.ones((2, 20, 59), np.float32)
-    known[1, :12] = 0.0
-    sides = SheetSides(np.zeros_like(known), known, np.zeros_like(known))
-    assert not end_in_mutes(sheet, sides, (20, 20, 59)).inside.any()
-    # what is read lies beyond a cube whose first line the sheet is at
-    np.testing.assert_array_equal(end_in_mutes(sheet, sides, (60, 20, 59)).inside, sheet.inside)
-    known[1, 8:12] = 1.0
-    np.testing.assert_array_equal(end_in_mutes(sheet, sides, (20, 20, 59)).inside, sheet.inside)
-
-
-def test_a_sheet_ends_where_its_sides_fit_unmoved():
-    sheet, throw = candidate(score=0.3)
-    values = throw.throw.copy()
-    values[30:] = 0.2
-    ended, moved = end_where_still(sheet, replace(throw, throw=values), SETTINGS, noise=0.0)
-    assert ended.inside[:29].all()
-    assert not ended.inside[31:].any()
-    assert np.array_equal(np.isfinite(moved.throw), ended.inside)
-    assert median_throw(moved) == pytest.approx(6.0)
-
-
-def test_strong_support_goes_on_without_a_throw():
-    sheet, throw = candidate(score=0.72, throw=0.2)
-    assert end_where_still(sheet, throw, SETTINGS, noise=0.0) == (sheet, throw)
-
-
-def test_a_sheet_goes_on_where_its_unmoved_sides_do_not_fit():
-    sheet, throw = candidate(score=0.3, throw=0.2, fit=0.3)
-    assert end_where_still(sheet, throw, SETTINGS, noise=0.0) == (sheet, throw)
-
-
-@pytest.mark.parametrize(("noise", "goes_on"), [(0.0, True), (0.04, False), (0.08, False), (0.3, False)])
-def test_a_small_throw_is_one_where_there_is_no_noise(noise, goes_on):
-    ended, _ = end_where_still(*candidate(score=0.3, throw=0.7), SETTINGS, noise=noise)
-    assert ended.inside.all() == goes_on
-    assert ended.inside.any() == goes_on
-
-
-def test_a_sheet_without_any_throw_is_gone():
-    ended, moved = end_where_still(*candidate(score=0.3, throw=0.2), SETTINGS, noise=0.0)
-    assert not ended.inside.any()
-    assert median_throw(moved) == 0.0
-    assert choose_faults([(ended, moved)], SETTINGS) == []
-
-
-@pytest.mark.parametrize("dip", [27.0, 45.0, 63.4, 90.0])
-def test_dip_and_length_down_it_are_those_of_the_plane(dip):
-    sheet, _ = candidate(20, 31, dip=dip)
-    assert dip_deg(sheet) == pytest.approx(dip, abs=0.1)
-    assert length_down_dip(sheet) == pytest.approx(60.0 / np.sin(np.radians(dip)), rel=1e-3)
 
 
 def test_a_low_fragment_beside_a_fault_counts_by_its_length_down_the_dip():
@@ -416,66 +313,6 @@ def test_a_faults_own_break_seen_upright_is_no_fault(change, is_kept):
     upright = candidate(columns=22, origin=(21.0 / np.tan(np.radians(60.0)), 0.0), **change)
     assert chosen(upright) == [0]
     assert chosen(host, upright) == ([0, 1] if is_kept else [0])
-
-
-def between_layers(sheet, *tilts_deg, known=1.0):
-    """Sides of a sheet whose layers dip along `across` by these angles, on either side."""
-    shape = (2, len(sheet.w), 2 * sheet.w.shape[1] - 1)
-    tilts = np.tan(np.radians(np.array(tilts_deg)))[:, None, None]
-    return SheetSides(
-        np.zeros(shape, np.float32),
-        np.full(shape, known, np.float32),
-        np.broadcast_to(tilts, shape).astype(np.float32),
-    )
-
-
-@pytest.mark.parametrize(
-    ("dip", "tilts_deg"),
-    [(50.0, (35.0, 35.0)), (50.0, (50.0, 48.0)), (50.0, (65.0, 66.0)), (100.0, (-75.0, -75.0)), (35.0, (20.0, 18.0))],
-    ids=["gentler layers", "along them", "steeper layers", "upright layers", "low"],
-)
-def test_what_runs_along_the_layers_is_no_fault(dip, tilts_deg):
-    sheet, throw = candidate(dip=dip)
-    ended = end_along_layers(sheet, between_layers(sheet, *tilts_deg), SETTINGS)
-    assert not ended.inside.any()
-    assert np.isnan(ended.score).all()
-    assert chosen((ended, throw)) == []
-
-
-@pytest.mark.parametrize(
-    ("dip", "tilts_deg"),
-    [(50.0, (25.0, 25.0)), (50.0, (-35.0, -35.0)), (100.0, (75.0, 75.0)), (35.0, (0.0, 0.0)), (50.0, (10.0, 20.0))],
-    ids=["layers less steep", "layers dip against it", "upright against it", "level layers", "sides that differ"],
-)
-def test_what_cuts_the_layers_stays_as_it_is(dip, tilts_deg):
-    sheet, _ = candidate(dip=dip)
-    assert end_along_layers(sheet, between_layers(sheet, *tilts_deg), SETTINGS) is sheet
-
-
-@pytest.mark.parametrize(
-    ("change", "tilts_deg", "is_kept"),
-    [
-        ({}, (20.0, 18.0), False),
-        ({"dip": 125.0}, (-20.0, -18.0), False),
-        ({}, (12.0, 12.0), True),
-        ({}, (-20.0, -18.0), True),
-        ({"dip": 85.0}, (35.0, 35.0), True),
-        ({"score": 0.5}, (20.0, 18.0), True),
-        ({"rows": 120, "columns": 60}, (20.0, 18.0), True),
-    ],
-    ids=["leans as they do", "to the other side", "gentler ones", "against them", "steep itself", "supported", "sure"],
-)
-def test_a_weak_sheet_that_leans_over_as_steep_layers_do_is_no_fault(change, tilts_deg, is_kept):
-    sheet, _ = candidate(**{"dip": 55.0, "score": 0.4} | change)
-    ended = end_along_layers(sheet, between_layers(sheet, *tilts_deg), SETTINGS)
-    assert ended.inside.any() == is_kept
-
-
-def test_layers_that_are_not_known_end_no_sheet():
-    sheet, _ = candidate(dip=50.0)
-    assert end_along_layers(sheet, between_layers(sheet, 45.0, 45.0, known=0.0), SETTINGS) is sheet
-    line, _ = candidate(columns=1)
-    assert end_along_layers(line, between_layers(line, 45.0, 45.0), SETTINGS) is line
 
 
 def test_small_cubes_ask_for_less_of_what_is_tall_alone():

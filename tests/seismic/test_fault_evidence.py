@@ -7,7 +7,8 @@ from seismo3d.errors import ParameterError
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_evidence import EVIDENCE, check_evidence, measure_evidence
 from seismo3d.seismic.faults import trace_faults
-from seismo3d.seismic.misfit import MisfitSettings, compare_along, fuse_misfits, measure_misfit, share_out
+from seismo3d.seismic.misfit import compare_along, fuse_misfits, share_out
+from seismo3d.seismic.misfit_settings import MisfitSettings
 from seismo3d.seismic.scores import fault_score
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.synthetic import SyntheticFault, fault_cube
@@ -57,7 +58,7 @@ def test_semblance_is_the_misfit_along_slopes(broken):
     valid = np.ones(volume.shape, bool)
     slopes = estimate_slopes(volume, valid)
     first = measure_evidence(volume, valid, slopes, kind="semblance")
-    second = measure_misfit(volume, valid, *slopes)
+    second = fuse_misfits(volume, valid, [compare_along(volume, valid, slopes)])
     np.testing.assert_array_equal(first.along_inlines, second.along_inlines)
     np.testing.assert_array_equal(first.known, second.known)
 

@@ -11,7 +11,7 @@ from scipy import ndimage
 from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings
-from seismo3d.seismic.faults import FaultSettings, largest_first, to_likelihood, trace_faults
+from seismo3d.seismic.faults import FaultSettings, largest_first, trace_faults
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.scores import fault_score, throw_score
@@ -535,8 +535,3 @@ def test_save_and_load_give_the_same_back(traced, cube, tmp_path):
     again = FaultSet.load(tmp_path / "labelled")
     assert_same(again, labelled)
     xr.testing.assert_identical(again.labels, labelled.labels)
-
-
-def test_likelihood_grows_from_zero_to_one():
-    score = np.array([-3.0, 0.0, 0.6, 1.2, 60.0], np.float32)
-    np.testing.assert_allclose(to_likelihood(score), [0.0, 0.0, 0.5, 0.75, 1.0], atol=1e-6)

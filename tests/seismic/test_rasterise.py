@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from seismo3d.seismic.linking import Sheet
-from seismo3d.seismic.rasterise import sample_grid, sheet_voxels
+from seismo3d.seismic.rasterise import sample_grid, sheet_voxels, to_likelihood
 
 SHAPE = (30, 30, 40)
 
@@ -98,3 +98,8 @@ def test_beside_a_missing_node_the_nearest_one_counts():
     grid[1, 1] = np.nan
     places = np.array([[1.6, 1.0], [1.4, 1.0], [3.0, 3.0]])
     np.testing.assert_array_equal(sample_grid(grid, places), [1.0, np.nan, 1.0])
+
+
+def test_likelihood_grows_from_zero_to_one():
+    score = np.array([-3.0, 0.0, 0.6, 1.2, 60.0], np.float32)
+    np.testing.assert_allclose(to_likelihood(score), [0.0, 0.0, 0.5, 0.75, 1.0], atol=1e-6)

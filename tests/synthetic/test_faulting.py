@@ -14,7 +14,7 @@ from seismo3d.synthetic import FaultPopulation, SyntheticFault, sample_faults, s
         ({"share": 1.2}, "share is 1.2"),
         ({"profile": "round"}, "profile is 'round'"),
         ({"semi_axes": (0.0, 5.0)}, "semi_axes"),
-        ({"profile": "elliptic", "semi_axes": (9.0, 9.0)}, "faster down dip"),
+        ({"profile": "elliptic", "semi_axes": (9.0, 9.0)}, "1.4 samples a sample down dip; expected at most 0.9"),
         ({"drag": 8.0}, "drag is 8"),
         ({"listric": (20.0, 10.0), "rake_deg": 60.0}, "listric"),
     ],

@@ -15,30 +15,30 @@ from seismo3d.seismic.blocks.registering import read_sides
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.slopes import estimate_block
 from seismo3d.seismic.fault_evidence import compare_sides
-from seismo3d.seismic.misfit import (
+from seismo3d.seismic.levelling import (
     bridge_unknown,
-    compare_along,
-    depth_energies,
-    energy_floor,
     fill_absent,
     find_footprint,
     find_moments,
-    find_noise,
-    judge_noise,
     level,
     level_mean,
     level_reach,
     mean_known,
-    measure_ratios,
-    misfit_reach,
-    share_out,
     spread_laterally,
     take_out_lines,
-    trace_energies,
     trace_medians,
     trace_moments,
+)
+from seismo3d.seismic.misfit import (
+    compare_along,
+    depth_energies,
+    energy_floor,
+    measure_ratios,
+    share_out,
+    trace_energies,
     weigh_logs,
 )
+from seismo3d.seismic.misfit_settings import find_noise, judge_noise, misfit_reach
 from seismo3d.seismic.side_shifts import slice_floor
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Progress
-from seismo3d.seismic.blocks.layers import live_traces
 from seismo3d.seismic.blocks.plan import BASE_BYTES, BlockPlan, layer_needs, plan_blocks
 from seismo3d.seismic.blocks.results import make_result, open_result
 from seismo3d.seismic.blocks.run import BlockRun, describe_source
@@ -103,11 +102,6 @@ def layer_in_blocks(
 def open_layer_time(run: BlockRun, cube: Any) -> Any:
     """Return a finished run's layer time, lazy."""
     return open_result(run, "layer_time", cube)
-
-
-def live_map(run: BlockRun) -> Any:
-    """Return which traces of a run's cube are live."""
-    return live_traces(run)
 
 
 def hash_surfaces(surfaces: Any) -> str:

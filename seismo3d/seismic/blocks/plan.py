@@ -9,7 +9,8 @@ from typing import Any
 
 from seismo3d.errors import ParameterError
 from seismo3d.seismic.dip import DipSettings, dip_reach, tensor_reach
-from seismo3d.seismic.misfit import MisfitSettings, energy_reach, level_reach, misfit_reach
+from seismo3d.seismic.levelling import BRIDGE_WIDTH, level_reach
+from seismo3d.seismic.misfit_settings import MisfitSettings, energy_reach, misfit_reach
 from seismo3d.seismic.placing import profile_reach
 from seismo3d.seismic.scan import plan_scan
 from seismo3d.seismic.side_shifts import SLAB, carry_reach, fit_reach, match_reach
@@ -300,7 +301,6 @@ def layer_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callabl
 def bridge_reach() -> int:
     """Return how many traces off bridged evidence depends on."""
     from seismo3d.seismic._kernels_filters import gaussian_taps
-    from seismo3d.seismic.misfit import BRIDGE_WIDTH
 
     return len(gaussian_taps(BRIDGE_WIDTH)) // 2
 

@@ -10,7 +10,8 @@ from seismo3d.seismic.blocks.plan import Box
 from seismo3d.seismic.blocks.results import write_result
 from seismo3d.seismic.blocks.room import OnDisk
 from seismo3d.seismic.blocks.run import BlockRun
-from seismo3d.seismic.faults import draw_ridges, score_at_noise
+from seismo3d.seismic.faults import score_at_noise
+from seismo3d.seismic.rasterise import draw_ridges
 from seismo3d.seismic.scan import (
     BESIDE,
     PlanarSupport,

@@ -1,0 +1,122 @@
+"""Where a sheet ends: at unbroken ground, at the edges of the data, and where it runs along the layers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import ndimage
+
+from seismo3d._typing import AnyArray, BoolArray
+from seismo3d.seismic.choosing import ChoiceSettings
+from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.misfit_settings import NOISES
+from seismo3d.seismic.sheet_measures import mean_support, strength
+from seismo3d.seismic.throw import SheetSides, SheetThrow, every_sample
+
+# samples from the edge of a mute within which a sheet lies beside it, and how far off its sides are read
+_BESIDE, _WITHIN = 8, 16
+
+
+def end_where_still(
+    sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings, *, noise: float
+) -> tuple[Sheet, SheetThrow]:
+    """End a sheet where its sides fit unmoved and its support is weak: it has run on into unbroken ground.
+
+    Parameters
+    ----------
+    sheet, throw : Sheet, SheetThrow
+        A sheet and its throw.
+    settings : ChoiceSettings
+        Thresholds.
+    noise : float
+        The cube's median misfit ratio.
+
+    Returns
+    -------
+    Sheet, SheetThrow
+        Without those places; specks that are left of it are dropped.
+    """
+    still = (np.abs(throw.throw) < np.interp(noise, NOISES[:2], settings.still_throw)) & (
+        sheet.score < settings.still_score
+    )
+    still &= throw.fit >= settings.still_fit
+    if not still.any():
+        return sheet, throw
+    # a few places decide nothing, neither to end a sheet nor to go on with it
+    still = ndimage.median_filter(still, size=(5, 5), mode="nearest")
+    inside = ndimage.binary_opening(sheet.inside & ~still, np.ones((min(3, sheet.w.shape[0]), 3), bool))
+    parts, n_parts = ndimage.label(inside, np.ones((3, 3)))
+    if n_parts > 1:
+        inside &= are_large(parts, settings.company_area / sheet.step)
+    return sheet.only(inside), replace(throw, throw=np.where(inside, throw.throw, np.float32(np.nan)))
+
+
+def end_in_mutes(sheet: Sheet, sides: SheetSides, shape: tuple[int, ...]) -> Sheet:
+    """End a sheet where traces beside it begin and end; gaps in them, and dead traces, it passes.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        A sheet.
+    sides : SheetSides
+        What was read on its two sides.
+    shape : tuple of int
+        Inlines, crosslines and samples of the cube.
+
+    Returns
+    -------
+    Sheet
+        Without what lies above the first and below the last data on either side. None of its nodes where it runs along
+        a mute that slopes, whose edge breaks all layers as a fault would.
+    """
+    told = (sides.known > 0.0)[:, :, :: sheet.step]
+    begun, still = np.maximum.accumulate(told, axis=2), np.maximum.accumulate(told[..., ::-1], axis=2)[..., ::-1]
+    dead: BoolArray = np.asarray(~told.any(axis=(0, 2)))[:, None]
+    ended = sheet.only(sheet.inside & ((begun.any(axis=0) & still.any(axis=0)) | dead))
+    muted = ended.inside & ~(begun & still).all(axis=0) & ~dead
+    # what is read beyond the cube is none of a mute
+    points, last = ended.nodes(), np.array(shape) - 1
+    told_of = np.all((last < 2 * _WITHIN) | ((points >= _WITHIN) & (points <= last - _WITHIN)), axis=1)
+    along = ndimage.maximum_filter1d(muted, 2 * (_BESIDE // sheet.step) + 1, axis=1)[ended.inside][told_of]
+    return sheet.only(np.zeros(sheet.w.shape, bool)) if 2 * along.sum() > along.size else ended
+
+
+def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) -> Sheet:
+    """Leave nothing of a sheet that runs along the layers beside it, or of a weak one that leans over as they do.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        A sheet.
+    sides : SheetSides
+        What was read on its two sides.
+    settings : ChoiceSettings
+        The angle, and the support of what leans, that are needed.
+
+    Returns
+    -------
+    Sheet
+        The same one, or none of its nodes.
+    """
+    if sheet.w.shape[1] < 2:
+        return sheet
+    lean = np.arctan2(1.0, np.gradient(every_sample(sheet), axis=1))
+    apart = np.abs(lean - np.arctan(sides.tilts))
+    apart = np.minimum(apart, np.pi - apart)
+    told = (sides.known > 0.0) & np.isfinite(lean)
+    if not told.any():
+        return sheet
+    angle, dip = np.median(apart[told]), np.median(np.broadcast_to(np.minimum(lean, np.pi - lean), told.shape)[told])
+    leans = angle < min(settings.leaning * dip, np.radians(settings.leaning_deg))
+    is_sure = strength(sheet) >= settings.sure_strength or mean_support(sheet) >= settings.leaning_score
+    if angle >= np.radians(settings.layer_angle_deg) and not (leans and not is_sure):
+        return sheet
+    return sheet.only(np.zeros(sheet.w.shape, bool))
+
+
+def are_large(parts: AnyArray, least: float) -> BoolArray:
+    """Mark what belongs to a part of at least so many places; parts are numbered from 1, as ``label`` does."""
+    large = np.bincount(parts.ravel()) >= least
+    large[0] = False
+    return np.asarray(large[parts])
