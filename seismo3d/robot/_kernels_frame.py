@@ -11,6 +11,8 @@ DEPTH_BIT, SLOPE_BIT, ROOT_BIT = 44, 34, 24
 """Where a packed pixel's parts begin: 20 bits of depth, 10 of slope, 10 of the weight's root, 24 for a colour."""
 DEPTH_UNIT, SLOPE_UNIT, ROOT_UNIT = 2.0**-14, 2.0**-9, 2.0**-9
 TEN_BITS = np.uint32(1023)
+_STEEPEST = 6.5
+"""Change of depth over the way across at that depth, from which on it is a jump: that of a plane seen at 81 degrees."""
 FARTHEST = 60.0
 """Depths up to this can be packed, metres."""
 
@@ -116,15 +118,16 @@ def _middle_depths(upper: Float32Array, lower: Float32Array, near: float, far: f
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def grid_normals(first: int, last: int, vertices: Float32Array, reach: int, out: Float32Array) -> int:
+def grid_normals(first: int, last: int, vertices: Float32Array, reach: int, spacing: float, out: Float32Array) -> int:
     """Fill some rows of unit normals (rows, columns, 3) towards the camera over +-reach pixels; return how many.
 
-    They are zero at jumps of depth, and as near to the rim.
+    They are zero at jumps of depth, and as near to the rim. Vertices look ``spacing`` apart at depth 1, by which steep
+    surfaces are told from jumps.
     """
     f4, i4 = np.float32, np.int32
     rows, columns, _ = vertices.shape
     across, down, away = np.empty(columns, np.float32), np.empty(columns, np.float32), np.empty(columns, np.float32)
-    count = 0
+    count, slant = 0, f4(_STEEPEST * spacing * reach)
     for r in range(first, last):
         out[r] = 0.0
         if r < reach or r >= rows - reach:
@@ -138,7 +141,7 @@ def grid_normals(first: int, last: int, vertices: Float32Array, reach: int, out:
             k = 3 * c
             x, y, z = middle[k], middle[k + 1], middle[k + 2]
             off = z - f4(0.4)
-            limit = f4(8.0) * (f4(0.0012) + f4(0.0019) * off * off) + f4(0.025 * reach) * z
+            limit = f4(8.0) * (f4(0.0012) + f4(0.0019) * off * off) + slant * z
             zl, zr, zu, zd = left[k + 2], right[k + 2], upper[k + 2], lower[k + 2]
             level = (abs(zl - z) < limit) & (abs(zr - z) < limit) & (abs(zu - z) < limit) & (abs(zd - z) < limit)
             ax, ay, az = right[k] - left[k], right[k + 1] - left[k + 1], zr - zl

@@ -247,7 +247,7 @@ def test_normals_are_those_of_the_differences_across(rng: np.random.Generator) -
     z = 1.5 + 0.1 * rng.random((17, 23)) * (rng.random((17, 23)) < 0.5)
     z[rng.random((17, 23)) < 0.1] = 0.0
     vertices, out = (rays * z[:, :, None]).astype(np.float32), np.full((17, 23, 3), np.nan, np.float32)
-    count = frames.grid_normals(0, 17, vertices, 2, out)
+    count = frames.grid_normals(0, 17, vertices, 2, 0.004, out)
     expected = np.zeros((17, 23, 3))
     for r in range(2, 15):
         for c in range(2, 21):
