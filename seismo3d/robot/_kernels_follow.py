@@ -92,19 +92,18 @@ def blind_to_light(patch: Float32Array, gx: Float32Array, gy: Float32Array) -> N
     for i in range(_SIDE):
         for j in range(_SIDE):
             mean, across, down = mean + patch[i, j], across + gx[i, j], down + gy[i, j]
-    mean, across, down = f4(mean / many), f4(across / many), f4(down / many)
     power, x, y = 0.0, 0.0, 0.0
     for i in range(_SIDE):
         for j in range(_SIDE):
-            patch[i, j] -= mean
+            patch[i, j] -= f4(mean / many)
             power += patch[i, j] * patch[i, j]
             x += gx[i, j] * patch[i, j]
             y += gy[i, j] * patch[i, j]
-    x, y = (f4(x / power), f4(y / power)) if power > 0.0 else (f4(0.0), f4(0.0))
+    share = 1.0 / power if power > 0.0 else 0.0
     for i in range(_SIDE):
         for j in range(_SIDE):
-            gx[i, j] -= across + x * patch[i, j]
-            gy[i, j] -= down + y * patch[i, j]
+            gx[i, j] -= f4(across / many) + f4(x * share) * patch[i, j]
+            gy[i, j] -= f4(down / many) + f4(y * share) * patch[i, j]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
