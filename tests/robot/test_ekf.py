@@ -192,7 +192,7 @@ def test_a_measurement_blind_to_nothing_is_one_without_that() -> None:
     np.testing.assert_array_equal(filters[0].T_world_body, filters[1].T_world_body)
 
 
-def test_along_what_is_blind_a_pose_still_hangs_on_what_it_hung_on(rng: np.random.Generator) -> None:
+def test_along_what_is_blind_a_pose_still_hangs_on_what_it_hung_on() -> None:
     motion = MotionFilter(0.0, np.eye(4))
     sure, unsure = 1e-6 * np.eye(6), 0.04 * np.eye(6)
     small, along = 1e-6 * np.eye(6), np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
