@@ -1,6 +1,7 @@
 """Kernel that follows patches from one image to another, by Lucas and Kanade on a pyramid [1]_.
 
-Images are padded by ``PAD`` pixels on all sides, so that the patch of each pixel of them lies within.
+Images are padded by ``PAD`` pixels on all sides, so that the patch of each pixel of them lies within. Exposure may
+change between them: a step knows nothing of how much brighter a patch has become, nor of how its contrast has grown.
 
 References
 ----------
@@ -27,6 +28,8 @@ _MOST_STEPS, _STILL = 12, 0.03
 """Steps at most on a level, and the length of one, pixels, that is the last."""
 _FLAT = 0.1
 """Mean square of the gradient, grey values a pixel, along the direction of its least, below which nothing is told."""
+_MOST_LIGHT = 8.0
+"""Times that the contrast of a patch is taken to grow, or to shrink, at most."""
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -82,21 +85,56 @@ def _products(gx: Float32Array, gy: Float32Array, lanes: Float32Array) -> tuple[
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def blind_to_light(patch: Float32Array, gx: Float32Array, gy: Float32Array) -> None:
+    """Take the mean from a patch, and from its gradient what a change of brightness or contrast could feign."""
+    f4, many = np.float32, _SIDE * _SIDE
+    mean, across, down = 0.0, 0.0, 0.0
+    for i in range(_SIDE):
+        for j in range(_SIDE):
+            mean, across, down = mean + patch[i, j], across + gx[i, j], down + gy[i, j]
+    power, x, y = 0.0, 0.0, 0.0
+    for i in range(_SIDE):
+        for j in range(_SIDE):
+            patch[i, j] -= f4(mean / many)
+            power += patch[i, j] * patch[i, j]
+            x += gx[i, j] * patch[i, j]
+            y += gy[i, j] * patch[i, j]
+    share = 1.0 / power if power > 0.0 else 0.0
+    for i in range(_SIDE):
+        for j in range(_SIDE):
+            gx[i, j] -= f4(across / many) + f4(x * share) * patch[i, j]
+            gy[i, j] -= f4(down / many) + f4(y * share) * patch[i, j]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _contrast(image: AnyArray, x: float, y: float, patch: Float32Array) -> float:
+    """Return how many times as much contrast an image has about a place as a patch without its mean."""
+    row, column = np.int64(math.floor(y)) + PAD - RADIUS, np.int64(math.floor(x)) + PAD - RADIUS
+    total, square, power = 0.0, 0.0, 0.0
+    for i in range(_SIDE):
+        for j in range(_SIDE):
+            value = np.float64(image[row + i, column + j])
+            total, square, power = total + value, square + value * value, power + patch[i, j] * patch[i, j]
+    spread = square - total * total / (_SIDE * _SIDE)
+    return min(max(math.sqrt(spread / power), 1.0 / _MOST_LIGHT), _MOST_LIGHT) if power > 0.0 else 1.0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _miss(
-    image: AnyArray, x: float, y: float, patch: Float32Array, gx: Float32Array, gy: Float32Array, lanes: Float32Array
+    image: AnyArray, x: float, y: float, gx: Float32Array, gy: Float32Array, lanes: Float32Array
 ) -> tuple[float, float]:
-    """Return the sums of the gradient times how much brighter than a patch an image is about a place."""
+    """Return the sums of the gradient, which is orthogonal to its patch, times an image about a place."""
     f4 = np.float32
     row, column, w0, w1, w2, w3 = _corners(x, y)
     row, column = row - RADIUS, column - RADIUS
     lanes[:] = f4(0.0)
     right, low = lanes[0], lanes[1]
     for i in range(_SIDE):
-        above, below, old, across, down = image[row + i, column:], image[row + i + 1, column:], patch[i], gx[i], gy[i]
+        above, below, across, down = image[row + i, column:], image[row + i + 1, column:], gx[i], gy[i]
         for j in range(_WIDE):
-            off = w0 * f4(above[j]) + w1 * f4(above[j + 1]) + w2 * f4(below[j]) + w3 * f4(below[j + 1]) - old[j]
-            right[j] += off * across[j]
-            low[j] += off * down[j]
+            new = w0 * f4(above[j]) + w1 * f4(above[j + 1]) + w2 * f4(below[j]) + w3 * f4(below[j + 1])
+            right[j] += new * across[j]
+            low[j] += new * down[j]
     bx, by = 0.0, 0.0
     for j in range(_WIDE):
         bx += right[j]
@@ -133,15 +171,18 @@ def follow_patches(
             xx, xy, yy = 0.0, 0.0, 0.0
             if within:
                 take_patch(before[level], x, y, wide, patch, gx, gy)
+                blind_to_light(patch, gx, gy)
                 xx, xy, yy = _products(gx, gy, lanes)
             least = 0.5 * (xx + yy - math.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))
             known = within and least >= _FLAT * _SIDE * _SIDE
-            determinant, last_x, last_y = xx * yy - xy * xy, 0.0, 0.0
+            last_x, last_y, determinant = 0.0, 0.0, xx * yy - xy * xy
+            if known and 0.0 <= u <= columns - 1 and 0.0 <= v <= rows - 1:
+                determinant *= _contrast(image, u, v, patch)
             for step in range(_MOST_STEPS if known else 0):
                 if not (0.0 <= u <= columns - 1 and 0.0 <= v <= rows - 1):
                     known = False
                     break
-                bx, by = _miss(image, u, v, patch, gx, gy, lanes)
+                bx, by = _miss(image, u, v, gx, gy, lanes)
                 du, dv = (xy * by - yy * bx) / determinant, (xy * bx - xx * by) / determinant
                 u, v = u + du, v + dv
                 if du * du + dv * dv <= _STILL * _STILL:

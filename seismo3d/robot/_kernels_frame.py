@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 import numba as nb
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array
+from seismo3d.registration.robust import NORMAL
 
 DEPTH_BIT, SLOPE_BIT, ROOT_BIT = 44, 34, 24
 """Where a packed pixel's parts begin: 20 bits of depth, 10 of slope, 10 of the weight's root, 24 for a colour."""
 DEPTH_UNIT, SLOPE_UNIT, ROOT_UNIT = 2.0**-14, 2.0**-9, 2.0**-9
 TEN_BITS = np.uint32(1023)
+_STEEPEST = 6.5
+"""Change of depth over the way across at that depth, from which on it is a jump: that of a plane seen at 81 degrees."""
+_NOISIEST, _SAMPLE, _LEAST_SAMPLES = 8.0, 4, 50
+"""Times the usual noise at most that a depth image is taken to have; of how manieth pixel it is found, and of how many
+at least."""
 FARTHEST = 60.0
 """Depths up to this can be packed, metres."""
 
@@ -32,12 +40,41 @@ def read_depth(first: int, last: int, raw: AnyArray, scale: float, out: Float32A
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def noise_of(depth: Float32Array, near: float, far: float) -> float:
+    """Return how many times noisier than :func:`depth_sigma` a depth image is, from once to ``_NOISIEST``.
+
+    By the median second difference along the rows, of every so manieth pixel: surfaces bend but little.
+    """
+    rows, columns = depth.shape
+    ratios, count = np.empty((rows // _SAMPLE + 1) * (columns // _SAMPLE + 1)), 0
+    for r in range(_SAMPLE // 2, rows, _SAMPLE):
+        for c in range(_SAMPLE // 2, columns - 1, _SAMPLE):
+            z, left, right = np.float64(depth[r, c]), np.float64(depth[r, c - 1]), np.float64(depth[r, c + 1])
+            if near < z < far and left > 0.0 and right > 0.0:
+                ratios[count] = abs(left - 2.0 * z + right) / depth_sigma(z)
+                count += 1
+    if count < _LEAST_SAMPLES:
+        return 1.0
+    # of three that are independent: root of 1 + 4 + 1, and what the median is of the standard deviation
+    middle = np.partition(ratios[:count], count // 2)[count // 2] / (math.sqrt(6.0) / NORMAL)
+    return min(max(middle, 1.0), _NOISIEST)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def halve(
-    first: int, last: int, depth: Float32Array, rays: Float32Array, near: float, far: float, out: Float32Array
+    first: int,
+    last: int,
+    depth: Float32Array,
+    rays: Float32Array,
+    near: float,
+    far: float,
+    noise: float,
+    out: Float32Array,
 ) -> None:
     """Fill some rows of vertices (rows / 2, columns / 2, 3): means of 2 x 2 pixels, and neighbours, on one surface.
 
-    Pixels farther than four standard deviations from the median of the four are left out.
+    Pixels farther than four standard deviations, each ``noise`` times the usual one, from the median of the four are
+    left out.
     """
     f4 = np.float32
     columns = depth.shape[1] // 2
@@ -47,7 +84,7 @@ def halve(
         _middle_depths(depth[2 * r], depth[2 * r + 1], near, far, middle)
         for c in range(columns):
             off = middle[c] - f4(0.4)
-            reach[c] = f4(4.0) * (f4(0.0012) + f4(0.0019) * off * off) if middle[c] > f4(0.0) else f4(-1.0)
+            reach[c] = f4(4.0 * noise) * (f4(0.0012) + f4(0.0019) * off * off) if middle[c] > f4(0.0) else f4(-1.0)
             x[c] = y[c] = z[c] = n[c] = f4(0.0)
         for rr in range(max(2 * r - 1, 0), min(2 * r + 3, depth.shape[0])):
             row, ray = depth[rr], rays[rr].reshape(-1)
@@ -116,15 +153,18 @@ def _middle_depths(upper: Float32Array, lower: Float32Array, near: float, far: f
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def grid_normals(first: int, last: int, vertices: Float32Array, reach: int, out: Float32Array) -> int:
+def grid_normals(
+    first: int, last: int, vertices: Float32Array, reach: int, spacing: float, noise: float, out: Float32Array
+) -> int:
     """Fill some rows of unit normals (rows, columns, 3) towards the camera over +-reach pixels; return how many.
 
-    They are zero at jumps of depth, and as near to the rim.
+    They are zero at jumps of depth, and as near to the rim. Vertices look ``spacing`` apart at depth 1, by which steep
+    surfaces are told from jumps, and so is noise, of ``noise`` times the usual size.
     """
     f4, i4 = np.float32, np.int32
     rows, columns, _ = vertices.shape
     across, down, away = np.empty(columns, np.float32), np.empty(columns, np.float32), np.empty(columns, np.float32)
-    count = 0
+    count, slant = 0, f4(_STEEPEST * spacing * reach)
     for r in range(first, last):
         out[r] = 0.0
         if r < reach or r >= rows - reach:
@@ -138,7 +178,7 @@ def grid_normals(first: int, last: int, vertices: Float32Array, reach: int, out:
             k = 3 * c
             x, y, z = middle[k], middle[k + 1], middle[k + 2]
             off = z - f4(0.4)
-            limit = f4(8.0) * (f4(0.0012) + f4(0.0019) * off * off) + f4(0.025 * reach) * z
+            limit = f4(8.0 * noise) * (f4(0.0012) + f4(0.0019) * off * off) + slant * z
             zl, zr, zu, zd = left[k + 2], right[k + 2], upper[k + 2], lower[k + 2]
             level = (abs(zl - z) < limit) & (abs(zr - z) < limit) & (abs(zu - z) < limit) & (abs(zd - z) < limit)
             ax, ay, az = right[k] - left[k], right[k + 1] - left[k + 1], zr - zl
@@ -165,12 +205,14 @@ def pack_pixels(
     vertices: Float32Array,
     normals: Float32Array,
     far: float,
+    noise: float,
     out: AnyArray,
 ) -> None:
     """Pack pixels of the full image (n_pixels), those under some rows of the half image; 0 for those without.
 
     What no vertex lies over, at the end of an odd row, is left as it is. Packed are depth, how far along the surface's
-    normal a metre before it in depth is, root of the weight for fusion; the colour's bits are zero.
+    normal a metre before it in depth is, root of the weight for fusion; the colour's bits are zero. Noise is
+    ``noise`` times the usual one.
     """
     f4, i4, u4, u8 = np.float32, np.int32, np.uint32, np.uint64
     columns, half = depth.shape[1], vertices.shape[1]
@@ -192,7 +234,7 @@ def pack_pixels(
             packed = u4(u4(u4(i4(slope)) << u4(SLOPE_BIT - ROOT_BIT)) | u4(i4(root)))
             shown = cosine >= f4(0.15)
             middle[2 * hc] = middle[2 * hc + 1] = w
-            reach[2 * hc] = reach[2 * hc + 1] = f4(6.0) * sigma if shown else f4(-1e6)
+            reach[2 * hc] = reach[2 * hc + 1] = f4(6.0 * noise) * sigma if shown else f4(-1e6)
             code[2 * hc] = code[2 * hc + 1] = packed
         for r in range(2 * hr, 2 * hr + 2):
             row, to = depth[r], out[r * columns : r * columns + 2 * half]

@@ -18,6 +18,9 @@ from seismo3d.robot.camera import Camera, RgbdFrame
 from seismo3d.robot.frames import check_frame
 
 _DELAY_STEP = 0.02
+_NARROW = 0.4
+"""Width of the second search for the readout, over that of the first: the misfit is no parabola over the whole width,
+and the first was searched with the wrong delay."""
 _LEAST_GAIN = 0.04
 """Gain in the mean logarithm of the misfits below which a hypothesis does not replace a simpler one."""
 
@@ -87,18 +90,19 @@ def calibrate_timing(frames: Sequence[RgbdFrame], camera: Camera, *, progress: P
     best = first
     if camera.depth_delay is None:
         best = min([(best[0], best[1] + k * _DELAY_STEP) for k in (0, 1, -1)], key=misfit)
-    for _ in range(2):
+    for width in (1.0, _NARROW):
         delay = best[1]
-        if camera.readout is None and slowest > 0.0:
-            tried = [(share * slowest, delay) for share in (0.0, 0.5, 1.0)]
+        if camera.readout is None and slowest > 0.0 and (width == 1.0 or best != first):
+            middle = 0.5 if width == 1.0 else float(np.clip(best[0] / slowest, 0.5 * width, 1.0 - 0.5 * width))
+            tried = [((middle + 0.5 * k * width) * slowest, delay) for k in (-1.0, 0.0, 1.0)]
             best = min([best, *tried], key=misfit)
             if best != first:
-                best = (float(np.clip(_vertex([k[0] for k in tried], [misfit(k) for k in tried]), 0.0, slowest)), delay)
+                best = (_vertex([k[0] for k in tried], [misfit(k) for k in tried]), delay)
         if camera.depth_delay is None and best != first:
             tried = [(best[0], best[1] + k * _DELAY_STEP) for k in (-1.0, -0.5, 0.0, 0.5, 1.0)]
             best = (best[0], _vertex([k[1] for k in tried], [misfit(k) for k in tried]))
-        if abs(best[1] - delay) < 0.5 * _DELAY_STEP:
-            break  # else the readout was found with the wrong delay
+        if camera.readout is not None and abs(best[1] - delay) < 0.5 * _DELAY_STEP:
+            break
     if progress is not None:
         progress("timing", 1.0)
     before = misfit(first) + _LEAST_GAIN

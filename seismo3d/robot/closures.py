@@ -11,6 +11,7 @@ from seismo3d._typing import Float64Array, Int64Array
 from seismo3d.geometry.rotations import invert_transform
 from seismo3d.graph.poses import PoseGraph, edge_errors
 from seismo3d.registration.result import Registration
+from seismo3d.robot.drift import step_covariance
 from seismo3d.robot.ekf import adjoint, exp_motion, log_motion
 from seismo3d.robot.keyframes import PlaceMemory
 
@@ -18,6 +19,8 @@ _STEP_TURN, _STEP_SHIFT = 0.002, 0.003
 """Standard deviations of the pose from one keyframe to the next, rad and m."""
 _CLOSURE_TURN, _CLOSURE_SHIFT = 0.006, 0.008
 """The same that a closure has at least."""
+LEAST_WEIGHT = 0.25
+"""Weight in the graph's solution below which an edge counts as wrong."""
 _BY_CHANCE = 0.01
 """How often closures that are no more off than their covariances say would be taken for strained."""
 
@@ -74,17 +77,28 @@ def find_closures(memory: PlaceMemory, *, gap: int = 8, every: int = 2) -> list[
     return out
 
 
-def make_graph(poses: Float64Array, closures: list[Closure], *, parts: Sequence[int] | None = None) -> PoseGraph:
+def make_graph(
+    poses: Float64Array,
+    closures: list[Closure],
+    *,
+    parts: Sequence[int] | None = None,
+    covariances: Sequence[Float64Array] | None = None,
+) -> PoseGraph:
     """Return the graph of keyframes (n, 4, 4) with their closures, which count as doubtful.
 
-    Each is tied to the one before it of the same part; all are one part by default.
+    Each is tied to the one before it of the same part; all are one part by default. The tie is the looser the more the
+    covariances (6, 6) of the two, of perturbations on the left, differ.
     """
-    step = np.diag([_STEP_TURN**-2] * 3 + [_STEP_SHIFT**-2] * 3)
+    step = np.diag([_STEP_TURN**2] * 3 + [_STEP_SHIFT**2] * 3)
     last: dict[int, int] = {}
     edges = []
     for k, part in enumerate([0] * len(poses) if parts is None else parts):
         if part in last:
-            edges.append((last[part], k, invert_transform(poses[last[part]]) @ poses[k], step, False))
+            before = last[part]
+            spread = (
+                step if covariances is None else step + step_covariance(covariances[before], covariances[k], poses[k])
+            )
+            edges.append((before, k, invert_transform(poses[before]) @ poses[k], np.linalg.inv(spread), False))
         last[part] = k
     doubtful = [(c.target, c.source, c.T_target_source, c.information, True) for c in closures]
     return PoseGraph.of(list(poses), edges + doubtful)
@@ -101,12 +115,12 @@ def is_strained(graph: PoseGraph, weights: Float64Array) -> bool:
     ----------
     graph : PoseGraph
     weights : ndarray of shape (m,), float64
-        Of the edges in the graph's solution; those below a quarter don't count.
+        Of the edges in the graph's solution; those below ``LEAST_WEIGHT`` don't count.
     """
     from scipy.special import chdtri
 
     errors = edge_errors(graph, graph.poses)
-    squared = np.einsum("ni,nij,nj->n", errors, graph.information, errors)[graph.doubtful & (weights > 0.25)]
+    squared = np.einsum("ni,nij,nj->n", errors, graph.information, errors)[graph.doubtful & (weights > LEAST_WEIGHT)]
     # without drift the sum follows a chi-square law with six degrees of freedom an edge
     return bool(squared.size > 0 and squared.sum() > chdtri(6 * squared.size, _BY_CHANCE))
 

@@ -72,6 +72,13 @@ class MotionFilter:
     T_world_body : ndarray of shape (4, 4), float64
     turning, moving : float
         Standard deviations of the angular (rad/s^2) and linear (m/s^2) acceleration over a second.
+
+    Attributes
+    ----------
+    covariance : ndarray of shape (12 + 3 n, 12 + 3 n), float64
+        Of the state against the map.
+    map_covariance : ndarray of shape (6, 6), float64
+        Of the map where the pose is known by it, against the map's first frame.
     """
 
     def __init__(self, time: float, T_world_body: Float64Array, *, turning: float = 0.4, moving: float = 0.25) -> None:
@@ -79,8 +86,21 @@ class MotionFilter:
         self.T_world_body = T_world_body.copy()
         self.twist = np.zeros(6)
         self.covariance = np.diag([1e-10] * 6 + [0.5] * 3 + [0.25] * 3)
+        self.map_covariance = np.zeros((6, 6))
         self.landmarks = np.empty((0, 3))
         self._noise = np.diag([turning**2] * 3 + [moving**2] * 3)
+
+    @property
+    def pose_covariance(self) -> Float64Array:
+        """Covariance (6, 6) of the pose against the map's first frame: a perturbation on the left."""
+        return np.asarray(self.covariance[:6, :6] + self.map_covariance)
+
+    def turn(self, change: Float64Array) -> None:
+        """Carry over a change (4, 4) of the world's frame; there must be no landmarks."""
+        out = np.eye(12)
+        out[:6, :6] = adjoint(change)
+        self.T_world_body = change @ self.T_world_body
+        self.covariance = out @ self.covariance @ out.T
 
     def pose_at(self, time: float) -> Float64Array:
         """Return the pose at a time by the present velocity; the state stays as it is."""
@@ -114,6 +134,7 @@ class MotionFilter:
         *,
         gate: float | None,
         blind: Float64Array | None = None,
+        map_covariance: Float64Array | None = None,
     ) -> Innovation:
         """Take in a measured pose at the state's time.
 
@@ -126,20 +147,26 @@ class MotionFilter:
             Largest squared Mahalanobis distance that is accepted; None accepts all.
         blind : ndarray of shape (k, 6), float64, optional
             Perturbations of which the measurement says nothing; the state stays as it is along them.
+        map_covariance : ndarray of shape (6, 6), float64, optional
+            Of what the pose was measured against; zeros by default.
 
         Returns
         -------
         Innovation
         """
-        R = np.where(np.isfinite(covariance), covariance, 0.0) + np.diag(
-            np.where(np.isfinite(np.diag(covariance)), _FLOOR, 1e6)
-        )
+        R = of_measurement(covariance)
         z = log_motion(T_world_body @ invert_transform(self.T_world_body))
         rows, keep = (np.eye(6), None) if blind is None or len(blind) == 0 else self._beside(blind)
         z, R = rows @ z, rows @ R @ rows.T
         distance = float(z @ np.linalg.solve(rows @ self.covariance[:6, :6] @ rows.T + R, z))
         if gate is not None and not distance <= gate:
             return Innovation(distance, accepted=False)
+        of_map = np.zeros((6, 6)) if map_covariance is None else map_covariance
+        if keep is not None:
+            # along what is blind the pose still hangs on what it was measured against before
+            told, untold = keep[:6, :6], np.eye(6) - keep[:6, :6]
+            of_map = told @ of_map @ told.T + untold @ self.map_covariance @ untold.T
+        self.map_covariance = of_map
         self._correct(rows @ np.eye(6, len(self.covariance)), z, R, keep)
         return Innovation(distance, accepted=True)
 
@@ -236,6 +263,12 @@ class MotionFilter:
         left = np.eye(len(P)) - K @ H
         P = left @ P @ left.T + K @ R @ K.T
         self.covariance = (P + P.T) / 2
+
+
+def of_measurement(covariance: Float64Array) -> Float64Array:
+    """Return a registration's covariance (6, 6) with the map's own errors; large where it is infinite."""
+    known = np.isfinite(np.diag(covariance))
+    return np.where(np.isfinite(covariance), covariance, 0.0) + np.diag(np.where(known, _FLOOR, 1e6))
 
 
 def exp_motion(twist: Float64Array) -> Float64Array:

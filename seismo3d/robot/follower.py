@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d.geometry.rotations import invert_transform
 from seismo3d.robot.camera import Camera, RgbdFrame
-from seismo3d.robot.ekf import MotionFilter, adjoint
+from seismo3d.robot.drift import map_covariance
+from seismo3d.robot.ekf import MotionFilter, adjoint, of_measurement
 from seismo3d.robot.frames import Coming, Measured, Timing
 from seismo3d.robot.keyframes import Keyframe
 from seismo3d.robot.landmarks import Sightings
@@ -26,6 +29,8 @@ _AS_WELL = 0.8
 _USUAL = 1.0 / 30.0
 """Seconds from one frame of a camera to the next, where their stamps are equal."""
 _RELOCATE_EVERY = 4
+_LEAST_SHOWN = 12
+"""Landmarks of a view that agree with where a frame was located, from which on they say that it shows that view."""
 _PAUSE = 0.1
 """Standard deviation of where a camera is about where it was when the map it goes on with was saved, rad and m."""
 _LOOSE = 0.01
@@ -79,6 +84,7 @@ class Follower:
             self._filter = MotionFilter(now, last[0].T_world_camera @ T if last else T)
             if last:
                 self._filter.covariance[:6, :6] = np.eye(6) * _PAUSE**2
+                self._filter.map_covariance = map_covariance(self._maps.current.views, last[0].T_world_camera)
         if not self._settings.filtered:
             self._filter.twist[:] = 0.0
         self._filter.predict(now)
@@ -116,7 +122,9 @@ class Follower:
         """Carry over a change of the world's frame."""
         self._book.forget(self._filter)
         if self._filter is not None:
-            self._filter.T_world_body = change @ self._filter.T_world_body
+            self._filter.turn(change)
+            T_world_camera = self._filter.T_world_body @ self._cameras[0].T_body_camera
+            self._filter.map_covariance = map_covariance(self._maps.current.views, T_world_camera)
 
     def _sight(self, grey: AnyArray | None, number: int, timing: Timing) -> tuple[Float64Array, Sightings]:
         """Update the filter by its landmarks; return the camera's pose, and the sightings that are left."""
@@ -162,7 +170,8 @@ class Follower:
         T_expected = self.motion.T_world_body @ self._cameras[number].T_body_camera
         for state, place in self._locator.places(self._maps.every[::-1], asked):
             there, again = self._look_at(state, measured, number, place, timing)
-            if again.share > max(0.4, least_share) and self._fits(again, place):
+            # bare walls look alike: something there has to tell that it is this place
+            if again.share > max(0.4, least_share) and not len(again.blind) and self._fits(again, place):
                 if self._is_ambiguous(state, measured, asked, again, timing):
                     return None
                 near = is_reached(T_expected, again.T_world_camera, reach=_FASTER)
@@ -170,7 +179,7 @@ class Follower:
                     # it moved faster than foreseen: that says how fast
                     self._take(again, number, there)
                     return "tracked", again
-                self._go_on(state, again.T_world_camera, number)
+                self._go_on(state, again.T_world_camera, number, covariance=again.covariance)
                 return "relocated", again
         return None
 
@@ -199,15 +208,25 @@ class Follower:
         if self._filter is None:
             return
         T_world_body = located.T_world_camera @ invert_transform(self._cameras[number].T_body_camera)
-        self._filter.update(T_world_body, located.covariance, gate=None, blind=located.blind)
+        views = Counter(seen.names[located.landmark_weights > 0.0, 0].tolist())
+        of_map = map_covariance(
+            self._maps.current.views, located.T_world_camera, foreseen=self._filter.pose_covariance,
+            shown=[view for view, count in views.items() if count >= _LEAST_SHOWN],
+        )  # fmt: skip
+        self._filter.update(T_world_body, located.covariance, gate=None, blind=located.blind, map_covariance=of_map)
         self._filter.T_world_body = T_world_body
         if self._settings.filtered and self._settings.landmarks_in_state and len(seen):
             self._book.learn(self._filter, seen, located.landmark_weights, located.T_world_camera)
 
-    def _go_on(self, state: MapState, T_world_camera: Float64Array, number: int) -> None:
-        """Go on from a pose in a local map, with nothing known of the velocity."""
+    def _go_on(
+        self, state: MapState, T_world_camera: Float64Array, number: int, *, covariance: Float64Array | None = None
+    ) -> None:
+        """Go on from a pose in a local map, found there with a covariance, and with nothing known of the velocity."""
         if state is not self._maps.current:
             self._maps.go_to(state)
         T_world_body = T_world_camera @ invert_transform(self._cameras[number].T_body_camera)
         self._book.forget(None)
         self._filter = MotionFilter(0.0 if self._filter is None else self._filter.time, T_world_body)
+        if covariance is not None:
+            self._filter.covariance[:6, :6] = of_measurement(covariance)
+            self._filter.map_covariance = map_covariance(state.views, T_world_camera)

@@ -224,18 +224,19 @@ class Measurer:
     ) -> Measured:
         """Return what is fused of a depth image, with the colours of an image to whose rows a motion leads."""
         near, far, focal, rays = self.settings.near, self.settings.far, self._focal, self.rays(depth.shape)
+        spacing, noise = 2.0 / float(self._focal.min()), kernels.noise_of(depth, near, far)
         vertices = self._room.empty((depth.shape[0] // 2, depth.shape[1] // 2, 3), np.float32)
         normals, pixels = self._room.empty(vertices.shape, np.float32), self._room_for(depth.shape, np.uint64)
         flat, colours = pixels.reshape(-1), None if rgb is None else self._whole_colours(rgb)
 
         def face_and_pack(first: int, last: int) -> int:
-            count = kernels.grid_normals(first, last, vertices, 2, normals)
-            kernels.pack_pixels(first, last, depth, vertices, normals, far, flat)
+            count = kernels.grid_normals(first, last, vertices, 2, spacing, noise, normals)
+            kernels.pack_pixels(first, last, depth, vertices, normals, far, noise, flat)
             if colours is not None:
                 shutter.colour_pixels(first, last, colours, vertices, *motion, focal, flat)
             return count
 
-        self._by_rows(len(vertices), lambda a, b: kernels.halve(a, b, depth, rays, near, far, vertices))
+        self._by_rows(len(vertices), lambda a, b: kernels.halve(a, b, depth, rays, near, far, noise, vertices))
         n_normals = sum(self._by_rows(len(vertices), face_and_pack))
         return Measured(depth, vertices, normals, n_normals, flat, colours is not None, grey)
 

@@ -182,10 +182,14 @@ def absorb(base: MapState, part: MapState, T_base_part: Float64Array, links: lis
     base.closures += [replace(link, target=link.target + first, source=link.source + first) for link in part.closures]
     for keyframe in part.memory.keyframes:
         base.memory.add(replace(keyframe, T_world_camera=T_base_part @ keyframe.T_world_camera))
-    solved = solve_poses(base.graph, fixed=range(first)).poses
+    base.views += [view.moved(T_base_part) for view in part.views]
+    graph = base.graph
+    solution = solve_poses(graph, fixed=range(first))
+    solved = solution.poses
     change_poses(part, np.array([invert_transform(T_base_part) @ T for T in solved[first:]]))
     base.memory.move(solved)
-    base.views += [view.moved(T_base_part) for view in part.views]
+    base.views[first:] = [view.moved(T_base_part) for view in part.views]
+    base.tie_covariances(graph, solution.weights, known=first)
     old, new = len(base.poses), [replace(p, T_world_camera=T_base_part @ p.T_world_camera) for p in part.poses]
     both = base.poses + new
     order = sorted(range(len(both)), key=lambda k: both[k].frame)

@@ -17,7 +17,7 @@ from seismo3d.geometry.rotations import invert_transform
 from seismo3d.graph.poses import PoseGraph, solve_poses
 from seismo3d.robot.calibration import calibrate_timing
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
-from seismo3d.robot.closures import find_closures, is_strained
+from seismo3d.robot.closures import LEAST_WEIGHT, find_closures, is_strained
 from seismo3d.robot.ekf import exp_motion, log_motion
 from seismo3d.robot.follower import Follower
 from seismo3d.robot.frames import Measured, Measurer, Timing
@@ -147,7 +147,8 @@ class Mapper:
             return Closed(0, 0, 0.0, 0.0)
         graph = state.graph
         solved = solve_poses(graph)
-        n_kept = int((solved.weights[-n_links:] > 0.25).sum())
+        n_kept = int((solved.weights[-n_links:] > LEAST_WEIGHT).sum())
+        state.tie_covariances(graph, solved.weights)
         if not is_strained(graph, solved.weights):
             return Closed(n_links, n_kept, 0.0, 0.0, n_joined)
         change = [log_motion(invert_transform(a) @ b) for a, b in zip(graph.poses, solved.poses)]
@@ -199,7 +200,7 @@ class Mapper:
         coming = self._measurers[frame.camera].begin(frame, follower.twist(frame.camera), timing)
         state, located, T = follower.find(coming, frame.camera, timing)
         motion, twist = follower.motion, follower.twist(frame.camera)
-        if state in ("started", "relocated"):
+        if state in ("started", "relocated", "sliding"):
             self._recorder.forget()
         if state in ("lost", "empty"):
             follower.lose(state)
@@ -207,18 +208,25 @@ class Mapper:
             follower.n_lost = follower.n_unplaced = 0
             stamp = frame.time + camera.clock_offset
             self.state.poses.append(TimedPose(stamp, motion.time, T, twist, number, frame.camera, self.state.part))
-            change = self._record(coming.measured(), frame.camera, T, twist, timing, number)
+            change = self._record(coming.measured(), frame.camera, T, twist, timing, number, motion.pose_covariance)
             if change is not None:
                 state, T = "joined", change @ T
         T_stamp = T @ exp_motion(twist * (timing.colour_lead + 0.5 * timing.readout))
-        covariance = freeze(motion.covariance[:6, :6].copy())
+        covariance = freeze(motion.pose_covariance)
         return Tracked(state, freeze(T_stamp), covariance, located, self.state.number)
 
     def _record(
-        self, measured: Measured, number: int, T: Float64Array, twist: Float64Array, timing: Timing, frame: int
+        self,
+        measured: Measured,
+        number: int,
+        T: Float64Array,
+        twist: Float64Array,
+        timing: Timing,
+        frame: int,
+        covariance: Float64Array,
     ) -> Float64Array | None:
         """Put a located frame into the map; return the change of its pose where that joined the map with another."""
-        new = self._recorder.record(self.state, measured, number, T, twist, timing, frame)
+        new = self._recorder.record(self.state, measured, number, T, twist, timing, frame, covariance)
         if not (new and self.maps.resting):
             return None
         change = self.maps.join_by(len(self.state.memory.keyframes) - 1, self._recorder.put)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 from seismo3d._typing import Float64Array
@@ -67,8 +68,11 @@ class Recorder:
         twist: Float64Array,
         timing: Timing,
         frame: int,
+        covariance: Float64Array,
     ) -> bool:
         """Put a frame of a camera, the last one among the map's poses, into the map, less what moves in it.
+
+        Its pose's covariance is remembered with what it shows.
 
         Returns
         -------
@@ -92,7 +96,7 @@ class Recorder:
         if new:
             prediction, lens = self._locator.cast(surface, measured, number, T, coarser=2), self._cameras[number].lens
             view = make_view(measured.grey, lens, prediction, twist, timing, camera=number, moving=moving)
-            state.views.append(view)
+            state.views.append(replace(view, covariance=covariance))
             described = partial(make_keyframe, frame, number, T, measured.grey, part=state.part)
             state.memory.expect(self._pool.submit(described, without(measured.depth, moving)))
         return new

@@ -87,7 +87,9 @@ class Tracked:
         Pose at the colour's stamp in the local map; the world is the first frame's camera. The prediction where the
         frame is not located.
     covariance : ndarray of shape (6, 6), float64
-        Of a perturbation on the left, (rotation, translation): the filter's, so that it grows while frames are lost.
+        Of a perturbation on the left, (rotation, translation), against the first frame of the local map: how far the
+        pose may be off in the map, and the map where it was located. It grows along the way, along bare walls and while
+        frames are lost, and shrinks where a place is seen again.
     located : Located or None
         Details of the registration; None for the first frame and where there was none.
     local_map : int

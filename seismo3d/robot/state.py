@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.graph.poses import PoseGraph
-from seismo3d.robot.closures import Closure, make_graph
+from seismo3d.robot.closures import LEAST_WEIGHT, Closure, make_graph
+from seismo3d.robot.drift import tie_covariances
 from seismo3d.robot.kept import KeptFrame
 from seismo3d.robot.keyframes import PlaceMemory
 from seismo3d.robot.landmarks import View
@@ -95,5 +96,15 @@ class MapState:
     @property
     def graph(self) -> PoseGraph:
         """Keyframes as poses, their order, closures and joints as edges."""
-        parts = [k.part for k in self.memory.keyframes]
-        return make_graph(self.key_poses, self.joints + self.closures, parts=parts)
+        parts, covariances = [k.part for k in self.memory.keyframes], [view.covariance for view in self.views]
+        return make_graph(self.key_poses, self.joints + self.closures, parts=parts, covariances=covariances)
+
+    def tie_covariances(self, graph: PoseGraph, weights: Float64Array, *, known: int | None = None) -> None:
+        """Make the views surer that a graph's edges, by their weights in its solution, tie to surer ones.
+
+        ``known`` is the number of the views, from the first, whose covariances mean something yet; all by default.
+        """
+        is_known = np.arange(len(self.views)) < (len(self.views) if known is None else known)
+        before = np.array([view.covariance for view in self.views])
+        after = tie_covariances(graph, before, known=is_known, used=weights > LEAST_WEIGHT)
+        self.views = [replace(view, covariance=C) for view, C in zip(self.views, after)]

@@ -40,7 +40,7 @@ _STILL = 2e-4
 """Steps below are the last, rad and m."""
 _NEARLY = 1e-3
 """Steps below which vertices are paired more finely, rad and m."""
-_COARSE, _FINE = (4, 2000), (3, 4000)
+_COARSE, _FINE = (3, 2000), (3, 4000)
 """Every so many vertices of a row and rows are paired far from the solution and near it, of large images as few as make
 so many pairs: neighbours share their errors."""
 _ENOUGH = 20

@@ -190,3 +190,31 @@ def test_a_measurement_blind_to_nothing_is_one_without_that() -> None:
         motion.update(exp_motion(np.full(6, 0.01)), np.eye(6) * 1e-4, gate=None, blind=blind)
     np.testing.assert_array_equal(filters[0].covariance, filters[1].covariance)
     np.testing.assert_array_equal(filters[0].T_world_body, filters[1].T_world_body)
+
+
+def test_along_what_is_blind_a_pose_still_hangs_on_what_it_hung_on() -> None:
+    motion = MotionFilter(0.0, np.eye(4))
+    sure, unsure = 1e-6 * np.eye(6), 0.04 * np.eye(6)
+    small, along = 1e-6 * np.eye(6), np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+    motion.update(np.eye(4), small, gate=None, map_covariance=unsure)
+    np.testing.assert_allclose(motion.map_covariance, unsure)
+    motion.update(np.eye(4), small, gate=None, blind=along, map_covariance=sure)
+    np.testing.assert_allclose(motion.map_covariance, np.diag([1e-6] * 5 + [0.04]), atol=1e-12)
+    np.testing.assert_allclose(motion.pose_covariance, motion.covariance[:6, :6] + motion.map_covariance)
+    motion.update(np.eye(4), small, gate=None, map_covariance=sure)
+    np.testing.assert_allclose(motion.map_covariance, sure)
+
+
+def test_a_change_of_the_world_leaves_the_covariance_in_the_bodys_frame(rng: np.random.Generator) -> None:
+    motion = MotionFilter(0.0, exp_motion(rng.normal(size=6)))
+    motion.predict(0.3)
+    motion.update(motion.T_world_body, np.diag([1e-6, 4e-6, 9e-6, 1e-4, 4e-4, 9e-4]), gate=None)
+
+    def own() -> np.ndarray:
+        out = np.eye(12)
+        out[:6, :6] = adjoint(invert_transform(motion.T_world_body))
+        return np.asarray(out @ motion.covariance @ out.T)
+
+    before = own()
+    motion.turn(exp_motion(rng.normal(size=6)))
+    np.testing.assert_allclose(own(), before, atol=1e-10)

@@ -45,6 +45,22 @@ def test_patches_are_found_where_they_went(rng: np.random.Generator, shift: tupl
     assert np.median(off) < 0.02
 
 
+@pytest.mark.parametrize(("contrast", "brightness"), [(0.35, 0.0), (0.5, 60.0), (2.5, -60.0)])
+def test_patches_are_found_under_another_exposure(rng: np.random.Generator, contrast: float, brightness: float) -> None:
+    x, y = grid()
+    picture = make_picture(rng)
+
+    def exposed(shift: np.ndarray, contrast: float, brightness: float) -> np.ndarray:
+        even = 128.0 + 0.4 * (picture(x - shift[0], y - shift[1]) - 128.0)
+        return np.clip(np.rint(128.0 + contrast * (even - 128.0) + brightness), 0, 255).astype(np.uint8)
+
+    shift = np.array([6.4, -3.2])
+    before, now = exposed(np.zeros(2), 1.0, 0.0), exposed(shift, contrast, brightness)
+    there, good = _follow(_padded_levels(before), _padded_levels(now), PIXELS, PIXELS)
+    assert good.mean() > 0.85
+    assert np.median(np.abs(there - PIXELS - shift)[good]) < 0.05
+
+
 def test_a_guess_serves_where_the_shift_is_too_large_without_one(rng: np.random.Generator) -> None:
     x, y = grid()
     picture = make_picture(rng)

@@ -140,7 +140,7 @@ def test_half_image_is_the_mean_of_one_surface(rng: np.random.Generator, size: t
     depth[rng.random(size) < 0.2] = 0.0
     rays = rng.normal(size=(*size, 2)).astype(np.float32)
     out = np.empty((size[0] // 2, size[1] // 2, 3), np.float32)
-    frames.halve(0, len(out), depth, rays, 0.3, 4.0, out)
+    frames.halve(0, len(out), depth, rays, 0.3, 4.0, 1.0, out)
     for r in range(out.shape[0]):
         for c in range(out.shape[1]):
             four = np.sort(depth[2 * r : 2 * r + 2, 2 * c : 2 * c + 2].ravel())
@@ -247,7 +247,7 @@ def test_normals_are_those_of_the_differences_across(rng: np.random.Generator) -
     z = 1.5 + 0.1 * rng.random((17, 23)) * (rng.random((17, 23)) < 0.5)
     z[rng.random((17, 23)) < 0.1] = 0.0
     vertices, out = (rays * z[:, :, None]).astype(np.float32), np.full((17, 23, 3), np.nan, np.float32)
-    count = frames.grid_normals(0, 17, vertices, 2, out)
+    count = frames.grid_normals(0, 17, vertices, 2, 0.004, 1.0, out)
     expected = np.zeros((17, 23, 3))
     for r in range(2, 15):
         for c in range(2, 21):
@@ -259,3 +259,15 @@ def test_normals_are_those_of_the_differences_across(rng: np.random.Generator) -
                 expected[r, c] = normal if normal @ vertices[r, c] < 0.0 else -normal
     assert count == np.count_nonzero(expected[:, :, 2]) > 50
     np.testing.assert_allclose(out, expected, atol=2e-6)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.5, 3.0, 5.0, 20.0])
+def test_noise_is_measured_against_the_usual_sensors(noise: float, rng: np.random.Generator) -> None:
+    columns, rows = np.meshgrid(np.arange(160.0), np.arange(120.0))
+    depth = 1.5 / (1.0 + 0.002 * columns - 0.001 * rows)  # a slanting plane
+    depth[30:70, 50:90] = 0.9  # with something before it
+    depth += noise * frames.depth_sigma(depth) * rng.standard_normal(depth.shape)
+    depth[rng.random(depth.shape) < 0.2] = 0.0
+    found = frames.noise_of(depth.astype(np.float32), 0.3, 4.0)
+    assert found == pytest.approx(min(max(noise, 1.0), 8.0), rel=0.15)
+    assert frames.noise_of(np.zeros((120, 160), np.float32), 0.3, 4.0) == 1.0

@@ -9,9 +9,11 @@ import pytest
 from seismo3d.errors import FormatError, ParameterError, ShapeError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import invert_transform, rotation_angle
-from seismo3d.robot import Camera, Mapper, MapperSettings, RgbdFrame
+from seismo3d.robot import Camera, Mapper, MapperSettings, RgbdFrame, follower
+from seismo3d.robot.ekf import log_motion
 from seismo3d.robot.kept import KeptFrame
-from seismo3d.synthetic.rgbd import RgbdSequence, rgbd_sequence
+from seismo3d.robot.locator import Locator
+from seismo3d.synthetic.rgbd import DepthNoise, RgbdSequence, rgbd_sequence
 
 SETTINGS = MapperSettings(voxel_size=0.02, keep_every=2)
 
@@ -218,6 +220,77 @@ def test_at_the_end_of_a_bare_corridor_the_camera_is_sure_again(rng: np.random.G
     along = [tracked.T_world_camera[2, 3] for tracked in found]
     assert along[-1] - along[-20] == pytest.approx(0.02 * 19, abs=0.01)
     assert found[-1].covariance[5, 5] < 0.005**2
+
+
+def test_a_noisier_camera_is_followed_too() -> None:
+    """One with a third of the usual baseline, whose depth is off by 5 cm at 2.5 m, standard deviation."""
+    noise = DepthNoise(throw=16.0, sigma=0.15)
+    sequence = rgbd_sequence("room", frames=36, size=(320, 240), period=12.0, seed=3, noise=noise)
+    mapper = make_mapper(sequence)
+    found = [mapper.add(RgbdFrame.of(f.colour, f.depth, f.stamp)) for f in sequence]
+    assert [tracked.state for tracked in found] == ["started", *["tracked"] * 35]
+    assert pose_errors(mapper, sequence)[0].max() < 0.015
+
+
+def test_small_images_show_slanting_walls_too(rng: np.random.Generator) -> None:
+    """A pixel of a small image spans several times as much of a wall that is seen aslant as one of a large image."""
+    lens = PinholeCamera(130.0, 130.0, 79.5, 59.5, (), 1.0, 160, 120)
+    mapper = Mapper(Camera(lens, readout=0.0, depth_delay=0.0), settings=SETTINGS)
+    found = [mapper.add(look_along_bare_walls(0.02 * k, rng, lens, kind="corridor")) for k in range(6)]
+    assert [tracked.state for tracked in found] == ["started", *["sliding"] * 5]
+    assert abs(found[-1].T_world_camera[0, 3]) < 0.03
+
+
+def test_what_is_mapped_beyond_a_bare_corridor_is_as_unsure_as_the_way_there(rng: np.random.Generator) -> None:
+    """Nothing tells how far the corridor is walked along until its end comes into view, and that lies at this place."""
+    lens = PinholeCamera(200.0, 200.0, 119.5, 89.5, (), 1.0, 240, 180)
+    mapper = Mapper(Camera(lens, readout=0.0, depth_delay=0.0), settings=SETTINGS)
+    forward = 0.04 * np.arange(75)
+    found = [mapper.add(look_along_bare_walls(z, rng, lens, kind="corridor", end=6.0)) for z in forward]
+    states = [tracked.state for tracked in found]
+    assert states[5:45] == ["sliding"] * 40
+    assert states[-10:] == ["tracked"] * 10
+    last, spread = found[-1], np.sqrt(found[-1].covariance.diagonal()[3:])
+    assert spread[2] > 0.3  # a speed of half a metre a second that nobody knows, over three seconds
+    assert abs(last.T_world_camera[2, 3] - forward[-1]) < 3.0 * spread[2]
+    assert (spread[:2] < 0.1).all()
+    # the ends of the stretch, not the steps beyond it, give way where a loop is closed across it
+    information = mapper.graph.information
+    own = np.array([np.sqrt(np.linalg.inv(W)[5, 5]) for W in information])
+    slid = np.array([states[k.frame] == "sliding" for k in mapper.state.memory.keyframes[1:]])
+    assert own[slid].max() > 0.05
+    assert own[-2:].max() < 0.01
+
+
+def test_a_map_is_sure_where_it_began_and_less_on_the_other_side() -> None:
+    """Once round a room: what lies behind the first view is known by the way there, and coming back by the start."""
+    sequence = rgbd_sequence("room", frames=110, size=(160, 120), period=3.3, seed=5)
+    mapper = make_mapper(sequence)
+    found = [mapper.add(RgbdFrame.of(f.colour, f.depth, f.stamp)) for f in sequence]
+    assert all(tracked.is_located for tracked in found)
+    turn = [np.sqrt(np.trace(tracked.covariance[:3, :3])) for tracked in found]
+    assert turn[90] > 3.0 * turn[2]  # a dozen views away
+    assert min(turn[95:]) < 1.2 * turn[2]  # a round takes 99 frames
+    first = invert_transform(sequence.poses[0])
+    for tracked, T in zip(found[1:], sequence.poses[1:]):
+        off = log_motion(tracked.T_world_camera @ invert_transform(first @ T))
+        assert off @ np.linalg.solve(tracked.covariance, off) < 40.0  # chi-square of six degrees: 1 in 2 million
+
+
+def test_a_place_that_looks_alike_on_a_bare_wall_is_not_where_the_camera_is(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lens = PinholeCamera(130.0, 130.0, 79.5, 59.5, (), 1.0, 160, 120)
+    mapper = Mapper(Camera(lens, readout=0.0, depth_delay=0.0), settings=SETTINGS)
+    for k in range(8):
+        mapper.add(look_along_bare_walls(0.02 * k, rng, lens, kind="corridor"))
+    farther = np.eye(4)
+    farther[2, 3] = 1.0
+    monkeypatch.setattr(Locator, "places", lambda _, states, _asked: [(state, farther) for state in states])
+    monkeypatch.setattr(follower, "is_certain", lambda _: False)
+    tracked = mapper.add(look_along_bare_walls(0.16, rng, lens, kind="corridor"))
+    assert tracked.state == "sliding"
+    assert abs(tracked.T_world_camera[2, 3]) < 0.5
 
 
 def look_along_a_corridor(
