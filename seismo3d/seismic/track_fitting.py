@@ -147,7 +147,11 @@ def _find_horizon(layers: LayerModel, index: Float64Array, seeds: Float64Array, 
     moves, scores = _place_parts(layers, first, parts, seeded, settings)
     crossings = np.where(parts >= 0, first + np.append(moves, np.nan)[parts], np.nan)
     keep_sides(layers, first, crossings)
-    depth, parts = grow_parts(layers, *_choose_upper(crossings, parts, seeded, seeds))
+    size = np.bincount(parts[parts >= 0], minlength=len(moves))
+    misfit = np.isnan(moves) & (scores > 0.0) & (size >= _SCRAP)
+    misfits = np.where((parts >= 0) & np.append(misfit, False)[parts], parts, -1).max(axis=0)
+    depth, placed = _choose_upper(crossings, parts, seeded, seeds)
+    depth, parts = _leave_out_unlike(layers, placed, *grow_parts(layers, depth, placed), misfits, scores, settings)
     return _Horizon(depth, parts, seeded, scores)
 
 
@@ -255,6 +259,29 @@ def _place_parts(
     for _ in range(settings.rounds):
         moves, scores = place_once(waves, moves, scores, seeded, settings.parts)
     return moves, scores
+
+
+def _leave_out_unlike(
+    layers: LayerModel, before: IntArray, depth: Float64Array, parts: IntArray, misfits: IntArray, scores: Float32Array,
+    settings: TrackSettings,
+) -> tuple[Float64Array, IntArray]:  # fmt: skip
+    """Leave out where parts were carried on to traces of one that fits nowhere, and do not fit there either.
+
+    Round a fault's tip, or through a gap in it, they may have been led into the block beyond. `misfits` has the number
+    of such a part on its traces, and -1 elsewhere.
+    """
+    carried = (before < 0) & (parts >= 0) & (misfits >= 0)
+    if not carried.any():
+        return depth, parts
+    n = len(scores)
+    pairs, pair = np.unique(parts[carried] * n + misfits[carried], return_inverse=True)
+    trial = parts.copy()
+    trial[carried] = n + pair
+    waves = read_parts(layers, depth[None], trial[None], settings.parts)
+    trust = np.append(scores, np.zeros(len(pairs), np.float32))
+    moves, _ = place_once(waves, np.zeros(len(trust)), trust, np.arange(n), settings.parts)
+    unlike = np.append(~(np.abs(moves) <= FARTHEST_BENT), False)[trial] & carried
+    return np.where(unlike, np.nan, depth), np.where(unlike, -1, parts)
 
 
 def _choose_upper(
