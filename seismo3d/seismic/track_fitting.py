@@ -56,15 +56,15 @@ def fit_track(
     inner = inner[counts]
     horizon = _find_horizon(layers, inner, index, settings)
     refined = _refine(layers, horizon, inner, settings)
-    stand_in = _find_stand_in(layers, horizon, *refined, settings)
+    stand_in = _find_stand_in(layers, horizon, *refined[:2], settings)
     if stand_in is not None:
         horizon = _join(horizon, _find_horizon(layers, stand_in, index, settings))
         refined = _refine(layers, horizon, inner, settings)
-    depth, confidence = refined
+    depth, sure, seen = refined
     depth = bend_to_seeds(depth, horizon.parts, np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth), index)
     depth = _within_data(layers, depth, settings.near)
     kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
-    depth, confidence = np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
+    depth, confidence = np.where(kept, depth, np.nan), np.where(kept, sure * seen, np.float32(np.nan))
     return depth, confidence, _hold_seeds(depth, confidence, index, counts)
 
 
@@ -157,19 +157,19 @@ def _find_horizon(layers: LayerModel, index: Float64Array, seeds: Float64Array, 
 
 def _refine(
     layers: LayerModel, horizon: _Horizon, index: Float64Array, settings: TrackSettings
-) -> tuple[Float64Array, Float32Array]:
+) -> tuple[Float64Array, Float32Array, Float32Array]:
     return refine_depth(layers, horizon.depth, horizon.parts, index, horizon.seeded, horizon.scores, settings)
 
 
 def _find_stand_in(
-    layers: LayerModel, horizon: _Horizon, depth: Float64Array, confidence: Float32Array, settings: TrackSettings
+    layers: LayerModel, horizon: _Horizon, depth: Float64Array, sure: Float32Array, settings: TrackSettings
 ) -> Float64Array | None:
     """Return a point on the horizon far from the seeds, where their waveforms put it; None where it is there already.
 
     Seeds on a part that is larger than all others need none: it is the others that are wrong then.
     """
     own = np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth)
-    others = ~own & (confidence >= _CONFIDENT)
+    others = ~own & (sure >= _CONFIDENT)
     if others.sum() <= own.sum():
         return None
     off = find_offset(layers, depth, own, others, clear=settings.clear, least=settings.parts.trusted)
