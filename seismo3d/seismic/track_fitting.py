@@ -56,15 +56,15 @@ def fit_track(
     inner = inner[counts]
     horizon = _find_horizon(layers, inner, index, settings)
     refined = _refine(layers, horizon, inner, settings)
-    stand_in = _find_stand_in(layers, horizon, *refined, settings)
+    stand_in = _find_stand_in(layers, horizon, *refined[:2], settings)
     if stand_in is not None:
         horizon = _join(horizon, _find_horizon(layers, stand_in, index, settings))
         refined = _refine(layers, horizon, inner, settings)
-    depth, confidence = refined
+    depth, sure, seen = refined
     depth = bend_to_seeds(depth, horizon.parts, np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth), index)
     depth = _within_data(layers, depth, settings.near)
     kept = keep_pieces(depth, index, step=settings.step, least=settings.least_piece)
-    depth, confidence = np.where(kept, depth, np.nan), np.where(kept, confidence, np.float32(np.nan))
+    depth, confidence = np.where(kept, depth, np.nan), np.where(kept, sure * seen, np.float32(np.nan))
     return depth, confidence, _hold_seeds(depth, confidence, index, counts)
 
 
@@ -147,25 +147,29 @@ def _find_horizon(layers: LayerModel, index: Float64Array, seeds: Float64Array, 
     moves, scores = _place_parts(layers, first, parts, seeded, settings)
     crossings = np.where(parts >= 0, first + np.append(moves, np.nan)[parts], np.nan)
     keep_sides(layers, first, crossings)
-    depth, parts = grow_parts(layers, *_choose_upper(crossings, parts, seeded, seeds))
+    size = np.bincount(parts[parts >= 0], minlength=len(moves))
+    misfit = np.isnan(moves) & (scores > 0.0) & (size >= _SCRAP)
+    misfits = np.where((parts >= 0) & np.append(misfit, False)[parts], parts, -1).max(axis=0)
+    depth, placed = _choose_upper(crossings, parts, seeded, seeds)
+    depth, parts = _leave_out_unlike(layers, placed, *grow_parts(layers, depth, placed), misfits, scores, settings)
     return _Horizon(depth, parts, seeded, scores)
 
 
 def _refine(
     layers: LayerModel, horizon: _Horizon, index: Float64Array, settings: TrackSettings
-) -> tuple[Float64Array, Float32Array]:
+) -> tuple[Float64Array, Float32Array, Float32Array]:
     return refine_depth(layers, horizon.depth, horizon.parts, index, horizon.seeded, horizon.scores, settings)
 
 
 def _find_stand_in(
-    layers: LayerModel, horizon: _Horizon, depth: Float64Array, confidence: Float32Array, settings: TrackSettings
+    layers: LayerModel, horizon: _Horizon, depth: Float64Array, sure: Float32Array, settings: TrackSettings
 ) -> Float64Array | None:
     """Return a point on the horizon far from the seeds, where their waveforms put it; None where it is there already.
 
     Seeds on a part that is larger than all others need none: it is the others that are wrong then.
     """
     own = np.isin(horizon.parts, horizon.seeded) & np.isfinite(depth)
-    others = ~own & (confidence >= _CONFIDENT)
+    others = ~own & (sure >= _CONFIDENT)
     if others.sum() <= own.sum():
         return None
     off = find_offset(layers, depth, own, others, clear=settings.clear, least=settings.parts.trusted)
@@ -255,6 +259,29 @@ def _place_parts(
     for _ in range(settings.rounds):
         moves, scores = place_once(waves, moves, scores, seeded, settings.parts)
     return moves, scores
+
+
+def _leave_out_unlike(
+    layers: LayerModel, before: IntArray, depth: Float64Array, parts: IntArray, misfits: IntArray, scores: Float32Array,
+    settings: TrackSettings,
+) -> tuple[Float64Array, IntArray]:  # fmt: skip
+    """Leave out where parts were carried on to traces of one that fits nowhere, and do not fit there either.
+
+    Round a fault's tip, or through a gap in it, they may have been led into the block beyond. `misfits` has the number
+    of such a part on its traces, and -1 elsewhere.
+    """
+    carried = (before < 0) & (parts >= 0) & (misfits >= 0)
+    if not carried.any():
+        return depth, parts
+    n = len(scores)
+    pairs, pair = np.unique(parts[carried] * n + misfits[carried], return_inverse=True)
+    trial = parts.copy()
+    trial[carried] = n + pair
+    waves = read_parts(layers, depth[None], trial[None], settings.parts)
+    trust = np.append(scores, np.zeros(len(pairs), np.float32))
+    moves, _ = place_once(waves, np.zeros(len(trust)), trust, np.arange(n), settings.parts)
+    unlike = np.append(~(np.abs(moves) <= FARTHEST_BENT), False)[trial] & carried
+    return np.where(unlike, np.nan, depth), np.where(unlike, -1, parts)
 
 
 def _choose_upper(

@@ -77,7 +77,8 @@ class TrackSettings:
     layers : LayerTimeSettings
         Settings of the layer time.
     parts : PartSettings
-        How the parts of a track are placed. Layer time was mended where faults were wrong by more.
+        How the parts of a track are placed. Layer time was mended where faults were wrong by more. Unrelated layers
+        correlate at up to 0.65 at the best of as many places.
     """
 
     near: int = 16
@@ -94,13 +95,13 @@ class TrackSettings:
     step: float = LARGEST_STEP
     least_piece: int = 40
     layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
-    parts: PartSettings = field(default_factory=lambda: PartSettings(trusted=0.85))
+    parts: PartSettings = field(default_factory=lambda: PartSettings(trusted=0.85, least=0.65))
 
 
 def refine_depth(
     layers: LayerModel, depth: Float64Array, parts: IntArray, index: Float64Array, seeded: IntArray,
     scores: Float32Array, settings: TrackSettings,
-) -> tuple[Float64Array, Float32Array]:  # fmt: skip
+) -> tuple[Float64Array, Float32Array, Float32Array]:  # fmt: skip
     """Align every trace with the waveform along the parts that the seeds lie on.
 
     The track is a stiff surface through where the traces match. Next to a fault, where what lies beyond it is mixed
@@ -127,19 +128,23 @@ def refine_depth(
     Returns
     -------
     depth : ndarray of shape (inline, crossline), float64
-    confidence : ndarray of the same shape, float32
-        Correlation of the waveform, 0 to 1; NaN where the horizon was not traced.
+    sure : ndarray of the same shape, float32
+        Correlation of the waveform, 0 to 1, or that of the part where too little of it is seen; NaN where the horizon
+        was not traced.
+    seen : ndarray of the same shape, float32
+        1, but where it is that of the part the share of the trace's own waveform that faults leave.
     """
     there = parts >= 0
     if not there.any():
-        return depth, np.full(depth.shape, np.nan, np.float32)
+        return depth, np.full(depth.shape, np.nan, np.float32), np.ones(depth.shape, np.float32)
     of_seeds = np.isin(parts, seeded) & there
     share = find_shares(layers, depth, near=settings.near, clear=settings.clear)
     plate = _weigh(layers, depth, parts, np.full(depth.shape, _UNTOLD), share, settings)
     depth = fit_stiffly(*plate, settings.stiffness)
     found = _match(layers, depth, parts, of_seeds, scores, _SINGLY, settings)
     depth, stiffness = _lay_matched(layers, found, parts, settings)
-    trusted, confidence = found.trusted, np.where(found.trusted, np.clip(found.sure, 0.0, 1.0), np.nan)
+    trusted, sure = found.trusted, np.where(found.trusted, np.clip(found.sure, 0.0, 1.0), np.nan)
+    seen = np.where(found.told, 1.0, found.share)
     if stiffness > settings.stiffness:
         found = _match(layers, depth, parts, of_seeds, scores, _TOGETHER, settings)
         depth = fit_stiffly(*_weigh(layers, found.depth, parts, found.weight, found.share, settings), stiffness)
@@ -149,7 +154,7 @@ def refine_depth(
     own = (found.share > _UNCUT) & found.told & (found.sure >= _UNDISTURBED)
     miss = _miss(np.where(own, found.depth, depth), of_seeds & trusted, index)
     depth = depth - (found.common if miss is None else miss)
-    return depth, confidence.astype(np.float32)
+    return depth, sure.astype(np.float32), seen.astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

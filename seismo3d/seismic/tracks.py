@@ -34,7 +34,8 @@ class Track:
         Where the horizon is, in the unit of the cube's sample coordinate (fractional sample index of a bare array); NaN
         where it was not traced.
     confidence : ndarray of the same shape, float32
-        Correlation of the waveform there with that at the seeds, 0 to 1; NaN where it was not traced.
+        Correlation of the waveform there with that at the seeds, 0 to 1; NaN where it was not traced. Beside a fault,
+        where too little of a trace is left to be compared, that of the block around times the share that is left.
     seeds : ndarray of shape (n, 3), or (n, 2) of a section, float64
         The points that it was traced from, in the cube's coordinates.
     sample_unit : str

@@ -60,6 +60,33 @@ def test_a_part_whose_layer_time_is_off_and_strained_is_put_right(rng: np.random
     np.testing.assert_allclose(found, SEED + shift, atol=0.3)
 
 
+@pytest.mark.parametrize("gap", [0, 3])
+def test_a_track_ends_at_a_fault_beyond_which_no_layers_are_its_own(rng: np.random.Generator, gap: int) -> None:
+    """Of unrelated layers some fit by chance, some nearly; nor is the track led to them through a gap in the fault."""
+    flat, samples = np.zeros(SHAPE[1]), np.arange(SHAPE[2], dtype=np.float64)
+    crossed = 0
+    for _ in range(10):
+        layers = lay_out(rng, flat, samples, cut=True)
+        layers.volume[:, WALL:] = lay_out(rng, flat, samples, cut=True).volume[:, WALL:]
+        layers.cuts[:gap] = 0
+        depth, *_ = fit_track(layers, np.array([[20.0, 8.0, SEED]]), TrackSettings())
+        assert np.isfinite(depth[:, :WALL]).all()
+        crossed += np.isfinite(depth[gap:, WALL:]).any()
+    assert crossed <= 3
+
+
+def test_confidence_is_low_where_a_fault_leaves_too_little_of_a_trace_to_be_compared(rng: np.random.Generator) -> None:
+    layers = lay_out(rng, np.zeros(SHAPE[1]), np.arange(SHAPE[2], dtype=np.float64), cut=False)
+    beside = slice(28, 34)
+    # a fault below the horizon, and above it one that is half a window off
+    layers.cuts[:, beside, 62] |= 4
+    layers.cuts[:, beside, 50] |= 4
+    depth, confidence, _ = fit_track(layers, np.array([[20.0, 8.0, SEED]]), TrackSettings())
+    assert np.isfinite(depth).all()
+    assert (confidence[:, beside] < 0.5).all()
+    assert (confidence[:, :25] > 0.9).all()
+
+
 def test_layers_that_are_thinner_around_a_seed_near_the_end_of_the_cube_move_nothing(rng: np.random.Generator) -> None:
     """The end of the cube cuts the seeds' waveform short: what it lacks is no quiet interval."""
     seed, thinner, off = SHAPE[2] - 5.5, 1.17, 16.5
