@@ -122,7 +122,10 @@ class DStarLite:
         if not len(where):
             return
         if (where < 0).any() or (where >= self.cost.shape).any():
-            raise ParameterError(f"rows_columns leaves the map of {self.cost.shape[0]} x {self.cost.shape[1]} cells.")
+            raise ParameterError(
+                f"rows_columns leaves the map of {self.cost.shape[0]} x {self.cost.shape[1]} cells. "
+                "Give cells within it."
+            )
         values = _as_cost(costs, "costs", 1)
         if len(values) != len(where):
             raise ShapeError(f"costs has {len(values)} elements; expected {len(where)}, one a cell.")

@@ -85,7 +85,8 @@ class Mapper:
         """
         if not 0 <= frame.camera < len(self.cameras):
             raise ParameterError(
-                f"frame.camera is {frame.camera}; the mapper has cameras 0 to {len(self.cameras) - 1}."
+                f"frame.camera is {frame.camera}; the mapper has cameras 0 to {len(self.cameras) - 1}. "
+                "Give the mapper all cameras of the rig."
             )
         tracked = self._map(frame)
         if self._rehearsal is not None:

@@ -140,7 +140,8 @@ class Planner:
             raise ShapeError(f"rows_columns has shape {where.shape}; expected ({len(values)}, 2), one cell a row.")
         if (where < 0).any() or (where >= self._cells.shape).any():
             raise ParameterError(
-                f"rows_columns leaves the map of {self._cells.shape[0]} x {self._cells.shape[1]} cells."
+                f"rows_columns leaves the map of {self._cells.shape[0]} x {self._cells.shape[1]} cells. "
+                "Give cells within it."
             )
         if not np.isin(values, (0, 1, 2)).all():
             raise ParameterError("cells holds other values than 0, 1 and 2; expected 0 free, 1 occupied, 2 unknown.")

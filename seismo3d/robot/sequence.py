@@ -286,7 +286,7 @@ def _check_spacing(times: Float64Array, folder: Path) -> None:
 
 def _sorted(entries: list[_Entry], folder: Path) -> list[_Entry]:
     if not entries:
-        raise FormatError(f"{folder} holds no pair of a colour and a depth image.")
+        raise FormatError(f"{folder} holds no pair of a colour and a depth image. Check the lists' times and files.")
     missing = next((p for e in entries for p in (e.rgb, e.depth) if not is_there(p)), None)
     if missing is not None:
         raise FileAccessError(f"{missing} is listed but not there; expected an image. Check the sequence's lists.")

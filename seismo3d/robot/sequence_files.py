@@ -106,7 +106,7 @@ def read_json(path: Path) -> Any:
     except OSError as error:
         raise FileAccessError(f"{path} cannot be read: {error}.") from error
     except ValueError as error:
-        raise FormatError(f"{path} is no JSON: {error}.") from error
+        raise FormatError(f"{path} is no JSON: {error}. Correct it.") from error
 
 
 def read_image(path: Path) -> AnyArray:

@@ -10,9 +10,10 @@ from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_extending import lay_on_grid
-from seismo3d.seismic.choosing import ChoiceSettings, strength
+from seismo3d.seismic.choosing import ChoiceSettings
 from seismo3d.seismic.doubles import node_normals, without_nodes
 from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheet_measures import strength
 
 # least support by which a place of a sheet is weighed
 _LEAST_WEIGHT = 1e-3

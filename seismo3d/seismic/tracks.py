@@ -69,9 +69,9 @@ def trace_tracks(
 ) -> list[Track]:
     """Follow horizons from seeds through a cube, across its faults.
 
-    A track is a level set of the layer time (see :func:`layer_time`). Every part of it that faults bound, or traces
-    unlike their neighbours, is compared with the parts that the seeds lie on over a long window of layers, which ends
-    at faults, and moved to where it fits, or left out where it fits nowhere; then each trace is aligned with that
+    A track is a level set of the layer time (see :func:`~seismo3d.layer_time`). Every part of it that faults bound, or
+    traces unlike their neighbours, is compared with the parts that the seeds lie on over a long window of layers, which
+    ends at faults, and moved to where it fits, or left out where it fits nowhere; then each trace is aligned with that
     waveform at sub-sample precision. Where a reverse fault lays a horizon over itself the track is the upper one, or
     the lower one around a seed that lies on it. A track passes through its seeds, and between two that lie side by
     side; of one that noise or a missed fault parts from all around it, it holds the trace alone, and a warning says so.
@@ -101,8 +101,8 @@ def trace_tracks(
     progress : callable, optional
         Called with the stage's name and the share of it that is done.
     memory, folder, scheduler : optional
-        As for :func:`layer_time`: a cube that needs more memory in one piece is worked on in blocks, and tracks read
-        from disk what lies along them. A section that needs more is refused.
+        As for :func:`~seismo3d.layer_time`: a cube that needs more memory in one piece is worked on in blocks, and
+        tracks read from disk what lies along them. A section that needs more is refused.
 
     Returns
     -------
@@ -121,8 +121,8 @@ def trace_tracks(
     ParameterError
         If a seed lies outside the cube, on a trace without data, in a mute or a gap, or far from any `event`, `event`
         is not known, seeds of one track lie on one trace, apart, `layers` is given for a section or beside what it
-        takes the place of, work in blocks is refused as by :func:`layer_time`, `faults` is no FaultSet, or `settings`
-        are no TrackSettings.
+        takes the place of, work in blocks is refused as by :func:`~seismo3d.layer_time`, `faults` is no FaultSet,
+        or `settings` are no TrackSettings.
     GeometryError
         If the faults are of a cube or section elsewhere.
     """
