@@ -159,12 +159,10 @@ def gather_closer(
     sheet: Sheet,
     *,
     settings: ThrowSettings,
-    w: Float32Array | None = None,
-    corner: tuple[int, int] = (0, 0),
 ) -> SheetSides:
-    """Do what :func:`gather_sides` does, close to the sheet, for throws that were found to be refined."""
+    """Do what :func:`gather_sides` does, close to the sheet, for a throw that was found to be refined."""
     off = farther_off(sheet, settings, close=True)
-    return gather_sides(volume, valid, slopes, sheet, settings=settings, w=w, off=off, corner=corner)
+    return gather_sides(volume, valid, slopes, sheet, settings=settings, off=off)
 
 
 def side_reach(settings: ThrowSettings) -> int:
