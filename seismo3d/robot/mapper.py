@@ -20,7 +20,7 @@ from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
 from seismo3d.robot.closures import LEAST_WEIGHT, find_closures, is_strained
 from seismo3d.robot.ekf import exp_motion, log_motion
 from seismo3d.robot.follower import Follower
-from seismo3d.robot.frames import Measured, Measurer, Timing
+from seismo3d.robot.frames import Measurer, Timing
 from seismo3d.robot.ground import UPWARD, make_ground, make_occupancy
 from seismo3d.robot.keyframes import PlaceMemory
 from seismo3d.robot.local_maps import LocalMaps, change_poses
@@ -209,27 +209,18 @@ class Mapper:
             follower.n_lost = follower.n_unplaced = 0
             stamp = frame.time + camera.clock_offset
             self.state.poses.append(TimedPose(stamp, motion.time, T, twist, number, frame.camera, self.state.part))
-            change = self._record(coming.measured(), frame.camera, T, twist, timing, number, motion.pose_covariance)
+            new = self._recorder.record(
+                self.state, coming.measured(), frame.camera, T, twist, timing, number, motion.pose_covariance
+            )
+            change = self._join() if new and self.maps.resting else None
             if change is not None:
                 state, T = "joined", change @ T
         T_stamp = T @ exp_motion(twist * (timing.colour_lead + 0.5 * timing.readout))
         covariance = freeze(motion.pose_covariance)
         return Tracked(state, freeze(T_stamp), covariance, located, self.state.number)
 
-    def _record(
-        self,
-        measured: Measured,
-        number: int,
-        T: Float64Array,
-        twist: Float64Array,
-        timing: Timing,
-        frame: int,
-        covariance: Float64Array,
-    ) -> Float64Array | None:
-        """Put a located frame into the map; return the change of its pose where that joined the map with another."""
-        new = self._recorder.record(self.state, measured, number, T, twist, timing, frame, covariance)
-        if not (new and self.maps.resting):
-            return None
+    def _join(self) -> Float64Array | None:
+        """Join the map with another that its newest keyframe shows; return the change of the pose where one is."""
         change = self.maps.join_by(len(self.state.memory.keyframes) - 1, self._recorder.put)
         if change is not None:
             self._shift(change)

@@ -282,8 +282,8 @@ def facing(both: Float32Array, known: Float32Array, hanging_side: int) -> Sides:
 
 def _on_nodes(sheet: Sheet, slip: SlipField, thin: int) -> tuple[Float32Array, Float32Array]:
     """Return throw, NaN off the sheet, and fit at the nodes of a sheet from those at every `thin`-th place."""
-    shape, columns = every_sample(sheet).shape, np.arange(sheet.w.shape[1]) * sheet.step
-    throw, fit = (enlarge(part, shape, thin)[:, columns] for part in (slip.throw, fit_of(slip)))
+    columns = np.arange(sheet.w.shape[1]) * sheet.step
+    throw, fit = (enlarge(part, _sizes(sheet), thin)[:, columns] for part in (slip.throw, fit_of(slip)))
     throw[~sheet.inside] = np.nan
     return throw, fit
 
@@ -291,8 +291,7 @@ def _on_nodes(sheet: Sheet, slip: SlipField, thin: int) -> tuple[Float32Array, F
 def at_every(values: Float32Array, sheet: Sheet, every: int) -> Float32Array:
     """Return what is told at the nodes of a sheet at every so many rows and samples; off the nodes the nearest."""
     nearest = ndimage.distance_transform_edt(~np.isfinite(values), return_distances=False, return_indices=True)
-    sizes = values.shape[0], (values.shape[1] - 1) * sheet.step + 1
-    rows, samples = (np.arange(0, size, every, dtype=np.float64) for size in sizes)
+    rows, samples = (np.arange(0, size, every, dtype=np.float64) for size in _sizes(sheet))
     at = np.stack(np.meshgrid(rows, samples / sheet.step, indexing="ij"))
     return ndimage.map_coordinates(np.asarray(values[tuple(nearest)], np.float64), at, order=1).astype(np.float32)
 
@@ -331,12 +330,18 @@ def fit_of(slip: SlipField) -> Float32Array:
     return np.where(slip.misfit < MISMATCH, 1.0 - slip.misfit, 0.0).astype(np.float32)
 
 
+def _sizes(sheet: Sheet) -> tuple[int, int]:
+    """Return the rows and samples of a sheet where its position is known at every sample."""
+    n_rows, n_columns = sheet.w.shape
+    return n_rows, (n_columns - 1) * sheet.step + 1
+
+
 def every_sample(sheet: Sheet) -> Float32Array:
     """Return the sheet's position at every sample in place of every step-th."""
     n_columns = sheet.w.shape[1]
     if n_columns == 1:
         return sheet.w.copy()
-    at = np.arange((n_columns - 1) * sheet.step + 1) / sheet.step
+    at = np.arange(_sizes(sheet)[1]) / sheet.step
     low = np.minimum(at.astype(np.int64), n_columns - 2)
     share = (at - low).astype(np.float32)
     between = sheet.w[:, low] * (1 - share) + sheet.w[:, low + 1] * share
