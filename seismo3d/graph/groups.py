@@ -37,7 +37,7 @@ class GroupCorrection:
         The group of every vertex.
     n_groups : int
     solver
-        Cycle that takes the gradient of the groups to their correction.
+        Levels of groups, and what solves the equations of the last.
     """
 
     group: Int32Array
@@ -77,13 +77,28 @@ class GroupCorrection:
         ).levels
         joined = levels[0].P.tocsr() if len(levels) > 1 else sparse.identity(n_vertices, format="csr")
         solver = MultilevelSolver(levels[1:] or levels, coarse_solver="splu")
-        return cls(joined.indices.astype(np.int32), joined.shape[1], solver.aspreconditioner(cycle="V"))
+        return cls(joined.indices.astype(np.int32), joined.shape[1], solver)
 
     def solve(self, gradient: AnyArray) -> tuple[Float64Array, float]:
         """Return the correction of every group for a gradient by vertex, and the inner product of the two."""
         pulls = np.bincount(self.group, weights=gradient.reshape(-1), minlength=self.n_groups)
-        moves = np.asarray(self.solver @ pulls)
+        moves = self._cycle(0, pulls)
         return moves, float((pulls * moves).sum())
+
+    def _cycle(self, level: int, pulls: Float64Array) -> Float64Array:
+        """Return what one V-cycle from a level on makes of the gradient there.
+
+        The solver's own method asks for norms as well, for which the linear algebra wakes its threads at every step;
+        they take the processors from the kernels between two steps.
+        """
+        at = self.solver.levels[level]
+        if level == len(self.solver.levels) - 1:
+            return np.asarray(self.solver.coarse_solver(at.A, pulls))
+        moves = np.zeros_like(pulls)
+        at.presmoother(at.A, moves, pulls)
+        moves += at.P @ self._cycle(level + 1, at.R @ (pulls - at.A @ moves))
+        at.postsmoother(at.A, moves, pulls)
+        return moves
 
     def add(self, moves: Float64Array, values: Float32Array) -> None:
         """Move the values of every group's vertices, in place."""
