@@ -16,6 +16,14 @@ from numba import njit, prange
 from seismo3d.seismic._kernels_shifts import follow
 
 NORMAL, GRADIENT, DIAGONAL = 0, 1, 2
+# columns of a row between which what links pull is kept
+_COLUMNS = 16
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _snap(part, gap, size):  # type: ignore[no-untyped-def]
+    """Return the share of the next vertex for an end in a gap that a fault parts: the vertex on its side, alone."""
+    return np.float32(0.0) if part * size < np.float32(gap) - np.float32(0.5) else np.float32(1.0)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -29,69 +37,122 @@ def find_head(shift, gaps, k, step, m):  # type: ignore[no-untyped-def]
     part = ahead - np.float32(low)
     gap = gaps[low]
     if gap > 0:
-        part = np.float32(0.0) if part * size < np.float32(gap) - np.float32(0.5) else np.float32(1.0)
+        part = _snap(part, gap, size)
     return low, part
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _pull(tail, head, low, part, measured, weight, kind):  # type: ignore[no-untyped-def]
-    """Return what a link pulls at its head: value there less that at its tail, or what is measured less that."""
-    if kind == DIAGONAL:
-        return weight
-    difference = (np.float32(1.0) - part) * head[low] + part * head[low + 1] - tail
-    if kind == GRADIENT:
-        return weight * (measured - difference)
-    return weight * difference
+@njit(cache=True, nogil=True)
+def _find_heads(shift, weight, gaps, step, low, part):  # type: ignore[no-untyped-def]
+    """Write where all links of a trace that have a weight end, as `find_head` does; the others end at the first vertex.
 
-
-@njit(cache=True, nogil=True, inline="always")
-def _give(out, low, part, pull, kind):  # type: ignore[no-untyped-def]
-    """Add a pull to the two vertices about a head."""
-    one = np.float32(1.0)
-    if kind == DIAGONAL:
-        out[low] += (one - part) * (one - part) * pull
-        out[low + 1] += part * part * pull
-    else:
-        out[low] += (one - part) * pull
-        out[low + 1] += part * pull
+    Without branches, so that the loops run on vector units.
+    """
+    m, size, broken = len(shift), np.float32(step), np.uint8(0)
+    last = np.int32(m - 2)
+    for k in range(m):
+        broken |= gaps[k]
+        ahead = np.float32(k) + shift[k] / size
+        ahead = ahead if weight[k] != np.float32(0.0) else np.float32(0.0)
+        low[k] = min(np.int32(ahead), last)
+        part[k] = ahead - np.float32(low[k])
+    if broken == 0:
+        return
+    for n in range(m - 1):
+        if gaps[n] > 0:
+            for k in range(m):
+                snapped = _snap(part[k], gaps[n], size)
+                part[k] = snapped if low[k] == n else part[k]
 
 
 @njit(cache=True, nogil=True)
-def _pull_along(values, shift, weight, breaks, hop, step, i, kind, out):  # type: ignore[no-untyped-def]
-    """Add to row i what links within it pull."""
+def _pull(tail, head, shift, weight, low, part, kind, pull):  # type: ignore[no-untyped-def]
+    """Write what links pull at their heads: values there less those at their tails, or what is measured less that."""
+    one, m = np.float32(1.0), len(tail)
+    if kind == DIAGONAL:
+        pull[:] = weight
+        return
+    for k in range(m):
+        at = np.uint32(low[k])
+        difference = (one - part[k]) * head[at] + part[k] * head[at + np.uint32(1)] - tail[k]
+        if kind == GRADIENT:
+            # nothing is measured where there is no link
+            difference = -shift[k] - difference if weight[k] != np.float32(0.0) else np.float32(0.0)
+        pull[k] = weight[k] * difference
+
+
+@njit(cache=True, nogil=True)
+def _take(out, pull, kind):  # type: ignore[no-untyped-def]
+    """Add pulls to the tails of links."""
+    for k in range(len(out)):
+        out[k] += pull[k] if kind == DIAGONAL else -pull[k]
+
+
+@njit(cache=True, nogil=True)
+def _give(out, low, part, pull, kind):  # type: ignore[no-untyped-def]
+    """Add pulls to the two vertices about each head.
+
+    Neighbouring links end at neighbouring vertices: those about the last head are kept in registers.
+    """
+    one, next_ = np.float32(1.0), np.uint32(1)
+    at = np.uint32(low[0])
+    here, below = out[at], out[at + next_]
+    for k in range(len(out)):
+        head = np.uint32(low[k])
+        if head != at:
+            out[at] = here
+            if head == at + next_:
+                here = below
+            else:
+                out[at + next_] = below
+                here = out[head]
+            below = out[head + next_]
+            at = head
+        if kind == DIAGONAL:
+            here += (one - part[k]) * (one - part[k]) * pull[k]
+            below += part[k] * part[k] * pull[k]
+        else:
+            here += (one - part[k]) * pull[k]
+            below += part[k] * pull[k]
+    out[at], out[at + next_] = here, below
+
+
+@njit(cache=True, nogil=True)
+def _pull_along(values, shift, weight, breaks, hop, step, start, stop, kind, out):  # type: ignore[no-untyped-def]
+    """Add to rows from start to stop what links within them pull."""
     _, n1, m = values.shape
-    sign = np.float32(1.0) if kind == DIAGONAL else np.float32(-1.0)
-    for j in range(n1 - hop):
-        for k in range(m):
-            w = weight[i, j, k]
-            if w == 0.0:
-                continue
-            low, part = find_head(shift[i, j, k], breaks[i, j + hop], k, step, m)
-            pull = _pull(values[i, j, k], values[i, j + hop], low, part, -shift[i, j, k], w, kind)
-            out[i, j, k] += sign * pull
+    low, part, pull = np.empty(m, np.int32), np.empty(m, np.float32), np.empty(m, np.float32)
+    for i in range(start, stop):
+        for j in range(n1 - hop):
+            _find_heads(shift[i, j], weight[i, j], breaks[i, j + hop], step, low, part)
+            _pull(values[i, j], values[i, j + hop], shift[i, j], weight[i, j], low, part, kind, pull)
+            _take(out[i, j], pull, kind)
             _give(out[i, j + hop], low, part, pull, kind)
 
 
 @njit(cache=True, nogil=True)
-def _pull_across(values, shift, weight, breaks, hop, step, i, kind, out):  # type: ignore[no-untyped-def]
-    """Add to row i what links to the row `hop` further, and from the one before, pull."""
+def _pull_across(values, shift, weight, breaks, hop, step, start, stop, kind, out):  # type: ignore[no-untyped-def]
+    """Add to rows from start to stop what links to the row `hop` further, and from the one before, pull.
+
+    What the links of the last rows pull is kept until the row comes that they lead to, for some columns at a time.
+    """
     n0, n1, m = values.shape
-    sign = np.float32(1.0) if kind == DIAGONAL else np.float32(-1.0)
-    for j in range(n1):
-        for k in range(m):
-            if i + hop < n0 and weight[i, j, k] != 0.0:
-                low, part = find_head(shift[i, j, k], breaks[i + hop, j], k, step, m)
-                pull = _pull(values[i, j, k], values[i + hop, j], low, part, -shift[i, j, k], weight[i, j, k], kind)
-                out[i, j, k] += sign * pull
-        if i < hop:
-            continue
-        for k in range(m):
-            w = weight[i - hop, j, k]
-            if w == 0.0:
-                continue
-            low, part = find_head(shift[i - hop, j, k], breaks[i, j], k, step, m)
-            pull = _pull(values[i - hop, j, k], values[i, j], low, part, -shift[i - hop, j, k], w, kind)
-            _give(out[i, j], low, part, pull, kind)
+    kept = (hop + 1, min(n1, _COLUMNS), m)
+    low, part, pull = np.empty(kept, np.int32), np.empty(kept, np.float32), np.empty(kept, np.float32)
+    for first in range(0, n1, _COLUMNS):
+        for i in range(max(start - hop, 0), stop):
+            now, before = i % (hop + 1), (i - hop) % (hop + 1)
+            for j in range(first, min(first + _COLUMNS, n1)):
+                c = j - first
+                if i + hop < n0:
+                    _find_heads(shift[i, j], weight[i, j], breaks[i + hop, j], step, low[now, c], part[now, c])
+                    _pull(
+                        values[i, j], values[i + hop, j], shift[i, j], weight[i, j], low[now, c], part[now, c], kind,
+                        pull[now, c],
+                    )  # fmt: skip
+                    if i >= start:
+                        _take(out[i, j], pull[now, c], kind)
+                if i >= start and i >= hop:
+                    _give(out[i, j], low[before, c], part[before, c], pull[before, c], kind)
 
 
 @njit(cache=True, nogil=True)
@@ -117,29 +178,27 @@ def _pull_down(values, thickness, weight, i, kind, out):  # type: ignore[no-unty
 def _pull_listed(values, faults, i, kind, out):  # type: ignore[no-untyped-def]
     """Add to row i what listed links pull."""
     vertices, shares, measured, weight, ends, first_of_row = faults
-    _, n1, m = values.shape
+    flat, given = values.reshape(-1), out.reshape(-1)
     one = np.float32(1.0)
     for n in range(first_of_row[i], first_of_row[i + 1]):
         e, side = ends[n] // 2, ends[n] % 2
-        at, part = vertices[side, e] - i * n1 * m, shares[side, e]
-        row = out[i, at // m]
-        k, w = at % m, weight[e]
+        at, part, w = vertices[side, e], shares[side, e], weight[e]
         if kind == DIAGONAL:
-            row[k] += (one - part) * (one - part) * w
+            given[at] += (one - part) * (one - part) * w
             if part > 0:
-                row[k + 1] += part * part * w
+                given[at + 1] += part * part * w
             continue
-        difference = _end_value(values, vertices[1, e], shares[1, e]) - _end_value(values, vertices[0, e], shares[0, e])
+        difference = _end_value(flat, vertices[1, e], shares[1, e]) - _end_value(flat, vertices[0, e], shares[0, e])
         pull = w * (measured[e] - difference) if kind == GRADIENT else w * difference
         if side == 0:
             pull = -pull
-        row[k] += (one - part) * pull
+        given[at] += (one - part) * pull
         if part > 0:
-            row[k + 1] += part * pull
+            given[at + 1] += part * pull
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def pull_rows(values, links, breaks, step, down, faults, start, stop, kind, out, other, sums):  # type: ignore[no-untyped-def]
+def pull_rows(values, links, breaks, step, down, faults, start, stop, rows, kind, out, other, sums):  # type: ignore[no-untyped-def]
     """Write rows from start to stop of what all links pull, and each one's inner product with the same of `other`.
 
     Parameters
@@ -152,24 +211,28 @@ def pull_rows(values, links, breaks, step, down, faults, start, stop, kind, out,
         Of listed links: the two ends' vertices and shares, each of shape (2, n); what they measure; their weights; the
         numbers of their ends, 2 e for the foot of link e and 2 e + 1 for its head, in the order of the rows that they
         lie in; and where each row begins in there.
+    rows : int
+        How many of them a thread works on in one go.
     """
     shift, weight, axes, hops = links
     _, n1, m = values.shape
-    for line in prange(start, stop):
-        i = np.int64(line)
-        out[i] = np.float32(0.0)
+    for part in prange((stop - start + rows - 1) // rows):
+        begin = start + np.int64(part) * rows
+        end = min(begin + rows, stop)
+        out[begin:end] = np.float32(0.0)
         for f in range(len(axes)):
             if axes[f] == 0:
-                _pull_across(values, shift[f], weight[f], breaks, hops[f], step, i, kind, out)
+                _pull_across(values, shift[f], weight[f], breaks, hops[f], step, begin, end, kind, out)
             else:
-                _pull_along(values, shift[f], weight[f], breaks, hops[f], step, i, kind, out)
-        _pull_down(values, down[0], down[1], i, kind, out)
-        _pull_listed(values, faults, i, kind, out)
-        total = 0.0
-        for j in range(n1):
-            for k in range(m):
-                total += np.float64(out[i, j, k]) * np.float64(other[i, j, k])
-        sums[i] = total
+                _pull_along(values, shift[f], weight[f], breaks, hops[f], step, begin, end, kind, out)
+        for i in range(begin, end):
+            _pull_down(values, down[0], down[1], i, kind, out)
+            _pull_listed(values, faults, i, kind, out)
+            total = 0.0
+            for j in range(n1):
+                for k in range(m):
+                    total += np.float64(out[i, j, k]) * np.float64(other[i, j, k])
+            sums[i] = total
 
 
 @njit(cache=True, nogil=True)
@@ -210,13 +273,11 @@ def begin_rows(pivots, ties, gradient, start, stop, step, direction, energies): 
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _end_value(values, at, part):  # type: ignore[no-untyped-def]
+def _end_value(flat, at, part):  # type: ignore[no-untyped-def]
     """Return the value at an end of a listed link."""
-    _, n1, m = values.shape
-    row, k = values[at // (n1 * m), at // m % n1], at % m
     if part > 0:
-        return (np.float32(1.0) - part) * row[k] + part * row[k + 1]
-    return row[k]
+        return (np.float32(1.0) - part) * flat[at] + part * flat[at + 1]
+    return flat[at]
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -290,15 +351,19 @@ def weigh_samples(values, thickness, breaks, variance, cutoff, start, stop, weig
 
 @njit(cache=True, nogil=True, parallel=True)
 def advance(length, direction, product, pivots, ties, start, stop, step, gradient, energies):  # type: ignore[no-untyped-def]
-    """Take a step along the direction; row i of `energies` gets what is left in row i."""
+    """Take a step along the direction; row i of `energies` gets what is left in row i.
+
+    In place of the product stands afterwards what the traces' own equations make of the gradient.
+    """
     _, n1, m = step.shape
     for line in prange(start, stop):
         i = np.int64(line)
-        total, solved = 0.0, np.empty(m, np.float32)
+        total = 0.0
         for j in range(n1):
             for k in range(m):
                 step[i, j, k] += length * direction[i, j, k]
                 gradient[i, j, k] -= length * product[i, j, k]
+            solved = product[i, j]
             _solve_trace(pivots[i, j], ties[i, j], gradient[i, j], solved)
             for k in range(m):
                 total += np.float64(gradient[i, j, k]) * np.float64(solved[k])
@@ -306,16 +371,14 @@ def advance(length, direction, product, pivots, ties, start, stop, step, gradien
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def turn(factor, gradient, pivots, ties, start, stop, direction):  # type: ignore[no-untyped-def]
-    """Write the next direction."""
+def turn(factor, solved, start, stop, direction):  # type: ignore[no-untyped-def]
+    """Write the next direction, from what the traces' own equations make of the gradient."""
     _, n1, m = direction.shape
     for line in prange(start, stop):
         i = np.int64(line)
-        solved = np.empty(m, np.float32)
         for j in range(n1):
-            _solve_trace(pivots[i, j], ties[i, j], gradient[i, j], solved)
             for k in range(m):
-                direction[i, j, k] = factor * direction[i, j, k] + solved[k]
+                direction[i, j, k] = factor * direction[i, j, k] + solved[i, j, k]
 
 
 @njit(cache=True, nogil=True, parallel=True)

@@ -33,6 +33,8 @@ _TOLERANCE = 1e-3
 _BINS, _FEW = 4096, 0.005
 # bytes of a vertex in the arrays of the solution: five vectors, and room for the pages of their neighbours
 _VECTOR_BYTES = 40
+# most rows of the normal matrix that a thread works on in one go
+_ROWS = 16
 # vertices below which a thread more costs more time than it saves
 _LEAST_SHARE = 1 << 14
 _NO_MOVES: Float64Array = np.zeros(0)
@@ -207,7 +209,8 @@ class LayerSystem:
             faults.vertices, faults.shares, faults.measured, faults.weight, faults.ends, faults.first_of_row,
         )  # fmt: skip
         down = (self.thickness, self.down)
-        pull_rows(values, links, self.breaks, self.step, down, listed, start, stop, kind, out, other, sums)
+        rows = max(1, min(_ROWS, (stop - start) // numba.get_num_threads()))
+        pull_rows(values, links, self.breaks, self.step, down, listed, start, stop, rows, kind, out, other, sums)
 
     def lead(self, values: Float32Array) -> None:
         """Start the traces that a graph of every second one did not have, in place, where their links lead.
@@ -307,7 +310,7 @@ class LayerSystem:
             last, energy = energy, float(sums.sum()) + pulled
             factor = np.float32(energy / last)
             for start, stop in self.slabs():
-                turn(factor, gradient, pivots, self.down, start, stop, direction)
+                turn(factor, product, start, stop, direction)
             if groups:
                 groups.add(moves, direction)
         for start, stop in self.slabs():
