@@ -81,7 +81,7 @@ class GroupCorrection:
 
     def solve(self, gradient: AnyArray) -> tuple[Float64Array, float]:
         """Return the correction of every group for a gradient by vertex, and the inner product of the two."""
-        pulls = np.bincount(self.group, weights=gradient.reshape(-1), minlength=self.n_groups)
+        pulls = np.bincount(self.group, gradient.reshape(-1), self.n_groups).astype(np.float64, copy=False)
         moves = self._cycle(0, pulls)
         return moves, float((pulls * moves).sum())
 

@@ -8,6 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import spsolve
 
 from seismo3d.graph.scalars import ScalarEdges
+from seismo3d.seismic._kernels_layer_solve import DIAGONAL, GRADIENT, NORMAL
 from seismo3d.seismic.layer_system import LayerSystem, LinkFields
 from seismo3d.seismic.linking import InMemory
 
@@ -65,6 +66,58 @@ def test_the_solution_is_that_of_a_direct_solver(rng: np.random.Generator, stiff
     residual = matrix @ found.ravel().astype(np.float64) - right
     assert np.linalg.norm(matrix.T @ residual) < 2e-3 * np.linalg.norm(matrix.T @ np.array(right))
     np.testing.assert_allclose(matrix @ found.ravel(), matrix @ best, atol=0.02 * max(1.0, np.sqrt(stiff)))
+
+
+def wide_system(rng: np.random.Generator, *, bytes_at_a_time: int = 2**62) -> LayerSystem:
+    """Links of several lengths either way, faults, and links across them, on more columns than are kept at a time."""
+    shape = (13, 37, 9)
+    kinds = [(axis, hop) for hop in (1, 2, 4) for axis in (0, 1)]
+    links = LinkFields.empty(kinds, shape, InMemory())
+    links.shift[...] = rng.normal(0.0, 3.0, links.shift.shape)
+    links.variance[...] = rng.uniform(0.5, 2.0, links.variance.shape)
+    links.variance[rng.random(links.variance.shape) < 0.1] = np.inf
+    breaks = np.where(rng.random(shape) < 0.1, rng.integers(1, STEP + 1, shape), 0).astype(np.uint8)
+    number, n = np.arange(np.prod(shape)).reshape(shape)[:, :, :-1].ravel(), 60
+    listed = ScalarEdges(
+        rng.choice(number, n), rng.choice(number, n), rng.normal(size=n), np.ones(n), rng.random(n).round(1),
+        rng.random(n).round(1),
+    )  # fmt: skip
+    system = LayerSystem.of(links, breaks, listed, InMemory(), step=STEP, bytes_at_a_time=bytes_at_a_time)
+    system.thickness[...] = rng.normal(0.0, 0.5, shape)
+    system.weigh(np.zeros(shape, np.float32), 3.0, 1.0)
+    return system
+
+
+def pulled(system: LayerSystem, kind: int, values: np.ndarray, rows: int = 10**9) -> np.ndarray:
+    """Return what all links pull, worked out so many rows at a time."""
+    out, sums = np.full(system.shape, np.nan, np.float32), np.full(system.shape[0], np.nan)
+    for start in range(0, system.shape[0], rows):
+        system.pull(kind, values, start, min(start + rows, system.shape[0]), out, values, sums)
+    assert sums.sum() == pytest.approx(float((out.astype(float) * values).sum()), rel=1e-5)
+    return out
+
+
+def test_gradient_matrix_and_diagonal_are_of_one_system(rng: np.random.Generator) -> None:
+    system = wide_system(rng)
+    one, other = rng.normal(size=(2, *system.shape)).astype(np.float32)
+    product = pulled(system, NORMAL, one)
+    assert float((product * other).sum()) == pytest.approx(float((pulled(system, NORMAL, other) * one).sum()), rel=1e-4)
+    measured = pulled(system, GRADIENT, np.zeros_like(one))
+    np.testing.assert_allclose(pulled(system, GRADIENT, one), measured - product, atol=2e-4)
+    diagonal = pulled(system, DIAGONAL, one)
+    for at in rng.integers(0, system.shape, (40, 3)):
+        unit = np.zeros_like(one)
+        unit[tuple(at)] = 1.0
+        assert pulled(system, NORMAL, unit)[tuple(at)] == pytest.approx(float(diagonal[tuple(at)]), rel=1e-5)
+
+
+@pytest.mark.parametrize("kind", [NORMAL, GRADIENT, DIAGONAL])
+def test_a_row_is_the_same_whichever_are_worked_on_beside_it(rng: np.random.Generator, kind: int) -> None:
+    system = wide_system(rng)
+    values = rng.normal(size=system.shape).astype(np.float32)
+    whole = pulled(system, kind, values)
+    for rows in (1, 3, 5):
+        np.testing.assert_array_equal(pulled(system, kind, values, rows), whole)
 
 
 def test_groups_tell_what_lies_beyond_a_fault_in_few_steps() -> None:
