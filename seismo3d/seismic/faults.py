@@ -27,7 +27,7 @@ from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.flanks import FlankSettings, join_flanks
 from seismo3d.seismic.layer_strain import LayerSlopes, sample_slopes
 from seismo3d.seismic.leftovers import link_leftovers
-from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
+from seismo3d.seismic.linking import Room, link_sheets
 from seismo3d.seismic.misfit_settings import NOISES, MisfitSettings
 from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
 from seismo3d.seismic.preparing import as_volume, check_live, clean_volume
@@ -43,6 +43,7 @@ from seismo3d.seismic.section_scores import (
 )
 from seismo3d.seismic.sheet_ends import end_along_layers, end_in_mutes, end_where_still
 from seismo3d.seismic.sheet_tips import continue_sheet, likeness_beyond
+from seismo3d.seismic.sheets import Sheet, SheetSettings
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface, order_by_area
 from seismo3d.seismic.throw import (
@@ -84,7 +85,7 @@ class FaultSettings:
     registration: RegistrationSettings = field(default_factory=RegistrationSettings)
     scan: ScanSettings = field(default_factory=ScanSettings)
     section: SectionScoreSettings = field(default_factory=SectionScoreSettings)
-    link: LinkSettings = field(default_factory=LinkSettings)
+    link: SheetSettings = field(default_factory=SheetSettings)
     extend: ExtendSettings = field(default_factory=ExtendSettings)
     cut: CutSettings = field(default_factory=CutSettings)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
@@ -112,7 +113,7 @@ class FaultSettings:
             misfit=MisfitSettings(reach=(1, 6), vertical=(1.5, 1.5), lateral=0.5, background=(10.0, 16.0), floor=0.01),
             registration=RegistrationSettings(share=(0.0, 0.0, 1.0)),
             scan=ScanSettings(along_dip=(14.0, 16.0), n_dips=(61, 41), evenness=0.5),
-            link=LinkSettings(fragment=6, contacts=5),
+            link=SheetSettings(fragment=6, contacts=5),
             extend=ExtendSettings(strength=np.inf),
             choice=ChoiceSettings.for_section(),
             throw=ThrowSettings(clear=8),

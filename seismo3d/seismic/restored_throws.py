@@ -22,8 +22,8 @@ from seismo3d.seismic.fault_ages import (
 )
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, enlarge, find_motion, undo_parts
 from seismo3d.seismic.layer_strain import LayerSlopes, Strain, tell_strains
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import are_near, bounds_of
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
 from seismo3d.seismic.slip_fields import Sides, SlipField
 from seismo3d.seismic.throw import (
