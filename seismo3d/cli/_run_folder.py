@@ -9,8 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from seismo3d.errors import FileAccessError
 
 RECORD = "run.json"
@@ -180,26 +178,10 @@ def describe_run(*paths: Path, command: str, options: Mapping[str, Any]) -> dict
     }
 
 
-def write_record(path: Path, record: Mapping[str, Any]) -> None:
-    """Write a run's record as JSON; NaN and infinities as null."""
-    path.write_text(json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-
-
 def print_json(record: Mapping[str, Any]) -> None:
     """Print results as JSON; NaN and infinities as null."""
     import typer
 
-    typer.echo(json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False))
+    from seismo3d.io.records import to_json
 
-
-def plain(value: Any) -> Any:
-    """Turn numpy values, tuples, paths and objects into what JSON can hold."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | set):
-        return [plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value if isinstance(value, str | int | bool) or value is None else str(value)
+    typer.echo(to_json(record))

@@ -165,7 +165,8 @@ def _write_unfaulted(cube: Any, faults: Any, folder: Path, clock: Progress) -> N
 
 def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, asked: dict[str, Any]) -> dict[str, float]:
     """Draw the pictures, write the report and the record of the run, and return the seconds of each stage."""
-    from seismo3d.cli._run_folder import RECORD, describe_run, write_record
+    from seismo3d.cli._run_folder import RECORD, describe_run
+    from seismo3d.io.records import write_json
     from seismo3d.io.summary import summarise
     from seismo3d.plot.picture_set import save_pictures
     from seismo3d.plot.reports import write_report
@@ -184,7 +185,7 @@ def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, ask
     )
     notes = [picture.note for picture in pictures if picture.note]
     extra = {"geometry": summarise(cube), "settings": settings, "n_faults": len(faults.surfaces), "notes": notes}
-    write_record(folder / RECORD, {**record, **extra, "timings_s": timings})
+    write_json(folder / RECORD, {**record, **extra, "timings_s": timings})
     return dict(timings)
 
 

@@ -37,11 +37,12 @@ def run(
     report.html, and run.json with a summary. It appears when all is done, or not at all.
     """
     from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside
+    from seismo3d.io.records import write_json
     from seismo3d.plot.network_pictures import save_network_pictures
     from seismo3d.plot.run_reports import network_page, write_page
     from seismo3d.seismic.faultset import FaultSet
@@ -92,7 +93,7 @@ def run(
             run={name: value for name, value in record.items() if name not in ("network", "flow_path")},
         )  # fmt: skip
         write_page(aside / "report.html", page)
-        write_record(aside / RECORD, record)
+        write_json(aside / RECORD, record)
     if json:
         told = ("network", "flow_path", "timings_s")
         print_json({"folder": final} | {name: value for name, value in record.items() if name in told})

@@ -43,9 +43,10 @@ def run(
 
     The folder gets score.json, a picture a file of picks, and run.json. It appears when all is done, or not at all.
     """
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run
     from seismo3d.errors import FileAccessError, ParameterError
     from seismo3d.io._files import written_aside
+    from seismo3d.io.records import write_json
 
     is_faults, is_tracks = (folder / "faultset.npz").is_file(), (folder / "tracks.csv").is_file()
     if not (is_faults or is_tracks):
@@ -61,10 +62,10 @@ def run(
         else:
             chosen = as_columns(columns)
             scores = _score_tracks(folder, picks, aside, 4.0 if tolerance is None else tolerance, chosen)
-        write_record(aside / "score.json", {"scores": scores})
+        write_json(aside / "score.json", {"scores": scores})
         asked = {"picks": picks, "tolerance": tolerance, "columns": columns}
         source = folder / ("faultset.npz" if is_faults else "tracks.csv")
-        write_record(aside / RECORD, describe_run(source, command="score", options=asked))
+        write_json(aside / RECORD, describe_run(source, command="score", options=asked))
     _say(final, scores, as_json=json)
 
 
