@@ -57,6 +57,15 @@ def test_two_samples_of_a_surface_are_aligned(rng):
     assert_near(found, SMALL)
 
 
+def test_any_number_of_passes_gives_an_answer(rng):
+    """Also where the last one is the one on which the search at any distance comes to rest."""
+    far = make_transform(exp_rotation([0.15, -0.1, 0.2]), [0.5, -0.4, 0.3])
+    target, source = pair(rng, T=far)
+    for n in range(1, 14):
+        found = register(target, source, stages=("local",), settings=LoopSettings(max_iterations=n))
+        assert np.isfinite(found.T_target_source).all(), n
+
+
 def test_threads_change_nothing(rng):
     target, source = pair(rng)
     one, two = (register(target, source, n_threads=n) for n in (1, 2))
