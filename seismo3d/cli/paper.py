@@ -132,7 +132,7 @@ def _run_block(path: Path | None, out: Path, *, overwrite: bool, json: bool) -> 
     from seismo3d.experiments.f3 import run_block
     from seismo3d.io._files import written_aside
     from seismo3d.io.records import write_json
-    from seismo3d.seismic.pick_scores import sample_extent
+    from seismo3d.seismic.horizon_scores import sample_extent
     from seismo3d.seismic.track_exports import irap_note
 
     if path is None:

@@ -77,7 +77,7 @@ def _score_faults(folder: Path, picks: list[Path], aside: Path, tolerance: float
     from seismo3d.io.fault_sticks import read_sticks
     from seismo3d.plot.pick_pictures import picked_faults_map
     from seismo3d.seismic.faultset import FaultSet
-    from seismo3d.seismic.pick_scores import score_sticks
+    from seismo3d.seismic.stick_scores import score_sticks
 
     faults = FaultSet.load(folder)
     scores = []
@@ -100,7 +100,7 @@ def _score_tracks(
 
     from seismo3d.io.horizons import read_horizon
     from seismo3d.plot.pick_pictures import pick_distance_map
-    from seismo3d.seismic.pick_scores import same_trace_distance, score_horizon
+    from seismo3d.seismic.horizon_scores import same_trace_distance, score_horizon
 
     # a 2D line has no inlines and crosslines, and so no Charisma: x and y tell its traces
     files = sorted(folder.glob("track_*.charisma.txt")) or sorted(folder.glob("track_*.xyz"))

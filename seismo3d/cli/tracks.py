@@ -160,8 +160,8 @@ def _report(
     from seismo3d.io.records import write_json
     from seismo3d.plot.run_reports import tracks_page, write_page
     from seismo3d.plot.track_pictures import save_track_pictures
+    from seismo3d.seismic.horizon_scores import sample_extent
     from seismo3d.seismic.loop_closure import tabulate_loops
-    from seismo3d.seismic.pick_scores import sample_extent
     from seismo3d.seismic.track_exports import write_tracks
 
     clock("export", 0.0)
