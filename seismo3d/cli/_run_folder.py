@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -140,6 +140,14 @@ def open_told(path: Path, **reading: Any) -> Any:
     for note in cube.attrs.get("notes", ()):
         typer.echo(f"seismo3d: {path.name}: {note}", err=True)
     return cube
+
+
+def settle_live(cube: Any, clock: Callable[[str, float], None]) -> Any:
+    """Find out once which traces of a cube are live: a lazy one would look for them wherever they are asked for."""
+    if cube.chunks is None:
+        return cube
+    clock("live traces", 0.0)
+    return cube.assign_coords(live=cube["live"].compute())
 
 
 def find_versions() -> dict[str, str]:

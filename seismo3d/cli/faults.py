@@ -55,7 +55,7 @@ def run(
     throw.zarr.
     """
     from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told
+    from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told, settle_live
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError, ShapeError
@@ -79,9 +79,7 @@ def run(
     with folder as aside, shown_progress() as show:
         aside.mkdir(exist_ok=in_blocks)
         clock = StageClock(show)
-        if opened.chunks is not None:
-            clock("live traces", 0.0)
-            opened = opened.assign_coords(live=opened["live"].compute())
+        opened = settle_live(opened, clock)
         if "live" in opened.coords and not opened["live"].values.any():
             raise ShapeError(f"{cube} has no live trace. Give a file with data.")
         larger: dict[str, Any] = {"memory": memory, "scheduler": scheduler, "folder": aside} if in_blocks else {}

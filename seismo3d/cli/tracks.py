@@ -64,7 +64,7 @@ def run(
     crash the same command goes on where it was. Layer time is kept as Zarr then: layer_time.zarr.
     """
     from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told, print_json
+    from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told, print_json, settle_live
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
@@ -101,9 +101,7 @@ def run(
     with folder as aside, shown_progress() as show:
         aside.mkdir(exist_ok=in_blocks)
         clock = StageClock(show)
-        if opened.chunks is not None:
-            clock("live traces", 0.0)
-            opened = opened.assign_coords(live=opened["live"].compute())
+        opened = settle_live(opened, clock)
         larger: dict[str, Any] = {"memory": memory, "scheduler": scheduler, "folder": aside} if in_blocks else {}
         tracks, closure = _trace(opened, points, count, known, event, clock=clock, larger=larger)
         timings = _report(tracks, closure, opened, aside, clock, faults=known, path=cube, asked=asked)

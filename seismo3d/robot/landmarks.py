@@ -14,9 +14,9 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array, Int64Array
 from seismo3d.geometry.camera import PinholeCamera
-from seismo3d.geometry.rotations import skew
+from seismo3d.geometry.rotations import adjoint, skew
 from seismo3d.robot import _kernels_follow as following
-from seismo3d.robot.ekf import adjoint, exp_motion
+from seismo3d.robot.ekf import exp_motion
 from seismo3d.robot.frames import Timing
 from seismo3d.robot.tsdf import Prediction
 

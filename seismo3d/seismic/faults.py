@@ -28,6 +28,7 @@ from seismo3d.seismic.flanks import FlankSettings, join_flanks
 from seismo3d.seismic.layer_strain import LayerSlopes, sample_slopes
 from seismo3d.seismic.leftovers import link_leftovers
 from seismo3d.seismic.linking import Room, link_sheets
+from seismo3d.seismic.misfit import Evidence
 from seismo3d.seismic.misfit_settings import NOISES, MisfitSettings
 from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
 from seismo3d.seismic.preparing import as_volume, check_live, clean_volume
@@ -216,14 +217,8 @@ def trace_faults(
         farther=settings.section.farther if is_section else 0.0,
     )  # fmt: skip
     report("scan", 0.0)
-    support = scan_planes(found, settings=settings.scan, progress=progress)
-    ridges = thin(support, found, least=0.0)
-    if is_section:
-        ridges = weigh_crests(volume, valid, slopes, ridges, settings=settings.section)
-    else:
-        ridges = leave_layers(ridges, slopes, settings.scan)
+    ridges = _find_ridges(found, (volume, valid), slopes, settings, progress)
     strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, found.noise))
-    del support
     report("link", 0.0)
     sheets = find_candidates(strong, ridges, found.known.shape, found.noise, settings)
     if sheets:
@@ -311,6 +306,20 @@ def find_candidates(
     return offset_sheets(
         sheets, patch=(settings.scan.along_strike[0], settings.scan.along_dip[0]), settings=settings.cut
     )
+
+
+def _find_ridges(
+    found: Evidence,
+    data: tuple[Float32Array, BoolArray],
+    slopes: tuple[Float32Array, Float32Array],
+    settings: FaultSettings,
+    progress: Progress | None,
+) -> RidgePoints:
+    """Scan the evidence of a cube in one piece, and thin it to crests that a fault may run along."""
+    ridges = thin(scan_planes(found, settings=settings.scan, progress=progress), found, least=0.0)
+    if 1 in data[0].shape[:2]:
+        return weigh_crests(*data, slopes, ridges, settings=settings.section)
+    return leave_layers(ridges, slopes, settings.scan)
 
 
 def _place_sheets(
