@@ -181,6 +181,13 @@ def test_a_loop_of_no_passes_is_refused(rng):
         register(*pair(rng), settings=LoopSettings(max_iterations=0))
 
 
+def test_threads_that_cannot_be_are_refused_by_name(rng):
+    with pytest.raises(ParameterError, match=r"settings\.n_threads is 0; expected .* \[1, 256\]"):
+        register(*pair(rng), settings=LoopSettings(n_threads=0))
+    with pytest.raises(ParameterError, match=r"n_threads is 1\.5; expected a whole number"):
+        register(*pair(rng), n_threads=1.5)
+
+
 def test_normals_and_weights_of_a_scan_are_used(rng):
     target, source = pair(rng)
     wrong = rng.uniform(size=len(target)) < 0.3
