@@ -59,8 +59,10 @@ def run(
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
-        clock("align", 0.0)
-        registration = None if vertical is None else register(first, second, vertical=vertical)
+        registration = None
+        if vertical is not None:
+            clock("align", 0.0)
+            registration = register(first, second, vertical=vertical)
         clock("compare", 0.0)
         change = compare(
             first, second, registration=registration, sigma_before=sigma_before, sigma_after=sigma_after,
