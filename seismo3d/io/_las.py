@@ -55,7 +55,7 @@ def check_las(path: Path) -> None:
     with path.open("rb") as file:
         head = file.read(375)
         if len(head) < _LEAST_HEADER or head[:4] != b"LASF":
-            raise FormatError(f"{path.name} is not a readable LAS or LAZ file: it has no LAS header.")
+            raise FormatError(f"{path.name} is not a readable LAS or LAZ file: it has no LAS header. Get it again.")
         header_size, offset, n_records = struct.unpack_from("<HII", head, 94)
         point_format, width, n_points = struct.unpack_from("<BHI", head, 104)
         extended, n_extended = 0, 0
