@@ -50,11 +50,12 @@ if TYPE_CHECKING:
     from seismo3d.seismic.faults import trace_faults
     from seismo3d.seismic.faultset import FaultSet
     from seismo3d.seismic.flow_paths import FlowPath, flow_path
+    from seismo3d.seismic.horizon_scores import score_horizon
     from seismo3d.seismic.horizon_search import find_horizons
     from seismo3d.seismic.layer_time import layer_time
     from seismo3d.seismic.loop_closure import loop_closure
     from seismo3d.seismic.network import FractureNetwork, fracture_network
-    from seismo3d.seismic.pick_scores import score_horizon, score_sticks
+    from seismo3d.seismic.stick_scores import score_sticks
     from seismo3d.seismic.stick_tracking import follow_stick
     from seismo3d.seismic.time_lapse import align_cubes
     from seismo3d.seismic.tracks import Track, trace_tracks
@@ -86,8 +87,8 @@ _PUBLIC = {
     "read_horizon": "seismo3d.io.horizons",
     "read_sticks": "seismo3d.io.fault_sticks",
     "register": "seismo3d.registration.register",
-    "score_horizon": "seismo3d.seismic.pick_scores",
-    "score_sticks": "seismo3d.seismic.pick_scores",
+    "score_horizon": "seismo3d.seismic.horizon_scores",
+    "score_sticks": "seismo3d.seismic.stick_scores",
     "trace_faults": "seismo3d.seismic.faults",
     "trace_tracks": "seismo3d.seismic.tracks",
     "unfault": "seismo3d.seismic.unfaulting",

@@ -16,14 +16,14 @@ _Settings = TypeVar("_Settings")
 _WEAKEST = 1e-35
 
 
-def as_settings(settings: _Settings | None, kind: type[_Settings]) -> _Settings:
+def as_settings(settings: _Settings | None, kind: type[_Settings], name: str = "settings") -> _Settings:
     """Return settings as they are, the usual ones for none, or refuse what is of another kind."""
     if settings is None:
         return kind()
     if not isinstance(settings, kind):
         names = f"**{settings!r}" if isinstance(settings, dict) else "..."
         raise ParameterError(
-            f"settings is of type {type(settings).__name__}; expected {kind.__name__}. "
+            f"{name} is of type {type(settings).__name__}; expected {kind.__name__}. "
             f"Give {kind.__name__}({names}), or leave it out."
         )
     return settings

@@ -152,7 +152,7 @@ class Scan:
         GeometryError
             If the image has no edges.
         """
-        grey = as_grey(image)
+        grey = one_channel(image)
         return cls._from_edges(grey, "image", smoothing, share)
 
     @classmethod
@@ -201,7 +201,7 @@ class Scan:
         lens = as_camera(camera)
         grid = lens.back_project(depth)
         grid[grid[:, :, 2] > as_number(max_depth, "max_depth", low=0.0, strict=True)] = np.nan
-        grey = None if rgb is None else as_grey(rgb)
+        grey = None if rgb is None else one_channel(rgb, "rgb")
         if grey is not None and grey.shape != grid.shape[:2]:
             raise ShapeError(
                 f"rgb has shape {grey.shape} and depth {grid.shape[:2]}; expected the same. Register them first."
@@ -298,12 +298,14 @@ def as_scan(data: Scan | ArrayLike | str | Path, name: str) -> Scan:
     raise ShapeError(f"{name} has shape {array.shape}; expected points (n, 2) or (n, 3), an image or a volume.")
 
 
-def as_grey(image: ArrayLike) -> AnyArray:
+def one_channel(image: ArrayLike, name: str = "image") -> AnyArray:
     """Return an image of one channel from one of one, three or four channels (the fourth is dropped)."""
-    values = as_real_array(image, "image", ndim=(2, 3))
+    values = as_real_array(image, name, ndim=(2, 3))
     if values.ndim == 3:
         if values.shape[2] not in (1, 3, 4):
-            raise ShapeError(f"image has shape {values.shape}; expected (rows, columns) or (rows, columns, 3).")
+            raise ShapeError(
+                f"{name} has shape {values.shape}; expected (rows, columns) or (rows, columns, 3), channels last."
+            )
         values = values[:, :, :3].mean(axis=2)
     return values
 

@@ -99,5 +99,7 @@ def test_refusals(rng):
         Scan.from_rgbd(None, np.zeros((9, 9)), PinholeCamera(9, 9, 4, 4))
     with pytest.raises(ShapeError, match="Register them first"):
         Scan.from_rgbd(np.zeros((8, 9)), np.ones((9, 9)), PinholeCamera(9, 9, 4, 4))
+    with pytest.raises(ShapeError, match=r"rgb has shape \(3, 9, 9\); expected .* channels last"):
+        Scan.from_rgbd(np.zeros((3, 9, 9)), np.ones((9, 9)), PinholeCamera(9, 9, 4, 4))
     with pytest.raises(ShapeError, match="an image or a volume"):
         as_scan(np.zeros(5), "a")

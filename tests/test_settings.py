@@ -29,6 +29,14 @@ def test_settings_of_another_kind_are_refused(name, wrong):
         CALLS[name](wrong)
 
 
+def test_constraints_of_another_kind_are_refused():
+    for call in (seismo3d.register, seismo3d.align_pairs):
+        with pytest.raises(
+            ParameterError, match=r"constraints is of type dict; expected Constraints\. Give Constraints"
+        ):
+            call(POINTS, POINTS, constraints={"max_angle": 0.1})
+
+
 def test_no_settings_are_the_usual_ones_and_a_dict_is_shown_how_to_be_given():
     given = TrackSettings(near=8)
     assert as_settings(None, TrackSettings) == TrackSettings()

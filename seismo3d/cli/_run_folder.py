@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from seismo3d.errors import FileAccessError
 
@@ -144,6 +142,14 @@ def open_told(path: Path, **reading: Any) -> Any:
     return cube
 
 
+def settle_live(cube: Any, clock: Callable[[str, float], None]) -> Any:
+    """Find out once which traces of a cube are live: a lazy one would look for them wherever they are asked for."""
+    if cube.chunks is None:
+        return cube
+    clock("live traces", 0.0)
+    return cube.assign_coords(live=cube["live"].compute())
+
+
 def find_versions() -> dict[str, str]:
     """Versions of Python, the system and the packages that a result depends on."""
     from importlib.metadata import version
@@ -180,26 +186,10 @@ def describe_run(*paths: Path, command: str, options: Mapping[str, Any]) -> dict
     }
 
 
-def write_record(path: Path, record: Mapping[str, Any]) -> None:
-    """Write a run's record as JSON; NaN and infinities as null."""
-    path.write_text(json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-
-
 def print_json(record: Mapping[str, Any]) -> None:
     """Print results as JSON; NaN and infinities as null."""
     import typer
 
-    typer.echo(json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False))
+    from seismo3d.io.records import to_json
 
-
-def plain(value: Any) -> Any:
-    """Turn numpy values, tuples, paths and objects into what JSON can hold."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | set):
-        return [plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value if isinstance(value, str | int | bool) or value is None else str(value)
+    typer.echo(to_json(record))

@@ -40,11 +40,12 @@ def run(
     import matplotlib.pyplot as plt
 
     from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.elevation import raster_suffix, read_elevation, write_elevation
+    from seismo3d.io.records import write_json
     from seismo3d.plot.terrain_maps import change_map
     from seismo3d.terrain.alignment import register
     from seismo3d.terrain.change import compare
@@ -58,8 +59,10 @@ def run(
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
-        clock("align", 0.0)
-        registration = None if vertical is None else register(first, second, vertical=vertical)
+        registration = None
+        if vertical is not None:
+            clock("align", 0.0)
+            registration = register(first, second, vertical=vertical)
         clock("compare", 0.0)
         change = compare(
             first, second, registration=registration, sigma_before=sigma_before, sigma_after=sigma_after,
@@ -75,7 +78,7 @@ def run(
         asked = {"align": align, "vertical": vertical, "sigma_before": sigma_before, "sigma_after": sigma_after}
         facts, timings = _facts(change, registration), clock.stop()
         record = describe_run(before, after, command="compare", options={**asked, "confidence": confidence})
-        write_record(aside / RECORD, {**record, **facts, "timings_s": timings})
+        write_json(aside / RECORD, {**record, **facts, "timings_s": timings})
     if json:
         print_json({"folder": out, **facts, "timings_s": timings})
     else:

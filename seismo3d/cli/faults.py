@@ -55,7 +55,7 @@ def run(
     throw.zarr.
     """
     from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told
+    from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told, settle_live
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError, ShapeError
@@ -79,9 +79,7 @@ def run(
     with folder as aside, shown_progress() as show:
         aside.mkdir(exist_ok=in_blocks)
         clock = StageClock(show)
-        if opened.chunks is not None:
-            clock("live traces", 0.0)
-            opened = opened.assign_coords(live=opened["live"].compute())
+        opened = settle_live(opened, clock)
         if "live" in opened.coords and not opened["live"].values.any():
             raise ShapeError(f"{cube} has no live trace. Give a file with data.")
         larger: dict[str, Any] = {"memory": memory, "scheduler": scheduler, "folder": aside} if in_blocks else {}
@@ -165,7 +163,8 @@ def _write_unfaulted(cube: Any, faults: Any, folder: Path, clock: Progress) -> N
 
 def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, asked: dict[str, Any]) -> dict[str, float]:
     """Draw the pictures, write the report and the record of the run, and return the seconds of each stage."""
-    from seismo3d.cli._run_folder import RECORD, describe_run, write_record
+    from seismo3d.cli._run_folder import RECORD, describe_run
+    from seismo3d.io.records import write_json
     from seismo3d.io.summary import summarise
     from seismo3d.plot.picture_set import save_pictures
     from seismo3d.plot.reports import write_report
@@ -184,7 +183,7 @@ def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, ask
     )
     notes = [picture.note for picture in pictures if picture.note]
     extra = {"geometry": summarise(cube), "settings": settings, "n_faults": len(faults.surfaces), "notes": notes}
-    write_record(folder / RECORD, {**record, **extra, "timings_s": timings})
+    write_json(folder / RECORD, {**record, **extra, "timings_s": timings})
     return dict(timings)
 
 

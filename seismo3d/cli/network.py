@@ -37,11 +37,11 @@ def run(
     report.html, and run.json with a summary. It appears when all is done, or not at all.
     """
     from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json, write_record
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
-    from seismo3d.errors import ParameterError
     from seismo3d.io._files import written_aside
+    from seismo3d.io.records import write_json
     from seismo3d.plot.network_pictures import save_network_pictures
     from seismo3d.plot.run_reports import network_page, write_page
     from seismo3d.seismic.faultset import FaultSet
@@ -49,19 +49,16 @@ def run(
     from seismo3d.seismic.network import fracture_network
     from seismo3d.seismic.network_exports import summarise_network, write_network, write_path
 
-    if (start is None) != (end is None):
-        raise ParameterError("--from and --to make a path together; one of them is missing. Give both or neither.")
-    chosen = as_columns(columns)
-    if chosen is not None and all(word is None or _as_point(word) is not None for word in (start, end)):
-        raise ParameterError(
-            "--columns is given without a horizon's file; it says what that of --from or --to holds. Leave it out."
-        )
+    chosen = _checked_columns(columns, start, end)
     final = folder / "network" if out is None else out
     faults = FaultSet.load(folder)
-    source = folder / "faultset.npz"
     read = [folder, *(Path(word) for word in (start, end) if word is not None)]
     check_run_folder(final, command="network", inputs=read, overwrite=overwrite)
     ends = None if start is None or end is None else [_as_end(word, faults.labels, chosen) for word in (start, end)]
+    asked = {
+        "cell": cell, "reach": reach, "set_angle": set_angle, "from": start, "to": end, "columns": columns,
+        "contrast": contrast,
+    }  # fmt: skip
     with written_aside(final, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)
@@ -75,30 +72,37 @@ def run(
         write_network(network, faults.labels, directory=aside)
         clock("pictures", 0.0)
         pictures = save_network_pictures(aside, network, faults, path=path)
-        asked = {
-            "cell": cell, "reach": reach, "set_angle": set_angle, "from": start, "to": end, "columns": columns,
-            "contrast": contrast,
-        }  # fmt: skip
-        record: dict[str, Any] = {
-            **describe_run(source, command="network", options=asked),
-            "network": summarise_network(network),
-        }
+        record = describe_run(folder / "faultset.npz", command="network", options=asked)
+        found: dict[str, Any] = {"network": summarise_network(network)}
         if path is not None:
             names = ("resistance", "length", "unit", "share_on_faults", "surfaces", "straight")
-            record["flow_path"] = {name: getattr(path, name) for name in names}
-        record["timings_s"] = clock.stop()
+            found["flow_path"] = {name: getattr(path, name) for name in names}
+        timings = clock.stop()
         page = network_page(
             network, path, faults.labels, title=f"Fracture network of {folder.resolve().name}", pictures=pictures,
-            run={name: value for name, value in record.items() if name not in ("network", "flow_path")},
+            run={**record, "timings_s": timings},
         )  # fmt: skip
         write_page(aside / "report.html", page)
-        write_record(aside / RECORD, record)
+        write_json(aside / RECORD, {**record, **found, "timings_s": timings})
     if json:
-        told = ("network", "flow_path", "timings_s")
-        print_json({"folder": final} | {name: value for name, value in record.items() if name in told})
+        print_json({"folder": final, **found, "timings_s": timings})
     else:
         _say(final, network, path)
-    say_timings(record["timings_s"])
+    say_timings(timings)
+
+
+def _checked_columns(columns: str | None, start: str | None, end: str | None) -> tuple[int, ...] | None:
+    """Return the columns of a horizon's file, and refuse what makes no path or names no such file."""
+    from seismo3d.errors import ParameterError
+
+    if (start is None) != (end is None):
+        raise ParameterError("--from and --to make a path together; one of them is missing. Give both or neither.")
+    chosen = as_columns(columns)
+    if chosen is not None and all(word is None or _as_point(word) is not None for word in (start, end)):
+        raise ParameterError(
+            "--columns is given without a horizon's file; it says what that of --from or --to holds. Leave it out."
+        )
+    return chosen
 
 
 def _as_point(word: str) -> tuple[float, ...] | None:
@@ -142,9 +146,9 @@ def _say(out: Path, network: Any, path: Any) -> None:
             f"spread {entry.spread_deg:2.0f}  {words}, {100 * entry.share:.0f} % of the area"
         )
     if path is not None:
-        by_way = ", ".join(str(label) for label in path.surfaces) or "none"
+        on_its_way = ", ".join(str(label) for label in path.surfaces) or "none"
         typer.echo(
             f"flow path: length {path.length:,.0f} {path.unit}, {100 * path.share_on_faults:.0f} % on faults "
-            f"({by_way}), {path.straight:.1f} times easier than straight through rock"
+            f"({on_its_way}), {path.straight:.1f} times easier than straight through rock"
         )
     typer.echo(str(out))

@@ -126,13 +126,13 @@ def _run_block(path: Path | None, out: Path, *, overwrite: bool, json: bool) -> 
         describe_run,
         open_told,
         print_json,
-        write_record,
     )
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.experiments.f3 import run_block
     from seismo3d.io._files import written_aside
-    from seismo3d.seismic.pick_scores import sample_extent
+    from seismo3d.io.records import write_json
+    from seismo3d.seismic.horizon_scores import sample_extent
     from seismo3d.seismic.track_exports import irap_note
 
     if path is None:
@@ -145,7 +145,7 @@ def _run_block(path: Path | None, out: Path, *, overwrite: bool, json: bool) -> 
         record = {**describe_run(path, command="paper f3", options={}), "extent": sample_extent(cube)}
         found = run_block(cube, aside, name=path.name, record=record, progress=clock)
         timings = clock.stop()
-        write_record(aside / RECORD, {**record, "found": found, "timings_s": timings})
+        write_json(aside / RECORD, {**record, "found": found, "timings_s": timings})
     if json:
         print_json({"folder": out, "found": found, "timings_s": timings})
     else:

@@ -50,12 +50,17 @@ def run(
     json: Json = False,
 ) -> None:
     """Align two scans; print the transform that carries SOURCE onto TARGET, how sure it is, and what cannot be seen."""
+    if _are_maps(target, source):
+        refuse_unused("two maps", {"--start": start, "--stages": stages, "--voxel-size": voxel_size})
+        _register_maps(target, source, out, model or "translation", vertical or "offset", json)
+    else:
+        refuse_unused("points", {"--vertical": vertical})
+        _register_points(target, source, out, model or "rigid", start, stages, voxel_size, json)
+
+
+def _are_maps(target: Path, source: Path) -> bool:
     from seismo3d.errors import ParameterError
-    from seismo3d.io._files import check_output
     from seismo3d.io.elevation import holds_elevation
-    from seismo3d.io.points import WRITTEN_SUFFIXES, write_points
-    from seismo3d.registration.register import STAGES, register
-    from seismo3d.scan import Scan
 
     are_maps = holds_elevation(target), holds_elevation(source)
     if any(are_maps) and not all(are_maps):
@@ -64,20 +69,28 @@ def run(
             f"{map_.name} is an elevation map and {other.name} is none; expected two maps, or two point files. Make a "
             "map of the points, or points of the map."
         )
-    if all(are_maps):
-        refuse_unused("two maps", {"--start": start, "--stages": stages, "--voxel-size": voxel_size})
-        _register_maps(target, source, out, model or "translation", vertical or "offset", json)
-        return
+    return all(are_maps)
 
-    refuse_unused("points", {"--vertical": vertical})
-    read = [target, source] if start is None else [target, source, start]
+
+def _register_points(
+    target: Path, source: Path, out: Path | None, model: str, start: Path | None, stages: str | None,
+    voxel_size: float | None, json: bool,
+) -> None:  # fmt: skip
+    from seismo3d.cli._run_folder import print_json
+    from seismo3d.io._files import check_output
+    from seismo3d.io.points import WRITTEN_SUFFIXES, write_points
+    from seismo3d.registration.register import STAGES, register
+    from seismo3d.scan import Scan
+
     if out is not None:
-        check_output(out, endings=WRITTEN_SUFFIXES, inputs=read)
+        check_output(
+            out, endings=WRITTEN_SUFFIXES, inputs=[target, source] if start is None else [target, source, start]
+        )
     fixed, moving = Scan.from_file(target), Scan.from_file(source)
     found = register(
         fixed,
         moving,
-        model=model or "rigid",
+        model=model,
         start=None if start is None else _read_matrix(start),
         stages=STAGES if stages is None else tuple(name.strip() for name in stages.split(",") if name.strip()),
         voxel_size=voxel_size,
@@ -85,9 +98,7 @@ def run(
     if out is not None:
         write_points(out, found.apply(moving.points))
     if json:
-        from json import dumps
-
-        typer.echo(dumps(_as_dict(found), indent=2))
+        print_json(_as_dict(found))
         return
     for row in found.T_target_source:
         typer.echo(" ".join(f"{value:.12g}" for value in row))
@@ -96,8 +107,7 @@ def run(
 
 
 def _register_maps(target: Path, source: Path, out: Path | None, model: str, vertical: str, json: bool) -> None:
-    from json import dumps
-
+    from seismo3d.cli._run_folder import print_json
     from seismo3d.io._files import check_output
     from seismo3d.io.elevation import WRITTEN_SUFFIXES, import_rasterio, read_elevation, write_elevation
     from seismo3d.terrain.alignment import register
@@ -114,9 +124,9 @@ def _register_maps(target: Path, source: Path, out: Path | None, model: str, ver
     facts = {name: getattr(found, name) for name in names}
     arrays = {"shift": found.shift, "tilt": found.tilt, "sigma": found.sigma}
     if json:
-        plain = {"T_target_source": found.T_target_source.tolist(), **facts}
-        plain |= {name: values.tolist() for name, values in arrays.items()}
-        typer.echo(dumps({**plain, "vertical_scale": found.vertical_scale}, indent=2))
+        print_json(
+            {"T_target_source": found.T_target_source, **facts, **arrays, "vertical_scale": found.vertical_scale}
+        )
         return
     for row in found.T_target_source:
         typer.echo(" ".join(f"{value:.12g}" for value in row))
@@ -164,25 +174,22 @@ def _lines(found: Registration) -> list[tuple[str, str]]:
 
 
 def _as_dict(found: Registration) -> dict[str, Any]:
-    import numpy as np
-
     certificate = found.certificate
     return {
-        "T_target_source": found.T_target_source.tolist(),
+        "T_target_source": found.T_target_source,
         "state": found.state,
         "stage": found.stage,
         "model": found.model,
         "overlap": found.overlap,
         "rmse": found.rmse,
-        "scale": found.scale.tolist(),
-        "at_bounds": list(found.at_bounds),
-        "covariance": [[v if np.isfinite(v) else None for v in row] for row in found.covariance.tolist()],
-        "information": found.information.tolist(),
+        "scale": found.scale,
+        "at_bounds": found.at_bounds,
+        "covariance": found.covariance,
+        "information": found.information,
         "certificate": None
         if certificate is None
         else {"gap": certificate.gap, "relative_gap": certificate.relative_gap, "holds": certificate.holds},
         "unobservable": [
-            {"rotation": d.rotation.tolist(), "translation": d.translation.tolist(), "scale": d.scale.tolist()}
-            for d in found.unobservable
+            {"rotation": d.rotation, "translation": d.translation, "scale": d.scale} for d in found.unobservable
         ],
     }

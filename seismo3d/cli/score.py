@@ -43,9 +43,10 @@ def run(
 
     The folder gets score.json, a picture a file of picks, and run.json. It appears when all is done, or not at all.
     """
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, write_record
+    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run
     from seismo3d.errors import FileAccessError, ParameterError
     from seismo3d.io._files import written_aside
+    from seismo3d.io.records import write_json
 
     is_faults, is_tracks = (folder / "faultset.npz").is_file(), (folder / "tracks.csv").is_file()
     if not (is_faults or is_tracks):
@@ -61,10 +62,10 @@ def run(
         else:
             chosen = as_columns(columns)
             scores = _score_tracks(folder, picks, aside, 4.0 if tolerance is None else tolerance, chosen)
-        write_record(aside / "score.json", {"scores": scores})
+        write_json(aside / "score.json", {"scores": scores})
         asked = {"picks": picks, "tolerance": tolerance, "columns": columns}
         source = folder / ("faultset.npz" if is_faults else "tracks.csv")
-        write_record(aside / RECORD, describe_run(source, command="score", options=asked))
+        write_json(aside / RECORD, describe_run(source, command="score", options=asked))
     _say(final, scores, as_json=json)
 
 
@@ -76,7 +77,7 @@ def _score_faults(folder: Path, picks: list[Path], aside: Path, tolerance: float
     from seismo3d.io.fault_sticks import read_sticks
     from seismo3d.plot.pick_pictures import picked_faults_map
     from seismo3d.seismic.faultset import FaultSet
-    from seismo3d.seismic.pick_scores import score_sticks
+    from seismo3d.seismic.stick_scores import score_sticks
 
     faults = FaultSet.load(folder)
     scores = []
@@ -99,7 +100,7 @@ def _score_tracks(
 
     from seismo3d.io.horizons import read_horizon
     from seismo3d.plot.pick_pictures import pick_distance_map
-    from seismo3d.seismic.pick_scores import same_trace_distance, score_horizon
+    from seismo3d.seismic.horizon_scores import same_trace_distance, score_horizon
 
     # a 2D line has no inlines and crosslines, and so no Charisma: x and y tell its traces
     files = sorted(folder.glob("track_*.charisma.txt")) or sorted(folder.glob("track_*.xyz"))

@@ -64,7 +64,7 @@ def run(
     crash the same command goes on where it was. Layer time is kept as Zarr then: layer_time.zarr.
     """
     from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told, print_json
+    from seismo3d.cli._run_folder import check_run_folder, kept_aside, open_told, print_json, settle_live
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import ParameterError
@@ -101,9 +101,7 @@ def run(
     with folder as aside, shown_progress() as show:
         aside.mkdir(exist_ok=in_blocks)
         clock = StageClock(show)
-        if opened.chunks is not None:
-            clock("live traces", 0.0)
-            opened = opened.assign_coords(live=opened["live"].compute())
+        opened = settle_live(opened, clock)
         larger: dict[str, Any] = {"memory": memory, "scheduler": scheduler, "folder": aside} if in_blocks else {}
         tracks, closure = _trace(opened, points, count, known, event, clock=clock, larger=larger)
         timings = _report(tracks, closure, opened, aside, clock, faults=known, path=cube, asked=asked)
@@ -155,12 +153,13 @@ def _report(
     asked: dict[str, Any],
 ) -> dict[str, float]:  # fmt: skip
     """Write tracks, pictures, report and the record of the run, and return the seconds of each stage."""
-    from seismo3d.cli._run_folder import RECORD, describe_run, write_record
+    from seismo3d.cli._run_folder import RECORD, describe_run
     from seismo3d.geometry.survey import SurveyGeometry
+    from seismo3d.io.records import write_json
     from seismo3d.plot.run_reports import tracks_page, write_page
     from seismo3d.plot.track_pictures import save_track_pictures
+    from seismo3d.seismic.horizon_scores import sample_extent
     from seismo3d.seismic.loop_closure import tabulate_loops
-    from seismo3d.seismic.pick_scores import sample_extent
     from seismo3d.seismic.track_exports import write_tracks
 
     clock("export", 0.0)
@@ -178,7 +177,7 @@ def _report(
     title = f"Horizons in {path.name}"
     page = tracks_page(tracks, cube, title=title, pictures=pictures, run=record, closure=closure)
     write_page(folder / "report.html", page)
-    write_record(folder / RECORD, record)
+    write_json(folder / RECORD, record)
     return timings
 
 

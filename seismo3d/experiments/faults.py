@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import ctypes
-import json
 import math
 import statistics
 import sys
@@ -23,6 +22,7 @@ import numpy as np
 
 from seismo3d.errors import ParameterError
 from seismo3d.experiments._command import run_command
+from seismo3d.io.records import write_json
 from seismo3d.seismic.fault_evidence import EVIDENCE
 from seismo3d.seismic.scores import FaultScore, ThrowScore, fault_score, throw_score
 from seismo3d.synthetic import KINDS, SyntheticCube, fault_cube
@@ -258,15 +258,6 @@ def print_evidence(rows: dict[str, Sequence[dict[str, Any]]]) -> None:
     Console(width=150).print(table)
 
 
-def _plain(value: Any) -> Any:
-    """Replace NaN, which JSON does not have, by null."""
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and math.isnan(value) else value
-
-
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m seismo3d.experiments.faults", description=__doc__.split("\n")[0])
     parser.add_argument("--kinds", nargs="+", default=list(SUITE_KINDS), choices=list(KINDS), metavar="KIND")
@@ -308,7 +299,7 @@ def main(arguments: Sequence[str] | None = None, *, trace: Tracer | None = None)
         print_evidence({kind: summarise(results) for kind, results in by_evidence.items()})
         found = {kind: [asdict(result) for result in results] for kind, results in by_evidence.items()}
     if options.json is not None:
-        options.json.write_text(json.dumps(_plain(found), indent=1), encoding="utf-8")
+        write_json(options.json, found)
 
 
 def _run_kinds(options: argparse.Namespace, trace: Tracer) -> list[CubeResult]:

@@ -10,7 +10,7 @@ import numpy as np
 from seismo3d._typing import ArrayLike, Float64Array
 from seismo3d._validate import as_number
 from seismo3d.errors import ParameterError
-from seismo3d.scan import as_grey
+from seismo3d.scan import one_channel
 
 DETECTORS = ("sift", "orb")
 
@@ -80,7 +80,7 @@ def _as_bytes(image: ArrayLike) -> np.ndarray:
     values = np.asarray(image)
     if values.dtype == np.uint8 and values.ndim == 2:
         return np.ascontiguousarray(values)
-    grey = as_grey(image)
+    grey = one_channel(image)
     if values.dtype == np.uint8:
         return np.ascontiguousarray(np.rint(grey).astype(np.uint8))
     low, high = np.nanpercentile(grey, [1, 99])

@@ -8,7 +8,6 @@ aligned, errors relative over 30 frames, milliseconds a frame.
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +20,7 @@ from seismo3d._typing import Float64Array
 from seismo3d.errors import FormatError
 from seismo3d.experiments._command import run_command
 from seismo3d.geometry.rotations import invert_transform, make_transform, rotation_angle, rotation_from_quaternion
+from seismo3d.io.records import write_json
 from seismo3d.registration.align import align_pairs
 from seismo3d.robot.calibration import calibrate_timing
 from seismo3d.robot.camera import Camera
@@ -186,7 +186,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     table = run_table(given.sequence, n_frames=given.frames)
     if given.json is not None:
-        given.json.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+        write_json(given.json, table)
 
 
 if __name__ == "__main__":

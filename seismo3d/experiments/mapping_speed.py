@@ -11,7 +11,6 @@ waits for it.
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -24,6 +23,7 @@ from seismo3d._typing import Float64Array
 from seismo3d.errors import MissingDependencyError
 from seismo3d.experiments._command import run_command
 from seismo3d.experiments.mapping import measure_trajectory, read_truth
+from seismo3d.io.records import write_json
 from seismo3d.robot.calibration import calibrate_timing
 from seismo3d.robot.camera import Camera, RgbdFrame
 from seismo3d.robot.mapper import Mapper
@@ -150,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     ratios = [table["open3d"][key] / table["mapper"][key] for key in ("ms", "cpu_ms")]
     print(f"open3d takes {ratios[0]:.1f} times as long as the mapper, and {ratios[1]:.1f} times its processor time")
     if given.json is not None:
-        given.json.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+        write_json(given.json, table)
 
 
 if __name__ == "__main__":

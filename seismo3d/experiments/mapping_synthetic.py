@@ -12,7 +12,6 @@ compass and a satellite fix would give.
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,6 +23,7 @@ from seismo3d._typing import Float64Array
 from seismo3d.experiments._command import run_command
 from seismo3d.experiments.mapping import measure_trajectory
 from seismo3d.geometry.rotations import exp_rotation, invert_transform, make_transform, rotation_angle
+from seismo3d.io.records import write_json
 from seismo3d.robot.camera import Camera, RgbdFrame
 from seismo3d.robot.mapper import Mapper
 from seismo3d.robot.results import MapperSettings
@@ -200,7 +200,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )  # fmt: skip
         print(_line(name, table[name]), flush=True)
     if given.json is not None:
-        given.json.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+        write_json(given.json, table)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ JSON. On a busy machine compare seconds of processor time, which every measureme
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import resource
 import shutil
@@ -27,6 +26,7 @@ from seismo3d._typing import Float32Array
 from seismo3d.errors import MissingDependencyError
 from seismo3d.experiments._command import run_command
 from seismo3d.io.cubes import open_cube
+from seismo3d.io.records import to_json
 from seismo3d.io.zarr_store import write_zarr
 from seismo3d.seismic.blocks.plan import parse_memory, plan_blocks
 from seismo3d.seismic.blocks.tracing import trace_in_blocks
@@ -271,7 +271,7 @@ def main() -> None:
         "kills": lambda: measure_kills(given.times, size=given.size),
         "workers": lambda: measure_workers(given.size, edge=given.edge, rounds=given.rounds),
     }[given.what]()
-    print(json.dumps(found, indent=1))
+    print(to_json(found))
 
 
 if __name__ == "__main__":

@@ -129,7 +129,8 @@ def run_cube(
     UnfaultResult
     """
     import seismo3d
-    from seismo3d.seismic.unfaulting import UnfaultSettings, carry_amplitudes, find_slip_field, is_taken_out
+    from seismo3d.seismic.displacements import carry_amplitudes
+    from seismo3d.seismic.unfaulting import UnfaultSettings, find_slip_field, is_taken_out
 
     cube = fault_cube(kind, seed=seed, shape=shape)
     found: Any = seismo3d.trace_faults(cube.seismic) if faults is None else faults
@@ -148,7 +149,7 @@ def run_cube(
 
 def _measure_exact(cube: SyntheticCube, today: Sequence[tuple[Float64Array, Float64Array]]) -> tuple[float, float]:
     """Mean correlations across surfaces as they lie today, and off them, where the cube is unfaulted exactly."""
-    from seismo3d.seismic.unfaulting import carry_amplitudes
+    from seismo3d.seismic.displacements import carry_amplitudes
 
     displacement = exact_displacement(cube)
     exact = carry_amplitudes(cube.seismic, np.nan_to_num(displacement)).copy()

@@ -11,6 +11,10 @@ from seismo3d.features.pairs import Pairs
 
 # places apart from each other at which there are enough: the rest need not be asked
 _MANY = 50
+# nearest matches that are asked whether they agree with a match, and that a map is fitted to
+N_ASKED, _FITTED = 16, 12
+# source pixels within which two places are one, and target pixels beyond which they are two
+_ONE_PLACE, _TWO_PLACES = 1.0, 3.0
 
 
 def _neighbours(points: Float64Array, n: int) -> Int64Array:
@@ -21,15 +25,13 @@ def _neighbours(points: Float64Array, n: int) -> Int64Array:
     return np.where(found == np.arange(len(points))[:, None], -1, found).astype(np.int64)
 
 
-def count_agreeing(pairs: Pairs, *, n_neighbours: int = 16, slack: float = 3.0, growth: float = 0.1) -> Int64Array:
-    """Count, for each match, the neighbours that lie where its affine map says, and it where theirs says.
+def count_agreeing(pairs: Pairs, *, slack: float, growth: float) -> Int64Array:
+    """Count, for each match, the nearest others that lie where its affine map says, and it where theirs says.
 
     Parameters
     ----------
     pairs : Pairs
         Matches.
-    n_neighbours : int
-        Nearest matches in the target that are asked.
     slack, growth : float
         They may miss by ``slack`` target pixels and this share of their distance.
 
@@ -39,13 +41,13 @@ def count_agreeing(pairs: Pairs, *, n_neighbours: int = 16, slack: float = 3.0, 
     """
     if len(pairs) < 2:
         return np.zeros(len(pairs), dtype=np.int64)
-    neighbours = _neighbours(pairs.target, n_neighbours)
+    neighbours = _neighbours(pairs.target, N_ASKED)
     return np.asarray(
         _kernels_agreement.count_agreeing(pairs.target, pairs.source, pairs.linear, neighbours, slack, growth)
     )
 
 
-def local_misfit(pairs: Pairs, *, n_neighbours: int = 12) -> Float64Array:
+def local_misfit(pairs: Pairs) -> Float64Array:
     """Distance of each match from where an affine map, fitted robustly to its neighbours, puts it.
 
     Returns
@@ -55,18 +57,18 @@ def local_misfit(pairs: Pairs, *, n_neighbours: int = 12) -> Float64Array:
     """
     if len(pairs) < 7:
         return np.zeros(len(pairs))
-    neighbours = _neighbours(pairs.target, n_neighbours)
+    neighbours = _neighbours(pairs.target, _FITTED)
     return np.asarray(_kernels_agreement.local_misfit(pairs.target, pairs.source, neighbours))
 
 
-def keep_distinct(pairs: Pairs, *, distance: float = 1.0, apart: float = 3.0) -> BoolArray:
+def keep_distinct(pairs: Pairs) -> BoolArray:
     """Say which matches to keep so that no two places of the target share one of the source: the better one stays."""
     keep = np.ones(len(pairs), dtype=np.bool_)
     if len(pairs) < 2:
         return keep
-    close = cKDTree(pairs.source).query_pairs(distance, output_type="ndarray")
+    close = cKDTree(pairs.source).query_pairs(_ONE_PLACE, output_type="ndarray")
     for i, j in close[np.lexsort((close[:, 1], close[:, 0]))]:
-        if keep[i] and keep[j] and np.square(pairs.target[i] - pairs.target[j]).sum() > apart**2:
+        if keep[i] and keep[j] and np.square(pairs.target[i] - pairs.target[j]).sum() > _TWO_PLACES**2:
             keep[i if pairs.correlation[i] < pairs.correlation[j] else j] = False
     return keep
 

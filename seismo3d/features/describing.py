@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from seismo3d._typing import ArrayLike, Float64Array
-from seismo3d._validate import as_number, freeze
+from seismo3d._validate import as_whole_number, freeze
 from seismo3d.features.inputs import as_grey, as_grid
 from seismo3d.features.planar import ImageFeatures, PlanarSettings, describe_image
 from seismo3d.features.solid import SolidFeatures, SolidSettings, describe_solid
@@ -83,7 +83,7 @@ def described(values: Any, name: str, mask: ArrayLike | None, n_points: int | No
     if isinstance(values, Features):
         return values
     grid = as_grid(values, name)
-    n = (500 if grid.ndim == 2 else 300) if n_points is None else as_points(n_points)
+    n = (500 if grid.ndim == 2 else 300) if n_points is None else as_count(n_points)
     grey, valid = as_grey(grid, mask, name)
     if grid.ndim == 3:
         solid = describe_solid(grey, valid, SolidSettings(n_points=n))
@@ -92,6 +92,6 @@ def described(values: Any, name: str, mask: ArrayLike | None, n_points: int | No
     return Features(freeze(planar.view.keypoints.points.copy()), n, planar)
 
 
-def as_points(n_points: int) -> int:
+def as_count(n_points: int) -> int:
     """Refuse a number of points that is out of bounds."""
-    return int(as_number(n_points, "n_points", low=1, high=100_000))
+    return as_whole_number(n_points, "n_points", low=1, high=100_000)

@@ -19,17 +19,17 @@ from seismo3d.features.pairs import Pairs
 
 # matches below which no motion of a camera is told
 _FEWEST = 12
+# pixels within which a match is on its line, and on a plane
+_ON_LINE, _ON_PLANE = 1.0, 2.0
 
 
-def fit_epipolar(pairs: Pairs, *, distance: float = 1.0) -> Float64Array | None:
+def fit_epipolar(pairs: Pairs) -> Float64Array | None:
     """Find the fundamental matrix that most matches fulfil.
 
     Parameters
     ----------
     pairs : Pairs
         Matches, wrong ones among them.
-    distance : float
-        Those within this of their lines count, in pixels.
 
     Returns
     -------
@@ -43,26 +43,26 @@ def fit_epipolar(pairs: Pairs, *, distance: float = 1.0) -> Float64Array | None:
     best, most = None, 0
     for method in (cv2.USAC_DEFAULT, cv2.USAC_MAGSAC, cv2.USAC_ACCURATE):
         try:
-            found, _ = cv2.findFundamentalMat(pairs.target, pairs.source, method, distance, 0.999, 5000)
+            found, _ = cv2.findFundamentalMat(pairs.target, pairs.source, method, _ON_LINE, 0.999, 5000)
         except cv2.error:  # its answer to matches of which no seven fix a matrix
             continue
         if found is None or found.shape != (3, 3) or not np.isfinite(found).all():
             continue
         F = np.asarray(found, dtype=np.float64)
-        n = int(fits_epipolar(F, pairs, distance=distance).sum())
+        n = int(fits_epipolar(F, pairs).sum())
         if n > most:
             best, most = F, n
     return best
 
 
-def count_on_plane(pairs: Pairs, *, distance: float = 2.0) -> int:
+def count_on_plane(pairs: Pairs) -> int:
     """Count the matches that one homography explains."""
     import cv2
 
     if len(pairs) < _FEWEST:
         return 0
     H, inlier = cv2.findHomography(
-        pairs.target, pairs.source, cv2.USAC_DEFAULT, distance, maxIters=2000, confidence=0.999
+        pairs.target, pairs.source, cv2.USAC_DEFAULT, _ON_PLANE, maxIters=2000, confidence=0.999
     )
     return 0 if H is None else int(inlier.sum())
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from seismo3d._typing import AnyArray, BoolArray, Float64Array
-from seismo3d.features.agreement import count_agreeing, keep_distinct, local_misfit
+from seismo3d._typing import AnyArray, BoolArray, Float64Array, Int64Array
+from seismo3d.features.agreement import N_ASKED, count_agreeing, keep_distinct, local_misfit
 from seismo3d.features.keypoints import Keypoints
 from seismo3d.features.pairs import Pairs
 from seismo3d.features.pyramid import ImagePyramid
@@ -14,6 +14,10 @@ from seismo3d.features.refinement import refine_matches
 
 # how much refinement may stretch or squeeze a patch beyond what its neighbour predicts
 _MAX_CHANGE = 1.4
+# which match, from the nearest on, is asked in each round: what was found before helps
+_RANKS = (0, 1, 0, 1)
+# levels by which a match is refined again at a time
+_LEVELS_FINER = 4
 
 
 def refine_pairs(
@@ -39,7 +43,6 @@ def grow_pairs(
     pairs: Pairs,
     *,
     min_correlation: float,
-    n_rounds: int = 2,
 ) -> Pairs:
     """Match further keypoints of the target by the affine maps of their matched neighbours.
 
@@ -53,15 +56,13 @@ def grow_pairs(
         Checked matches; ``row`` refers to ``keypoints``.
     min_correlation : float
         A new match is at least so alike.
-    n_rounds : int
-        New matches help in the next round. In each, the two nearest matches are asked.
 
     Returns
     -------
     Pairs
         The given ones, then the new ones, unchecked.
     """
-    for rank in (0, 1) * n_rounds:
+    for rank in _RANKS:
         free = np.ones(len(keypoints.points), dtype=np.bool_)
         free[pairs.row[pairs.row >= 0]] = False
         rows = np.flatnonzero(free)
@@ -86,29 +87,20 @@ def _change_of_shape(before: Pairs, after: Pairs) -> Float64Array:
 
 
 def polish_pairs(
-    target: ImagePyramid,
-    source: ImagePyramid,
-    keypoints: Keypoints,
-    pairs: Pairs,
-    *,
-    min_correlation: float,
-    n_finer: int = 4,
+    target: ImagePyramid, source: ImagePyramid, keypoints: Keypoints, pairs: Pairs, *, min_correlation: float
 ) -> Pairs:
     """Refine matches found on coarse levels again on finer ones, where the finer patches are alike too."""
     level = keypoints.level[pairs.row].astype(np.int64)
-    linear, points, correlation = pairs.linear.copy(), pairs.source.copy(), pairs.correlation.copy()
     for _ in range(2):
-        finer = np.maximum(level - n_finer, 0)
+        finer = np.maximum(level - _LEVELS_FINER, 0)
         rows = np.flatnonzero(finer < level - 1)
         if rows.size == 0:
             break
-        again = Pairs(pairs.row[rows], pairs.target[rows], points[rows], linear[rows], correlation[rows])
-        again = refine_pairs(target, source, finer[rows], again, reach=1.5, n_iterations=4)
-        good = again.correlation >= min_correlation
-        rows, again = rows[good], again.take(good)
-        points[rows], linear[rows], correlation[rows] = again.source, again.linear, again.correlation
-        level[rows] = finer[rows]
-    return Pairs(pairs.row, pairs.target, points, linear, correlation)
+        pairs, alike = _refine_rows(
+            target, source, pairs, rows, finer[rows], min_correlation, reach=1.5, n_iterations=4
+        )
+        level[alike] = finer[alike]
+    return pairs
 
 
 def sharpen_pairs(
@@ -120,17 +112,32 @@ def sharpen_pairs(
     middle does.
     """
     level = keypoints.level[pairs.row].astype(np.int64)
-    linear, points, correlation = pairs.linear.copy(), pairs.source.copy(), pairs.correlation.copy()
     for n_finer in (2, 4, 8):
+        finer = np.maximum(level - n_finer, 0)
         rows = np.flatnonzero((level > 0) | (n_finer == 8))  # what is finest already takes more steps there, once
-        finer = np.maximum(level[rows] - n_finer, 0)
-        again = Pairs(pairs.row[rows], pairs.target[rows], points[rows], linear[rows], correlation[rows])
-        again = refine_pairs(target, source, finer, again)
-        good = again.correlation >= min_correlation
-        rows, again = rows[good], again.take(good)
-        points[rows], linear[rows], correlation[rows] = again.source, again.linear, again.correlation
-        level[rows] = finer[good]
-    return Pairs(pairs.row, pairs.target, points, linear, correlation)
+        pairs, alike = _refine_rows(target, source, pairs, rows, finer[rows], min_correlation)
+        level[alike] = finer[alike]
+    return pairs
+
+
+def _refine_rows(
+    target: ImagePyramid,
+    source: ImagePyramid,
+    pairs: Pairs,
+    rows: Int64Array,
+    level: Int64Array,
+    min_correlation: float,
+    *,
+    reach: float = 3.0,
+    n_iterations: int = 8,
+) -> tuple[Pairs, Int64Array]:
+    """Return all matches, those of some rows refined where the patches are alike then, and which rows these are."""
+    again = refine_pairs(target, source, level, pairs.take(rows), reach=reach, n_iterations=n_iterations)
+    good = again.correlation >= min_correlation
+    rows, again = rows[good], again.take(good)
+    points, linear, correlation = pairs.source.copy(), pairs.linear.copy(), pairs.correlation.copy()
+    points[rows], linear[rows], correlation[rows] = again.source, again.linear, again.correlation
+    return Pairs(pairs.row, pairs.target, points, linear, correlation), rows
 
 
 def check_pairs(pairs: Pairs, *, min_agreeing: int, max_misfit: float) -> Pairs:
@@ -161,7 +168,7 @@ def check_pairs(pairs: Pairs, *, min_agreeing: int, max_misfit: float) -> Pairs:
 
 
 def _agreed(pairs: Pairs, min_agreeing: int, share: float, *, slack: float, growth: float) -> BoolArray:
-    n_asked = min(16, max(len(pairs) - 1, 0))
+    n_asked = min(N_ASKED, max(len(pairs) - 1, 0))
     return np.asarray(count_agreeing(pairs, slack=slack, growth=growth) >= max(min_agreeing, share * n_asked))
 
 

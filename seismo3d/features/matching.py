@@ -24,7 +24,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d._validate import freeze
 from seismo3d.errors import ParameterError, ShapeError
-from seismo3d.features.describing import Features, as_points, described
+from seismo3d.features.describing import Features, as_count, described
 from seismo3d.features.inputs import as_grid
 from seismo3d.features.pairs import Pairs
 from seismo3d.features.planar import ImageFeatures, PlanarSettings, match_images
@@ -120,7 +120,7 @@ def match(
     True
     """
     if n_points is not None:
-        as_points(n_points)
+        as_count(n_points)
     if tilts not in ("auto", "always", "never"):
         raise ParameterError(f"tilts is {tilts!r}; expected 'auto', 'always' or 'never'.")
     first, second = _both_described(target, source, mask_target, mask_source, n_points)

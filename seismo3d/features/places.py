@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array, Int64Array
-from seismo3d._validate import as_number, freeze
+from seismo3d._validate import as_whole_number, freeze
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.features.describing import Features
 from seismo3d.features.planar import ImageFeatures
@@ -69,7 +69,7 @@ class PlaceIndex:
     """
 
     def __init__(self, *, n_points: int = 150) -> None:
-        self._n_points = int(as_number(n_points, "n_points", low=1, high=100_000))
+        self._n_points = as_whole_number(n_points, "n_points", low=1, high=100_000)
         self._signatures: list[Float32Array] = []
         self._joined: Float32Array | None = None
 
@@ -114,7 +114,7 @@ class PlaceIndex:
         ShapeError
             If a volume is given.
         """
-        n = int(as_number(n_best, "n_best", low=1, high=1e9))
+        n = as_whole_number(n_best, "n_best", low=1, high=1e9)
         n_kept = len(self) if until is None else int(np.clip(until, 0, len(self)))
         asked = _signatures(_of_image(features), self._n_points)
         sizes = np.array([len(s) for s in self._signatures[:n_kept]], dtype=np.int64)

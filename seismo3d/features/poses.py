@@ -9,6 +9,9 @@ import numpy as np
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, Int32Array
 from seismo3d.features import _kernels_volume
 
+# of the patches that a pose is refined by, in voxels; and the steps of that
+_RADIUS, _MOST_STEPS = 5, 12
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
@@ -87,9 +90,6 @@ def refine_pose(
     source: Float32Array,
     points: Float64Array,
     pose: Pose,
-    *,
-    radius: int = 5,
-    n_iterations: int = 12,
 ) -> tuple[Pose, Float64Array, Float64Array]:
     """Align patches of both volumes by one rigid motion: Gauss-Newton, each patch weighed by how alike it is.
 
@@ -101,10 +101,6 @@ def refine_pose(
         Centres of patches in the target.
     pose : Pose
         Start, within about half a wavelength.
-    radius : int
-        Of a patch, in voxels.
-    n_iterations : int
-        At most so many steps.
 
     Returns
     -------
@@ -116,11 +112,11 @@ def refine_pose(
         layers.
     """
     n = len(points)
-    patch = _patch(radius)
+    patch = _patch(_RADIUS)
     normal, right, correlation = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.full(n, -1.0)
     whole = np.floor(points)
     centre = whole.mean(axis=0)
-    for _ in range(n_iterations):
+    for _ in range(_MOST_STEPS):
         _kernels_volume.align_patches(
             target,
             source,

@@ -160,6 +160,11 @@ def make_transform(A: ArrayLike, t: ArrayLike) -> Float64Array:
     return T
 
 
+def split_transform(T: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Return the rotation and the translation of a rigid transform, each contiguous in memory."""
+    return np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])
+
+
 def transform_points(T: ArrayLike, points: ArrayLike) -> Float64Array:
     """Apply a homogeneous matrix to points, one a row; shape (n, d) in, (n, d) out."""
     matrix = _square(T, "T")
@@ -180,3 +185,11 @@ def _square(matrix: ArrayLike, name: str) -> Float64Array:
     if array.ndim != 2 or array.shape[0] != array.shape[1] or array.shape[0] < 2:
         raise ShapeError(f"{name} has shape {array.shape}; expected a square matrix.")
     return array
+
+
+def adjoint(T: Float64Array) -> Float64Array:
+    """Return the matrix (6, 6) that carries a twist (rotation, translation) from the source to the target frame."""
+    out = np.zeros((6, 6))
+    out[:3, :3] = out[3:, 3:] = T[:3, :3]
+    out[3:, :3] = skew(T[:3, 3]) @ T[:3, :3]
+    return out

@@ -28,6 +28,7 @@ from seismo3d._typing import BoolArray, Float64Array, Int64Array
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import FormatError, GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.rotations import (
+    adjoint,
     exp_rotation,
     left_jacobian,
     log_rotation,
@@ -300,7 +301,7 @@ def _normal_equations(
     between = _inverse(T[graph.edges[:, 1]]) @ T[graph.edges[:, 0]]
     for (i, j), error, W, weight, T_j_i in zip(graph.edges, errors, graph.information, weights, between):
         J_j = _right_jacobian_inverse(error)
-        J = {int(place[i]): -J_j @ _adjoint(T_j_i), int(place[j]): J_j}
+        J = {int(place[i]): -J_j @ adjoint(T_j_i), int(place[j]): J_j}
         for a, J_a in J.items():
             if a < 0:
                 continue
@@ -332,13 +333,6 @@ def _moved(T: Float64Array, free: Int64Array, move: Float64Array) -> Float64Arra
     for k, step in zip(free, move.reshape(-1, 6)):
         motion = make_transform(exp_rotation(step[:3]), left_jacobian(step[:3]) @ step[3:])
         out[k] = out[k] @ motion
-    return out
-
-
-def _adjoint(T: Float64Array) -> Float64Array:
-    out = np.zeros((6, 6))
-    out[:3, :3] = out[3:, 3:] = T[:3, :3]
-    out[3:, :3] = skew(T[:3, 3]) @ T[:3, :3]
     return out
 
 

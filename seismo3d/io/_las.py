@@ -1,4 +1,4 @@
-"""What a LAS header says, checked against the file's size before anything is allocated for it."""
+"""LAS and LAZ files of points; what a header says is checked against the size before anything is allocated for it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,41 @@ import struct
 from pathlib import Path
 from typing import Any
 
-from seismo3d.errors import FormatError
+import numpy as np
+
+from seismo3d._typing import AnyArray
+from seismo3d.errors import FormatError, MissingDependencyError
 
 _LEAST_HEADER = 227
 _VLR, _EVLR = 54, 60
+# of points that are decoded at a time
+_BYTES_AT_ONCE = 64 * 2**20
+
+
+def read_las(path: Path) -> tuple[AnyArray, AnyArray | None]:
+    """Return the points of a LAS or LAZ file, which has no normals."""
+    try:
+        import laspy
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"{path.name} needs laspy, which is not installed. Install it with: pip install 'seismo3d[las]'."
+        ) from error
+    check_las(path)
+    try:
+        # the decoder of several threads gives memory to whatever the table of chunks says, and ends the process
+        with laspy.open(path, laz_backend=[laspy.LazBackend.Lazrs]) as file:
+            n_at_once = max(1, _BYTES_AT_ONCE // file.header.point_format.size)
+            parts = [np.column_stack([part.x, part.y, part.z]) for part in file.chunk_iterator(n_at_once)]
+            expected = int(file.header.point_count)
+    except BaseException as error:
+        # the decoder of LAZ panics on what it does not understand, which is no Exception
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+            raise
+        raise FormatError(f"{path.name} is not a readable LAS or LAZ file: {error}. Get it again.") from error
+    points = np.concatenate([np.zeros((0, 3)), *parts])
+    if len(points) != expected:
+        raise FormatError(f"{path.name} is cut short: {len(points)} points of {expected}. Get the file again.")
+    return points, None
 
 
 def check_las(path: Path) -> None:
@@ -24,7 +55,7 @@ def check_las(path: Path) -> None:
     with path.open("rb") as file:
         head = file.read(375)
         if len(head) < _LEAST_HEADER or head[:4] != b"LASF":
-            raise FormatError(f"{path.name} is not a readable LAS or LAZ file: it has no LAS header.")
+            raise FormatError(f"{path.name} is not a readable LAS or LAZ file: it has no LAS header. Get it again.")
         header_size, offset, n_records = struct.unpack_from("<HII", head, 94)
         point_format, width, n_points = struct.unpack_from("<BHI", head, 104)
         extended, n_extended = 0, 0

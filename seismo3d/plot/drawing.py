@@ -18,6 +18,8 @@ BLUE = "#2b6ca3"
 
 NO_DATA = "#e9edf2"
 """Colour of places without data."""
+_LINE_WIDTH = 2.0
+"""Of a fault on a picture, in points."""
 
 
 def new_axes(width: float, height: float) -> Any:
@@ -129,8 +131,8 @@ def amplitude_limits(values: AnyArray, clip: float) -> tuple[float, float]:
     return level - limit, level + limit
 
 
-def draw_faults(ax: Any, lines: FaultLines, *, colour: str, width: float = 2.0, label: bool = True) -> Any:
-    """Draw fault lines over a picture.
+def draw_faults(ax: Any, lines: FaultLines, *, colour: str) -> Any:
+    """Draw fault lines over a picture, with a colour bar where their colours are numbers.
 
     Parameters
     ----------
@@ -140,10 +142,6 @@ def draw_faults(ax: Any, lines: FaultLines, *, colour: str, width: float = 2.0, 
         What to draw.
     colour : {"surface", "throw", "likelihood"}
         What the colour says; segments of unknown throw are white.
-    width : float
-        Line width in points.
-    label : bool
-        Add a colour bar where colours are numbers.
 
     Returns
     -------
@@ -155,8 +153,10 @@ def draw_faults(ax: Any, lines: FaultLines, *, colour: str, width: float = 2.0, 
     if not len(lines.segments):
         return None
     limits = ax.get_xlim(), ax.get_ylim()
-    ax.add_collection(LineCollection(list(lines.segments), colors="black", linewidths=width + 1.4, capstyle="round"))
-    top = LineCollection(list(lines.segments), linewidths=width, capstyle="round")
+    ax.add_collection(
+        LineCollection(list(lines.segments), colors="black", linewidths=_LINE_WIDTH + 1.4, capstyle="round")
+    )
+    top = LineCollection(list(lines.segments), linewidths=_LINE_WIDTH, capstyle="round")
     values = lines.values(colour)
     if values is None:
         top.set_color([SURFACE_COLOURS[(number - 1) % len(SURFACE_COLOURS)] for number in lines.surface])
@@ -168,7 +168,7 @@ def draw_faults(ax: Any, lines: FaultLines, *, colour: str, width: float = 2.0, 
     ax.add_collection(top)
     ax.set_xlim(*limits[0])
     ax.set_ylim(*limits[1])
-    if values is not None and label:
+    if values is not None:
         name = f"Throw ({lines.throw_unit})" if colour == "throw" else "Fault likelihood"
         ax.figure.colorbar(top, ax=ax, label=name, pad=0.02, shrink=0.8)
     return top

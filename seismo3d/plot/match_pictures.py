@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d._validate import as_number, as_real_array
+from seismo3d._validate import as_real_array, as_whole_number
 from seismo3d.errors import ShapeError
 from seismo3d.io._files import check_output
 from seismo3d.plot.picture_files import PICTURES, save_figure
@@ -42,7 +42,7 @@ def matches(target: Any, source: Any, found: Any, *, n_shown: int = 200, ax: Any
     """
     first, places_t = _picture(target, found.points_target, "target")
     second, places_s = _picture(source, found.points_source, "source")
-    n = int(as_number(n_shown, "n_shown", low=0, high=1e6))
+    n = as_whole_number(n_shown, "n_shown", low=0, high=1e6)
     if ax is None:
         import matplotlib.pyplot as plt
 

@@ -17,6 +17,8 @@ from seismo3d.plot.pictures import at_index, axis_coordinates, axis_labels
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS
 from seismo3d.seismic.cube_checks import check_faults_of
 
+# voxels from a flow path within which the likelihood is drawn
+_NEAR_PATH = 8.0
 _LINES: dict[str, Any] = {"cross": "-", "abut": "--", "corner": ":"}
 
 
@@ -213,14 +215,14 @@ def save_network_pictures(directory: str | Path, network: Any, faults: Any, *, p
     return files
 
 
-def _likelihood_near(path: Any, faults: Any, *, reach: float = 8.0) -> tuple[Any, Any]:
-    """Voxels of some likelihood within reach of a path, and that likelihood."""
+def _likelihood_near(path: Any, faults: Any) -> tuple[Any, Any]:
+    """Voxels of some likelihood near a path, and that likelihood."""
     from scipy.spatial import cKDTree
 
     likelihood = np.nan_to_num(np.asarray(faults.likelihood))
     voxels = np.argwhere(likelihood > 0)
     if len(voxels):
-        voxels = voxels[np.isfinite(cKDTree(path.voxels).query(voxels, distance_upper_bound=reach)[0])]
+        voxels = voxels[np.isfinite(cKDTree(path.voxels).query(voxels, distance_upper_bound=_NEAR_PATH)[0])]
     return voxels, likelihood[tuple(voxels.T)]
 
 

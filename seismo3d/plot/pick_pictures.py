@@ -91,7 +91,7 @@ def pick_distance_map(
     """
     from scipy.spatial import cKDTree
 
-    from seismo3d.seismic.pick_scores import flat_places, have_lines, same_trace_distance
+    from seismo3d.seismic.horizon_scores import flat_places, have_lines, same_trace_distance
 
     ax = new_axes(7.5, 6.5) if ax is None else ax
     by_lines = have_lines(picks, track)

@@ -17,6 +17,9 @@ from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.report_facts import survey_facts
 from seismo3d.plot.reports import embed_pictures
 
+# rows of the longest tables: the largest zones and the longest lines
+_MOST_ZONES, _MOST_LINES = 30, 60
+
 
 @dataclass(frozen=True, slots=True)
 class ReportTable:
@@ -200,23 +203,23 @@ def _sets_table(network: Any) -> ReportTable:
     return ReportTable("Sets", ("Set", "Faults", "Share of the area", "Strike (°)", "Dip (°)", "Spread (°)"), rows)
 
 
-def _zones_table(network: Any, *, most: int = 30) -> ReportTable:
+def _zones_table(network: Any) -> ReportTable:
     rows = [
         [str(k), " ".join(map(str, zone.surfaces)), f"{zone.area:,.0f}", str(zone.n_intersections),
          f"{zone.intensity:.3g}"]
-        for k, zone in enumerate(network.zones[:most], start=1)
+        for k, zone in enumerate(network.zones[:_MOST_ZONES], start=1)
     ]  # fmt: skip
     unit = network.unit
     headings = ("Zone", "Faults", f"Area ({unit}²)", "Intersections", f"Area over its box (1/{unit})")
     return ReportTable("Connected zones", headings, rows)
 
 
-def _lines_table(network: Any, *, most: int = 60) -> ReportTable:
+def _lines_table(network: Any) -> ReportTable:
     words = {"cross": "cross", "abut": "{} ends at the other", "corner": "both end"}
     rows = [
         [str(line.first), str(line.second), words[line.kind].format(line.abutting), f"{line.length:,.0f}",
          f"{line.angle_deg:.0f}"]
-        for line in sorted(network.intersections, key=lambda line: -line.length)[:most]
+        for line in sorted(network.intersections, key=lambda line: -line.length)[:_MOST_LINES]
     ]  # fmt: skip
     return ReportTable("Intersections", ("Fault", "Fault", "They", f"Length ({network.unit})", "Angle (°)"), rows)
 

@@ -8,6 +8,9 @@ import numpy as np
 
 from seismo3d.plot.scene_frame import SceneFrame
 
+# share of the picture's height that a scene may fill
+_FILLED = 0.88
+
 
 def add_axes(plotter: Any, cube: Any, frame: SceneFrame) -> None:
     """Write line numbers and times along the near edges of the floor and up the left edge of the back wall."""
@@ -51,7 +54,7 @@ def _round_values(low: float, high: float) -> list[float]:
     return inside if low <= high else inside[::-1]
 
 
-def aim_camera(plotter: Any, bounds: tuple[float, ...], *, margin: float = 0.88) -> None:
+def aim_camera(plotter: Any, bounds: tuple[float, ...]) -> None:
     """Look from the front left and above, as near as all eight corners allow."""
     angle = 22.0
     corners = np.stack(np.meshgrid(bounds[:2], bounds[2:4], bounds[4:]), axis=-1).reshape(-1, 3)
@@ -62,7 +65,7 @@ def aim_camera(plotter: Any, bounds: tuple[float, ...], *, margin: float = 0.88)
     sideways /= np.linalg.norm(sideways)
     relative = corners - centre
     width, height = plotter.window_size
-    half = margin * np.tan(np.radians(angle / 2))
+    half = _FILLED * np.tan(np.radians(angle / 2))
     vertical = np.abs(relative @ np.cross(towards, sideways)) / half
     horizontal = np.abs(relative @ sideways) / (half * 0.9 * width / height)
     distance = float((np.maximum(vertical, horizontal) + relative @ towards).max())

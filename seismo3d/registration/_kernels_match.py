@@ -95,34 +95,45 @@ def _recall(
     return others * abs(others) > distance2, j if distance2 < radius2 else -1
 
 
+@nb.njit(cache=True, nogil=True, inline="always")
+def _direct(
+    turned: Float64Array, quality_s: np.float32, target: Float32Array, j: int, least_cosine: float, symmetric: bool,
+    normal: Float64Array,
+) -> np.float32:  # fmt: skip
+    """Write the direction that a pair is measured along; return the pair's quality, -1 where the normals disagree.
+
+    That is the target's normal, or the mean of both; the source's where the target has none.
+    """
+    quality = target[j, 3]
+    cosine = turned[0] * target[j, 4] + turned[1] * target[j, 5] + turned[2] * target[j, 6]
+    length2 = turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2
+    crossed = cosine * cosine < least_cosine * least_cosine * length2
+    if quality_s > 0.0 and quality > 0.0 and crossed:
+        return np.float32(-1.0)
+    sign = 1.0 if cosine >= 0.0 else -1.0
+    use_source = (symmetric and quality_s > 0.0) or quality <= 0.0
+    for k in range(3):
+        normal[k] = target[j, 4 + k] if quality > 0.0 else 0.0
+        if use_source:
+            normal[k] += sign * turned[k]
+    if not use_source:
+        return quality
+    length = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+    if length <= 1e-12 or (quality <= 0.0 and quality_s <= 0.0):
+        return np.float32(-1.0)
+    for k in range(3):
+        normal[k] /= length
+    return max(quality, quality_s)
+
+
 @nb.njit(cache=True, nogil=True)
 def match_blocks(
-    first: int,
-    last: int,
-    source: Float32Array,
-    A: Float64Array,
-    t: Float64Array,
-    turn: Float64Array,
-    origin: Float64Array,
-    inverse_size: float,
-    table_keys: Int64Array,
-    table: Int32Array,
-    shift: int,
-    target: Float32Array,
-    given: Int32Array,
-    cells: Int64Array,
-    places: Float64Array,
-    nearest: Int32Array,
-    radius2: float,
-    cutoff: float,
-    least_cosine: float,
-    symmetric: bool,
-    sums: Float64Array,
-    residuals: Float32Array,
-    distances2: Float32Array,
-    partners: Int32Array,
-    normals: Float32Array,
-) -> None:
+    first: int, last: int, source: Float32Array, A: Float64Array, t: Float64Array, turn: Float64Array,
+    origin: Float64Array, inverse_size: float, table_keys: Int64Array, table: Int32Array, shift: int,
+    target: Float32Array, given: Int32Array, cells: Int64Array, places: Float64Array, nearest: Int32Array,
+    radius2: float, cutoff: float, least_cosine: float, symmetric: bool, sums: Float64Array, residuals: Float32Array,
+    distances2: Float32Array, partners: Int32Array, normals: Float32Array,
+) -> None:  # fmt: skip
     """Match the source elements of blocks first to last - 1 and add up the form of their plane pairs.
 
     ``given`` holds the partners where they are known (a search that was done elsewhere), or is empty. Points without a
@@ -163,20 +174,9 @@ def match_blocks(
                         known, j = _recall(moved, places[i], nearest[i], target, d, radius2)
                 if not known:
                     j, others2 = nearest_voxel(
-                        moved[0],
-                        moved[1],
-                        moved[2],
-                        turn,
-                        origin,
-                        inverse_size,
-                        d,
-                        table_keys,
-                        table,
-                        shift,
-                        target,
-                        radius2,
-                        margin,
-                    )
+                        moved[0], moved[1], moved[2], turn, origin, inverse_size, d, table_keys, table, shift, target,
+                        radius2, margin,
+                    )  # fmt: skip
                     if remembering:
                         cells[i] = cell
                         nearest[i] = j
@@ -187,31 +187,14 @@ def match_blocks(
             if j < 0:
                 row[n_form + 1] += 1.0
                 continue
-            quality_s, quality = source[i, 3], target[j, 3]
-            if quality < 0.0:
+            if target[j, 3] < 0.0:  # its normal is still to be found
                 partners[i] = j
                 row[n_form + 1] += 1.0
                 continue
-            cosine = turned[0] * target[j, 4] + turned[1] * target[j, 5] + turned[2] * target[j, 6]
-            length2 = turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2
-            crossed = cosine * cosine < least_cosine * least_cosine * length2
-            if quality_s > 0.0 and quality > 0.0 and crossed:
+            quality = _direct(turned, source[i, 3], target, j, least_cosine, symmetric, normal)
+            if quality < 0.0:
                 row[n_form + 1] += 1.0
                 continue
-            sign = 1.0 if cosine >= 0.0 else -1.0
-            use_source = (symmetric and quality_s > 0.0) or quality <= 0.0
-            for k in range(3):
-                normal[k] = target[j, 4 + k] if quality > 0.0 else 0.0
-                if use_source:
-                    normal[k] += sign * turned[k]
-            if use_source:
-                length = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-                if length <= 1e-12 or (quality <= 0.0 and quality_s <= 0.0):
-                    row[n_form + 1] += 1.0
-                    continue
-                for k in range(3):
-                    normal[k] /= length
-                quality = max(quality, quality_s)
             r = 0.0
             distance2 = 0.0
             level = 0.0

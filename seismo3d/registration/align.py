@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import ArrayLike, Float64Array
-from seismo3d._validate import as_number, as_points, as_real_array, freeze
+from seismo3d._validate import as_number, as_points, as_real_array, as_settings, freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.registration import quadratic
 from seismo3d.registration.certificate import Certificate
@@ -110,6 +110,7 @@ def align_pairs(
            [ 0.,  0.,  1.]])
     """
     model_number(model)
+    given = as_settings(constraints, Constraints, "constraints")
     number = as_number(observability, "observability", low=0.0, high=1.0)
     q, p = _as_pairs(target, source, "target", "source")
     pairs = [(q, p, _as_normals(normals, q), _as_weights(weights, len(p), "weights"))]
@@ -124,7 +125,7 @@ def align_pairs(
     _check_enough(all_source, model)
     frame = Frame.of(np.concatenate([pair[0] for pair in pairs]), all_source, size_is_free=model in SIZE_IS_FREE)
     start = _as_prior(prior, frame, p.shape[1], model)
-    limits = Limits(*(constraints or Constraints()).limits(model, p.shape[1], frame.size))
+    limits = Limits(*given.limits(model, p.shape[1], frame.size))
     terms = [_make_term(pair, frame) for pair in pairs]
     found, terms = _solve_terms(terms, alpha, model, start, limits, number)
     return _result(found, terms, pairs, frame, model, start, limits, number)

@@ -15,9 +15,12 @@ from seismo3d.registration.matching import Memory, match_surface
 from seismo3d.registration.projective import PixelTable
 from seismo3d.registration.robust import TUKEY
 from seismo3d.registration.settings import LoopSettings
-from seismo3d.registration.solvers import Limits, Prior, moved_from, offsets_from, walk
+from seismo3d.registration.solvers import Limits, Prior, Solution, moved_from, offsets_from, walk
 from seismo3d.registration.terms import FeatureTerm, weigh_features
 from seismo3d.registration.wide_search import WideSearch, draw, is_far, is_loose
+
+_WIDE_PASSES = 12
+"""Passes after which partners are searched for nearby, wherever the search at any distance has led."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,73 +148,125 @@ def _misfit(job: _LevelJob, found: LoopResult) -> float:
 def _run_level(
     job: _LevelJob, A: Float64Array, t: Float64Array, trail: _Trail, *, search: WideSearch | None = None
 ) -> LoopResult:
-    level, features, settings, model = job.level, job.features, job.settings, job.model
-    target = level.target
-    base = Prior(A, t)
-    accelerator = Accelerator(settings.acceleration)
-    memory = Memory.of(len(level.source))
-    tolerance = (1.0 if job.finest else 5.0) * settings.tolerance * target.size
-    stall = Stall()
-    cutoff = target.size
-    joint = None
-    plain: tuple[Float64Array, Float64Array] | None = None
+    loop = _LevelLoop(job, A, t, trail, search)
     settled = False
-    for iteration in range(settings.max_iterations):
-        if iteration == 12 and search is not None:
-            search = joint = plain = None
-        widened = search is not None
-        given, radius = search.partners(A, t, iteration) if search else (None, 1.5 * target.size)
-        keeps_all = search is not None and search.keeps_all
-        if keeps_all:
-            cutoff = radius
-            accelerator.forget()
-        new = evaluate(
-            level,
-            features,
-            A,
-            t,
-            radius=radius,
-            cutoff=cutoff,
-            given=given,
-            settings=settings,
-            model=model,
-            memory=memory,
-        )
-        if plain is not None and joint is not None and new.cost > 1.0005 * joint.cost + 1e-9:
-            A, t = plain  # the extrapolation went uphill: take the plain step instead
-            plain = None
-            accelerator.forget()
-            continue
-        joint = new
-        surface = joint.surface
-        if surface is not None:
-            trail.append((surface.mean_square, A, t))
-            fresh = max(TUKEY * surface.spread, 0.05 * target.size, 1e-7)
-            if not keeps_all and not 0.8 < fresh / cutoff < 1.25:
-                cutoff = min(fresh, 2.0 * target.size)
-                accelerator.forget()
-        step = walk(joint.form, A, t, model=model, prior=job.prior, limits=job.limits, ratio=joint.ratio)
-        move = offsets_from(Prior(A, t), step.A, step.t, model)
-        if np.abs(move).max() < (tolerance if not widened else 4 * tolerance) or stall.reached(joint.cost, cutoff):
-            A, t = step.A, step.t
-            if search is None:
-                settled = True
-                break
-            search = None
-            accelerator.forget()
-            joint = plain = None
-            continue
-        before = offsets_from(base, A, t, model)
-        after = offsets_from(base, step.A, step.t, model)
-        mixed = accelerator.extrapolate(before, after)
-        plain = None
-        A, t = step.A, step.t
-        if mixed is not None and not job.limits.bind_motion:
-            plain = (A, t)
-            A, t = moved_from(base, mixed, model)
-    if joint is None:
+    for iteration in range(job.settings.max_iterations):
+        settled = loop.ends(iteration)
+        if settled:
+            break
+    if loop.joint is None:
         raise ParameterError(f"max_iterations is {job.settings.max_iterations}; expected 1 or more passes a level.")
-    return LoopResult(A, t, joint, cutoff, settled, tuple(e for e, _, _ in trail), tuple((B, u) for _, B, u in trail))
+    energies, path = tuple(e for e, _, _ in trail), tuple((B, u) for _, B, u in trail)
+    return LoopResult(loop.A, loop.t, loop.joint, loop.cutoff, settled, energies, path)
+
+
+class _LevelLoop:
+    """The passes over one level, and what they hand on to each other.
+
+    Attributes
+    ----------
+    A, t : ndarray
+        Where the next pass is made.
+    joint : Joint or None
+        The last pass that was not taken back.
+    cutoff : float
+        Residual along the normal at which weights reach zero.
+    """
+
+    def __init__(
+        self, job: _LevelJob, A: Float64Array, t: Float64Array, trail: _Trail, search: WideSearch | None
+    ) -> None:
+        self.A, self.t = A, t
+        self.joint: Joint | None = None
+        self.cutoff = job.level.target.size
+        self._job, self._trail, self._search = job, trail, search
+        self._base = Prior(A, t)
+        self._accelerator = Accelerator(job.settings.acceleration)
+        self._memory = Memory.of(len(job.level.source))
+        self._stall = Stall()
+        self._cost = np.inf
+        # where the last step alone would have led, if it was extrapolated
+        self._plain: tuple[Float64Array, Float64Array] | None = None
+
+    def ends(self, iteration: int) -> bool:
+        """Make a pass and the step after it; return whether it was the last one."""
+        job = self._job
+        if iteration == _WIDE_PASSES:
+            self._search_near()
+        seen = self._look(iteration)
+        if self._plain is not None and seen.cost > 1.0005 * self._cost + 1e-9:
+            self.A, self.t = self._plain  # the extrapolation went uphill: take the plain step instead
+            self._plain = None
+            self._accelerator.forget()
+            return False
+        self.joint, self._cost = seen, seen.cost
+        if seen.surface is not None:
+            self._trail.append((seen.surface.mean_square, self.A, self.t))
+            self._follow_spread(seen.surface.spread)
+        step = walk(seen.form, self.A, self.t, model=job.model, prior=job.prior, limits=job.limits, ratio=seen.ratio)
+        if self._is_still(step):
+            self.A, self.t = step.A, step.t
+            if self._search is None:
+                return True
+            self._search_near()
+            self._accelerator.forget()
+            return False
+        self._advance(step)
+        return False
+
+    def _search_near(self) -> None:
+        """Search for partners nearby from now on, if they were searched for at any distance."""
+        if self._search is not None:
+            self._search = self._plain = None
+
+    def _look(self, iteration: int) -> Joint:
+        given, radius = None, 1.5 * self._job.level.target.size
+        if self._search is not None:
+            given, radius = self._search.partners(self.A, self.t, iteration)
+            if self._search.keeps_all:
+                self.cutoff = radius
+                self._accelerator.forget()
+        return evaluate(
+            self._job.level,
+            self._job.features,
+            self.A,
+            self.t,
+            radius=radius,
+            cutoff=self.cutoff,
+            given=given,
+            settings=self._job.settings,
+            model=self._job.model,
+            memory=self._memory,
+        )
+
+    def _follow_spread(self, spread: float) -> None:
+        """Let the cutoff follow the spread of the residuals, in steps."""
+        size = self._job.level.target.size
+        fresh = max(TUKEY * spread, 0.05 * size, 1e-7)
+        keeps_all = self._search is not None and self._search.keeps_all
+        if not keeps_all and not 0.8 < fresh / self.cutoff < 1.25:
+            self.cutoff = min(fresh, 2.0 * size)
+            self._accelerator.forget()
+
+    def _is_still(self, step: Solution) -> bool:
+        """Return whether a step hardly moves, or passes no longer lower the cost."""
+        job = self._job
+        tolerance = (1.0 if job.finest else 5.0) * job.settings.tolerance * job.level.target.size
+        if self._search is not None:
+            tolerance *= 4
+        move = offsets_from(Prior(self.A, self.t), step.A, step.t, job.model)
+        return bool(np.abs(move).max() < tolerance) or self._stall.reached(self._cost, self.cutoff)
+
+    def _advance(self, step: Solution) -> None:
+        """Take a step, or go where the last steps together lead."""
+        model = self._job.model
+        before = offsets_from(self._base, self.A, self.t, model)
+        mixed = self._accelerator.extrapolate(before, offsets_from(self._base, step.A, step.t, model))
+        self._plain = None
+        self.A, self.t = step.A, step.t
+        if mixed is not None and not self._job.limits.bind_motion:
+            self._plain = (step.A, step.t)
+            self.A, self.t = moved_from(self._base, mixed, model)
 
 
 def _run_features(

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -147,69 +148,72 @@ def match_surface(
     memory : Memory, optional
         Of passes of the same elements over the same target.
     """
-    n, d = len(source), t.size
     kept = NOTHING if memory is None else memory
-    n_blocks = -(-n // kernels.BLOCK)
-    sums = np.empty((n_blocks, kernels.n_sums(d)))
-    residuals = np.empty(n, dtype=np.float32)
-    distances2 = np.empty(n, dtype=np.float32)
-    partners = np.empty(n, dtype=np.int32)
-    normals = np.empty((n, 3), dtype=np.float32)
+    found = _Found.of(len(source), t.size)
+    n_blocks = len(found.sums)
 
     def run(first: int, last: int) -> None:
         kernels.match_blocks(
-            first,
-            last,
-            source,
-            A,
-            t,
-            target.turn,
-            target.origin,
-            1.0 / target.size,
-            target.table_keys,
-            target.table,
-            target.shift,
-            target.surface,
-            given,
-            kept.cells,
-            kept.places,
-            kept.nearest,
-            radius * radius,
-            cutoff,
-            least_cosine,
-            symmetric,
-            sums,
-            residuals,
-            distances2,
-            partners,
-            normals,
-        )
+            first, last, source, A, t, target.turn, target.origin, 1.0 / target.size, target.table_keys, target.table,
+            target.shift, target.surface, given, kept.cells, kept.places, kept.nearest, radius * radius, cutoff,
+            least_cosine, symmetric, *found,
+        )  # fmt: skip
 
     for _ in range(2):
         share_out(run, n_blocks, n_threads if n_blocks >= FEWEST_BLOCKS else 1)
-        rows = pass_kernels.rows_asked_for(residuals, partners, len(target.surface))
-        if rows.size:
-            parts = -(-len(rows) // PART)
-            share_out(lambda a, b: target.complete(rows[a * PART : b * PART]), parts, n_threads)  # noqa: B023
-        if rows.size <= MOST_UNKNOWN * n:
+        if _complete_partners(target, found, n_threads) <= MOST_UNKNOWN * len(source):
             break
         kept.cells[:] = -1  # elements have moved where layers were joined
-    total, mean_square, middle = pass_kernels.sum_blocks(sums, residuals)
+    return _sum_up(found, t.size)
+
+
+class _Found(NamedTuple):
+    """What the kernel of a pass writes: sums of every block, and what each source element was matched with."""
+
+    sums: Float64Array
+    residuals: Float32Array
+    distances2: Float32Array
+    partners: Int32Array
+    normals: Float32Array
+
+    @classmethod
+    def of(cls, n: int, d: int) -> _Found:
+        """Return room for n elements in d dimensions."""
+        return cls(
+            sums=np.empty((-(-n // kernels.BLOCK), kernels.n_sums(d))),
+            residuals=np.empty(n, dtype=np.float32),
+            distances2=np.empty(n, dtype=np.float32),
+            partners=np.empty(n, dtype=np.int32),
+            normals=np.empty((n, 3), dtype=np.float32),
+        )
+
+
+def _complete_partners(target: VoxelMap, found: _Found, n_threads: int) -> int:
+    """Find the normals of partners that have none yet; return how many these are."""
+    rows = pass_kernels.rows_asked_for(found.residuals, found.partners, len(target.surface))
+    if rows.size:
+        parts = -(-len(rows) // PART)
+        share_out(lambda a, b: target.complete(rows[a * PART : b * PART]), parts, n_threads)
+    return int(rows.size)
+
+
+def _sum_up(found: _Found, d: int) -> Pass:
+    n = len(found.residuals)
+    total, mean_square, middle = pass_kernels.sum_blocks(found.sums, found.residuals)
     weight, cost, matched, squares, slope = (float(v) for v in total[-kernels.N_EXTRA :])
-    form = form_kernels.unpack_planes(total[: -kernels.N_EXTRA], d)
     return Pass(
-        form,
-        weight,
-        cost / n,
-        matched / n,
-        squares,
-        slope,
-        NORMAL * middle,
-        mean_square,
-        residuals,
-        distances2,
-        partners,
-        normals,
+        form=form_kernels.unpack_planes(total[: -kernels.N_EXTRA], d),
+        weight=weight,
+        cost=cost / n,
+        matched=matched / n,
+        squares=squares,
+        slope=slope,
+        spread=NORMAL * middle,
+        mean_square=mean_square,
+        residuals=found.residuals,
+        distances2=found.distances2,
+        partners=found.partners,
+        normals=found.normals,
     )
 
 

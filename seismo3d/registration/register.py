@@ -29,6 +29,7 @@ from seismo3d.scan import Scan, as_scan
 CORRESPONDENCES = ("nearest", "projective")
 STAGES = ("local", "global", "polish")
 LEAST_POINTS = 10
+MOST_THREADS = 256
 
 
 def register(
@@ -157,6 +158,7 @@ def _prepare(
     """Check all inputs and bring both scans into one frame."""
     model_number(model)
     _check_stages(stages)
+    given = as_settings(constraints, Constraints, "constraints")
     q, p = as_scan(target, "target"), as_scan(source, "source")
     if q.dim != p.dim:
         raise ShapeError(f"target has {q.dim} dimensions and source {p.dim}; expected the same.")
@@ -168,27 +170,23 @@ def _prepare(
     edge = None if voxel_size is None else as_number(voxel_size, "voxel_size", low=0.0, strict=True)
     chosen = as_settings(settings, LoopSettings)
     as_whole_number(chosen.max_iterations, "settings.max_iterations", low=1)
-    threads = chosen.n_threads if n_threads is None and settings is not None else _threads(n_threads)
+    if n_threads is None and settings is not None:
+        threads = as_whole_number(chosen.n_threads, "settings.n_threads", low=1, high=MOST_THREADS)
+    else:
+        threads = _threads(n_threads)
     chosen = replace(chosen, alpha=chosen.alpha if alpha is None else alpha, n_threads=threads)
     for scan, name in ((q, "target"), (p, "source")):
         if len(scan) < LEAST_POINTS:
             raise GeometryError(
                 f"{name} has {len(scan)} points; expected at least {LEAST_POINTS}. Use align_pairs for pairs."
             )
-    pair = prepare_pair(
-        q,
-        p,
-        voxel_size=edge,
-        n_threads=threads,
-        symmetric=chosen.symmetric,
-    )
+    pair = prepare_pair(q, p, voxel_size=edge, n_threads=threads, symmetric=chosen.symmetric)
     _check_spread(pair, d)
     features = None
     if matches is not None:
         features = feature_term(matches, q, p, pair.frame, 0.05 * pair.voxel_size)
     T = np.eye(d + 1) if start is None else as_start(start, "start", d, model)
     prior = Prior(*pair.frame.enter(T))
-    given = constraints or Constraints()
     limits = Limits(*given.limits(model, d, pair.frame.size, usual_scale=usual_scale(q, p, T)))
     return Task(q, p, pair, features, prior, limits, model, chosen), prior
 
@@ -204,7 +202,7 @@ def _check_stages(stages: tuple[str, ...]) -> None:
 def _threads(n_threads: int | None) -> int:
     if n_threads is None:
         return min(os.cpu_count() or 1, 8)
-    return int(as_number(n_threads, "n_threads", low=1, high=256))
+    return as_whole_number(n_threads, "n_threads", low=1, high=MOST_THREADS)
 
 
 def _check_spread(pair: DensePair, d: int) -> None:

@@ -78,28 +78,43 @@ def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, Loop
     is_good = is_sure(task, found) and surface_cost(task, found) < GOOD_COST
     if (is_near and is_good) or not _allowed(task, scale):
         return task, found, stage, True
-    # the target's voxels are to be as fine as the source's at its true size
+    sized = _bring_to_size(task, scale)
+    answer, settled = min(_answers_at_size(task, sized, scale), key=lambda one: surface_cost(sized, one[0]))
+    other = _carried(task, sized, found.A, found.t)
+    if surface_cost(sized, answer) < surface_cost(sized, replace(found, A=other.A, t=other.t)) - 1e-3:
+        return sized, answer, "global", settled.stands_out(answer, sized.pair.frame)
+    return task, found, stage, True
+
+
+def _bring_to_size(task: Task, scale: float) -> Task:
+    """Return a task whose target has voxels as fine as the source's are at its true size."""
+    settings = task.settings
     pair = prepare_pair(
         task.target,
         task.source,
         voxel_size=None,
-        n_threads=task.settings.n_threads,
-        symmetric=task.settings.symmetric,
+        n_threads=settings.n_threads,
+        symmetric=settings.symmetric,
         target_scale=scale,
     )
-
-    def enter(A: Float64Array, t: Float64Array) -> Prior:
-        return Prior(*pair.frame.enter(task.pair.frame.leave(A, t)))
-
-    settings = replace(task.settings, wide_search=False)
-    sized_task = replace(
+    sized = replace(
         task,
         pair=pair,
-        prior=enter(task.prior.A, task.prior.t),
         limits=task.limits.in_size(task.pair.frame.size, pair.frame.size, task.model, task.source.dim),
-        settings=settings,
+        settings=replace(settings, wide_search=False),
     )
-    finest = replace(sized_task, pair=replace(pair, target=pair.target[:1], source=pair.source[:1]))
+    return replace(sized, prior=_carried(task, sized, task.prior.A, task.prior.t))
+
+
+def _carried(task: Task, other: Task, A: Float64Array, t: Float64Array) -> Prior:
+    """Return a transform of one task's frame in that of another."""
+    return Prior(*other.pair.frame.enter(task.pair.frame.leave(A, t)))
+
+
+def _answers_at_size(task: Task, sized: Task, scale: float) -> list[tuple[LoopResult, _Settled]]:
+    """Settle the source rigidly at sizes near a scale, and free the size from there."""
+    pair = sized.pair
+    finest = replace(sized, pair=replace(pair, target=pair.target[:1], source=pair.source[:1]))
     turn = task.prior.A / scale_of(task.prior.A)
     target_middle, source_middle = _extent(task.target.points)[0], _extent(task.source.points)[0]
     answers = []
@@ -110,12 +125,8 @@ def led_by_extent(task: Task, found: LoopResult, stage: str) -> tuple[Task, Loop
         settled = _settle_rigidly(task, to_size)
         at_size = Prior(*pair.frame.enter(settled.T_target_source @ to_size))
         # on smooth ground coarse voxels lead away again, and the finest alone may not reach
-        answers += [(run(sized_task, at_size), settled), (run(finest, at_size), settled)]
-    answer, settled = min(answers, key=lambda one: surface_cost(sized_task, one[0]))
-    other = enter(found.A, found.t)
-    if surface_cost(sized_task, answer) < surface_cost(sized_task, replace(found, A=other.A, t=other.t)) - 1e-3:
-        return sized_task, answer, "global", settled.stands_out(answer, pair.frame)
-    return task, found, stage, True
+        answers += [(run(sized, at_size), settled), (run(finest, at_size), settled)]
+    return answers
 
 
 def scale_of_extents(target: Scan, source: Scan) -> float | None:

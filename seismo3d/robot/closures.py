@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import Float64Array, Int64Array
-from seismo3d.geometry.rotations import invert_transform
+from seismo3d.geometry.rotations import adjoint, invert_transform
 from seismo3d.graph.poses import PoseGraph, edge_errors
 from seismo3d.registration.result import Registration
 from seismo3d.robot.drift import step_covariance
-from seismo3d.robot.ekf import adjoint, exp_motion, log_motion
+from seismo3d.robot.ekf import exp_motion, log_motion
 from seismo3d.robot.keyframes import PlaceMemory
 
 _STEP_TURN, _STEP_SHIFT = 0.002, 0.003

@@ -15,9 +15,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float64Array
-from seismo3d.geometry.rotations import invert_transform
+from seismo3d.geometry.rotations import adjoint, invert_transform
 from seismo3d.graph.poses import PoseGraph
-from seismo3d.robot.ekf import adjoint
 from seismo3d.robot.landmarks import View, views_apart
 
 _SHARED = 0.4

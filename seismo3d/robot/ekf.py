@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float64Array, Int64Array
-from seismo3d.geometry.rotations import invert_transform, left_jacobian, log_rotation, skew
+from seismo3d.geometry.rotations import adjoint, invert_transform, left_jacobian, log_rotation, skew
 from seismo3d.robot import _kernels_twist as kernels
 
 _FLOOR = 0.0015**2
@@ -283,11 +283,3 @@ def log_motion(T: Float64Array) -> Float64Array:
         return twist
     turn = log_rotation(T[:3, :3])  # near half a turn, where the axis needs more care
     return np.concatenate([turn, np.linalg.solve(left_jacobian(turn), T[:3, 3])])
-
-
-def adjoint(T: Float64Array) -> Float64Array:
-    """Return the matrix (6, 6) that carries a twist (rotation, translation) from the source to the target frame."""
-    out = np.zeros((6, 6))
-    out[:3, :3] = out[3:, 3:] = T[:3, :3]
-    out[3:, :3] = skew(T[:3, 3]) @ T[:3, :3]
-    return out

@@ -7,10 +7,10 @@ from collections import Counter
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d.geometry.rotations import invert_transform
+from seismo3d.geometry.rotations import adjoint, invert_transform
 from seismo3d.robot.camera import Camera, RgbdFrame
 from seismo3d.robot.drift import map_covariance
-from seismo3d.robot.ekf import MotionFilter, adjoint, of_measurement
+from seismo3d.robot.ekf import MotionFilter, of_measurement
 from seismo3d.robot.frames import Coming, Measured, Timing
 from seismo3d.robot.keyframes import Keyframe
 from seismo3d.robot.landmarks import Sightings

@@ -19,6 +19,8 @@ _UPRIGHT = 0.34
 """Cosine of the largest angle between the first camera's upward axis and up: 70 degrees."""
 _LEAST_GROUND = 0.005
 """Share of all surface that ground has at least: what noise has turned upwards has less."""
+_AROUND = 4
+"""Cells around one whose ground is not known, of which the lowest stands for it."""
 UPWARD = (0.0, -1.0, 0.0)
 """Up of a camera that is held upright, in its own axes: right, down, ahead."""
 MOST_CELLS = 100_000_000
@@ -218,11 +220,11 @@ def _lowest(
     return np.where(count >= 2, total / np.maximum(count, 1), np.nan).reshape(shape)
 
 
-def _least_around(ground: Float64Array, least: float, reach: int = 4) -> Float64Array:
+def _least_around(ground: Float64Array, least: float) -> Float64Array:
     """Lowest ground within some cells; the lowest of all where none is near, and ``least`` where there is none."""
     from scipy.ndimage import minimum_filter
 
     filled = np.where(np.isfinite(ground), ground, np.inf)
-    around = minimum_filter(filled, size=2 * reach + 1, mode="nearest")
+    around = minimum_filter(filled, size=2 * _AROUND + 1, mode="nearest")
     known = ground[np.isfinite(ground)]
     return np.where(np.isfinite(around), around, known.min() if known.size else least)

@@ -22,6 +22,8 @@ from seismo3d.scan import Scan
 _N_POINTS = 300
 _LEAST_AGREEING = 8
 _SEEDS = 5
+_NEAR_TURN, _NEAR_SHIFT = 0.6, 0.7
+"""Radians and metres within which two keyframes looked the same way from nearly the same place."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,13 +170,13 @@ class PlaceMemory:
         self.settle()
         return self._index.query(features, n_best=n_best, until=until).index
 
-    def near(self, number: int, *, gap: int, turn: float = 0.6, shift: float = 0.7) -> list[int]:
+    def near(self, number: int, *, gap: int) -> list[int]:
         """Return earlier keyframes, at least ``gap`` before, that looked the same way from nearly the same place."""
         T = self.keyframes[number].T_world_camera
         found = []
         for other, keyframe in enumerate(self.keyframes[: max(0, number - gap + 1)]):
             between = invert_transform(keyframe.T_world_camera) @ T
-            if rotation_angle(between[:3, :3]) < turn and np.linalg.norm(between[:3, 3]) < shift:
+            if rotation_angle(between[:3, :3]) < _NEAR_TURN and np.linalg.norm(between[:3, 3]) < _NEAR_SHIFT:
                 found.append(other)
         return found
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array, Int64Array
 from seismo3d.geometry.camera import PinholeCamera
-from seismo3d.geometry.rotations import skew
+from seismo3d.geometry.rotations import adjoint, skew
 from seismo3d.robot import _kernels_follow as following
-from seismo3d.robot.ekf import adjoint, exp_motion
+from seismo3d.robot.ekf import exp_motion
 from seismo3d.robot.frames import Timing
 from seismo3d.robot.tsdf import Prediction
 
@@ -24,9 +24,12 @@ _FARTHEST = 0.9
 """Views that are farther, by ``View.apart``, are not searched."""
 _TOP = 3
 """Smallest image that patches are followed in, the whole one being 0: a shift of 40 pixels is one of 5 there."""
+_MOST_VIEWS = 3
+"""Views that are searched at most, the nearest first."""
+_MOST_CORNERS = 500
+"""Landmarks that a view has at most."""
 _MOST = 150
 """Landmarks of a view that are looked for at most, evenly from the most to the least distinct."""
-
 _LEAST_ALIKE = 0.5
 """Correlation of a patch with what it was found as; the noise of a bare wall, followed to where it fits, has 0.3."""
 
@@ -123,7 +126,6 @@ def sight_landmarks(
     timing: Timing,
     *,
     also: Sequence[tuple[int, int]] = (),
-    most_views: int = 3,
     enough: int = 100,
 ) -> Sightings:
     """Find the landmarks of the nearest views, and some named ones, in an image.
@@ -140,8 +142,8 @@ def sight_landmarks(
     timing : Timing
     also : sequence of (int, int)
         View and landmark of those that are looked for from other views, too: from two more at most.
-    most_views, enough : int
-        Views that are searched at most, landmarks after which no other view is.
+    enough : int
+        Landmarks after which no other view is searched; three are at most.
 
     Returns
     -------
@@ -169,7 +171,7 @@ def sight_landmarks(
         found_names.append(np.column_stack([np.full(len(which), number), which]))
 
     searched = []
-    for number in np.argsort(apart, kind="stable")[:most_views].tolist():
+    for number in np.argsort(apart, kind="stable")[:_MOST_VIEWS].tolist():
         if apart[number] > _FARTHEST or sum(len(p) for p in found_pixels) > enough:
             break
         search(number, None)
@@ -208,7 +210,6 @@ def make_view(
     *,
     camera: int = 0,
     moving: BoolArray | None = None,
-    n_corners: int = 500,
 ) -> View:
     """Remember an image with the corners that lie on the mapped surface.
 
@@ -223,7 +224,6 @@ def make_view(
     camera : int
     moving : ndarray of shape (rows / 2, columns / 2), bool, optional
         Where corners are of no use.
-    n_corners : int
 
     Returns
     -------
@@ -236,7 +236,7 @@ def make_view(
     T_colour = T @ exp_motion(twist * timing.colour_lead)
     if grey is None:
         return View(T_colour, np.empty((0, 0), np.uint8), np.empty((0, 2)), np.empty((0, 3)), camera)
-    corners = cv2.goodFeaturesToTrack(grey, n_corners, 0.002, 7, mask=_steady_pixels(moving, grey.shape))
+    corners = cv2.goodFeaturesToTrack(grey, _MOST_CORNERS, 0.002, 7, mask=_steady_pixels(moving, grey.shape))
     pixels = np.empty((0, 2)) if corners is None else corners.reshape(-1, 2).astype(np.float64)
     seen = time_sightings(np.zeros((len(pixels), 3)), pixels, lens, twist, timing, grey.shape)
     origins = T[:3, 3] + seen.T_depth_pixel[:, :3, 3] @ T[:3, :3].T

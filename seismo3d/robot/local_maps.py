@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d.geometry.rotations import invert_transform
+from seismo3d.geometry.rotations import adjoint, invert_transform
 from seismo3d.graph.poses import PoseGraph, solve_poses
 from seismo3d.robot.closures import Closure, closure_information, correct_poses
-from seismo3d.robot.ekf import adjoint, log_motion
+from seismo3d.robot.ekf import log_motion
 from seismo3d.robot.keyframes import Keyframe
 from seismo3d.robot.state import MapState
 from seismo3d.robot.trajectory import Trajectory

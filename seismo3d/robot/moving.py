@@ -10,6 +10,7 @@ import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array
 from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.geometry.rotations import split_transform
 from seismo3d.robot import _kernels_motion as kernels
 from seismo3d.robot.frames import Measured
 
@@ -118,7 +119,7 @@ def without(depth: Float32Array, moving: BoolArray) -> Float32Array:
 
 def _mark_intruders(here: _Glance, there: _Glance, marked: BoolArray) -> None:
     """Mark what one image sees at places that another one saw through."""
-    (R, t), (R_there, t_there) = (_parts(glance.T_world_camera) for glance in (here, there))
+    (R, t), (R_there, t_there) = (split_transform(glance.T_world_camera) for glance in (here, there))
     kernels.mark_intruders(here.vertices, R, t, there.depth, R_there, t_there, there.lens, marked)
 
 
@@ -131,7 +132,3 @@ def _grown(vertices: Float32Array, hints: BoolArray, share: float) -> BoolArray:
 def _still_there(marked: BoolArray, before: Float32Array, after: Float32Array) -> BoolArray:
     """Where the camera sees, at the same pixels a little later, what was marked: at nearly the same depth."""
     return marked & (np.abs(after[:, :, 2] - before[:, :, 2]) < _LEAP)
-
-
-def _parts(T: Float64Array) -> tuple[Float64Array, Float64Array]:
-    return np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])

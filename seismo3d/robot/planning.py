@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike
-from seismo3d._validate import as_real_array, freeze
+from seismo3d._validate import as_real_array, as_settings, freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.robot.dstar import DStarLite, Repair
 from seismo3d.robot.lattice import lattice_motions
@@ -72,7 +72,7 @@ class Planner:
         robot: RobotLimits | None = None,
         unknown: str = "blocked",
     ) -> None:
-        self.robot = robot or RobotLimits()
+        self.robot = as_settings(robot, RobotLimits, "robot")
         self.occupancy = occupancy
         self._blocks = check_unknown(unknown)
         self._cells, self._height = np.array(occupancy.cells), np.array(occupancy.height)

@@ -35,10 +35,13 @@ def find_camera(folder: Path, layout: str) -> Camera:
             if not isinstance(m, list) or len(m) != 9:
                 raise FormatError(f"{path} has the intrinsic_matrix {m!r:.60}; expected nine numbers, by columns.")
             fields = {**fields, "fx": m[0], "fy": m[4], "cx": m[6], "cy": m[7]}
-        if {"fx", "fy", "cx", "cy"} <= set(fields):
+        lacking = [name for name in ("fx", "fy", "cx", "cy") if name not in fields]
+        if not lacking:
             return _as_camera({"depth_scale": scale, **fields}, path)
         if path == own:
-            raise FormatError(f"{path} has no {', '.join({'fx', 'fy', 'cx', 'cy'} - set(fields))}; expected all four.")
+            raise FormatError(
+                f"{path} has no {', '.join(lacking)}; expected fx, fy, cx and cy, in pixels. Write them into it."
+            )
     if layout == "7-scenes":
         return Camera(_SEVEN_SCENES)
     raise FormatError(

@@ -36,8 +36,8 @@ _USES = {
 _REACHES = (0.1, 0.1, 0.06, 0.04)
 """Distance within which pairs are sought, in the first steps and all later ones, metres."""
 _FREE = Limits(np.full(6, -np.inf), np.full(6, np.inf))
-_STILL = 2e-4
-"""Steps below are the last, rad and m."""
+_MOST_STEPS, _STILL = 10, 2e-4
+"""Steps that are taken at most, and below which a step is the last, rad and m."""
 _NEARLY = 1e-3
 """Steps below which vertices are paired more finely, rad and m."""
 _COARSE, _FINE = (3, 2000), (3, 4000)
@@ -137,7 +137,6 @@ def locate(
     *,
     terms: str = "fused",
     loose: bool = False,
-    max_steps: int = 10,
 ) -> Located:
     """Find the pose at which a frame fits the map.
 
@@ -155,17 +154,16 @@ def locate(
         One of ``TERMS``.
     loose : bool
         Whether the start may be far off: then landmarks take the first steps alone.
-    max_steps : int
 
     Returns
     -------
     Located
     """
     lead = (_LEADING if loose and terms == "fused" else 0, _MANY, _FAR_OFF, False)
-    found = _fit(measured, prediction, sightings, T_world_camera, lens, terms, lead, max_steps)
+    found = _fit(measured, prediction, sightings, T_world_camera, lens, terms, lead)
     if terms == "fused" and found.n_landmarks >= _MANY and found.landmark_spread > _APART:
         lead = (_LEADING, _MANY, _APART, True)
-        led = _fit(measured, prediction, sightings, T_world_camera, lens, terms, lead, max_steps)
+        led = _fit(measured, prediction, sightings, T_world_camera, lens, terms, lead)
         if led.landmark_spread < _NEARER * found.landmark_spread and led.n_planes >= _AS_WELL * found.n_planes:
             return led
     return found
@@ -179,7 +177,6 @@ def _fit(
     lens: PinholeCamera,
     terms: str,
     lead: tuple[int, int, float, bool],
-    max_steps: int,
 ) -> Located:
     """Fit a frame from a pose; ``lead`` is what :func:`~seismo3d.robot._kernels_pose.fit_frame` takes."""
     coarse, near = _step_of(measured, _COARSE), fine_step(measured)
@@ -187,7 +184,7 @@ def _fit(
         T_world_camera, measured.vertices, measured.normals, (coarse, near), prediction.points, prediction.normals,
         prediction.T_world_camera, prediction.lens, _REACHES, _PER_PLANE, sightings.points, sightings.T_depth_pixel,
         sightings.rays, (lens.fx, lens.fy), _USES[terms],
-        lead, (_NEARLY, _STILL), max_steps,
+        lead, (_NEARLY, _STILL), _MOST_STEPS,
     )  # fmt: skip
     weights, spread, n_agreeing = landmarks
     if n_steps == 0:

@@ -23,6 +23,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
 from seismo3d.geometry._kernels_voxel_keys import find
 from seismo3d.geometry.camera import PinholeCamera
+from seismo3d.geometry.rotations import split_transform
 from seismo3d.robot import _kernels_blocks as blocks
 from seismo3d.robot import _kernels_carve as carving
 from seismo3d.robot import _kernels_fuse as fusing
@@ -150,7 +151,7 @@ class SurfaceMap:
         """
         if carve:
             self._carve(measured, camera, T_world_camera, pool, n_threads)
-        R, t = _parts(T_world_camera)
+        R, t = split_transform(T_world_camera)
         reach = self.band + 0.5 * self.voxel_size
         lens, table = lens_numbers(camera), self._pixel_table(camera, measured.depth.shape)
         image = self._image_of(table.size)
@@ -189,7 +190,7 @@ class SurfaceMap:
     def _carve(
         self, measured: Measured, camera: PinholeCamera, T: Float64Array, pool: ThreadPoolExecutor, n_threads: int
     ) -> None:
-        R, t = _parts(T)
+        R, t = split_transform(T)
         half, nearest = halved(camera), carving.nearest_around(measured.depth)
         lens, table = lens_numbers(half), self._pixel_table(half, nearest.shape)
         beyond = carving.straighten_depth(table, nearest)
@@ -236,7 +237,7 @@ class SurfaceMap:
         """
         rows, columns = expected.shape
         expected = np.where(expected > 0.0, expected, np.float32(-1e3))
-        R, t = _parts(T_world_camera)
+        R, t = split_transform(T_world_camera)
         points = np.empty((rows, columns, 3), dtype=np.float32)
         normals = np.empty((rows, columns, 3), dtype=np.float32)
 
@@ -284,10 +285,6 @@ def halved(camera: PinholeCamera) -> PinholeCamera:
         camera.fx / 2, camera.fy / 2, (camera.cx + 0.5) / 2 - 0.5, (camera.cy + 0.5) / 2 - 0.5, camera.distortion,
         camera.depth_scale,
     )  # fmt: skip
-
-
-def _parts(T: Float64Array) -> tuple[Float64Array, Float64Array]:
-    return np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])
 
 
 def _ranges(n: int, n_parts: int) -> list[tuple[int, int]]:

@@ -9,6 +9,15 @@ from numba import njit, prange
 _TAPS = 8
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _between(y0, y1, y2, y3, f):  # type: ignore[no-untyped-def]
+    """Value between the second and the third of four samples, at a share of the way, by cubic convolution."""
+    c1 = np.float32(0.5) * (y2 - y0)
+    c2 = y0 - np.float32(2.5) * y1 + np.float32(2.0) * y2 - np.float32(0.5) * y3
+    c3 = np.float32(0.5) * (y3 - y0) + np.float32(1.5) * (y1 - y2)
+    return y1 + f * (c1 + f * (c2 + f * c3))
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def level_depths(times, cuts, target, depth):  # type: ignore[no-untyped-def]
     """Write the fractional sample at which every trace reaches its target; NaN where it does not, or in a fault."""
@@ -50,10 +59,7 @@ def read_waveforms(volume, valid, depth, half, out):  # type: ignore[no-untyped-
                 f = np.float32(z - b)
                 y0, y1 = volume[i, j, b - 1], volume[i, j, b]
                 y2, y3 = volume[i, j, b + 1], volume[i, j, b + 2]
-                c1 = np.float32(0.5) * (y2 - y0)
-                c2 = y0 - np.float32(2.5) * y1 + np.float32(2.0) * y2 - np.float32(0.5) * y3
-                c3 = np.float32(0.5) * (y3 - y0) + np.float32(1.5) * (y1 - y2)
-                out[i, j, t] = y1 + f * (c1 + f * (c2 + f * c3))
+                out[i, j, t] = _between(y0, y1, y2, y3, f)
 
 
 @njit(cache=True, nogil=True)
@@ -145,10 +151,7 @@ def _read_cubic(row, z, first, last):  # type: ignore[no-untyped-def]
     y1, y2 = row[b], row[b + 1]
     y0 = row[b - 1] if b > first else np.float32(2.0) * y1 - y2
     y3 = row[b + 2] if b + 2 <= last else np.float32(2.0) * y2 - y1
-    c1 = np.float32(0.5) * (y2 - y0)
-    c2 = y0 - np.float32(2.5) * y1 + np.float32(2.0) * y2 - np.float32(0.5) * y3
-    c3 = np.float32(0.5) * (y3 - y0) + np.float32(1.5) * (y1 - y2)
-    return y1 + f * (c1 + f * (c2 + f * c3))
+    return _between(y0, y1, y2, y3, f)
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import SheetNodes
 from seismo3d.seismic.sheet_measures import (
     dip_deg,
@@ -21,6 +20,7 @@ from seismo3d.seismic.sheet_measures import (
     vertical_extent,
 )
 from seismo3d.seismic.sheet_tips import share_out_of_view
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.term_fits import fit_terms
 from seismo3d.seismic.throw import SheetThrow
 

@@ -11,8 +11,8 @@ from scipy import ndimage
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_cut_offsets import carry_to_places
 from seismo3d.seismic._kernels_restore import read_between
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import are_near, bounds_of
+from seismo3d.seismic.sheets import Sheet
 
 # cuts of one sheet at most: their sides are the bits of a number
 _MOST = 62

@@ -10,9 +10,9 @@ from scipy import ndimage
 from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.seismic.choosing import ChoiceSettings
 from seismo3d.seismic.extending import local_planes
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import SheetNodes, near_boxes, within_box
 from seismo3d.seismic.sheet_ends import are_large
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetThrow
 
 # traces and samples within which a node is on another sheet

@@ -11,10 +11,11 @@ from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_extending import find_beside, fit_local_planes, follow_planes, lay_on_grid
-from seismo3d.seismic.linking import Room, Sheet
+from seismo3d.seismic.linking import Room
 from seismo3d.seismic.scan import RidgePoints
 from seismo3d.seismic.sheet_distances import SheetNodes
 from seismo3d.seismic.sheet_measures import strength
+from seismo3d.seismic.sheets import Sheet
 
 
 @dataclass(frozen=True, slots=True)

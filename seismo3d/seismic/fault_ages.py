@@ -1,17 +1,15 @@
-"""Which faults are parts of one, and which of two that meet is the younger, told by how they offset each other."""
+"""Which of two faults that meet is the younger, and how it slid, told by how they offset each other."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic.fault_motion import FaultMotion, Frame
-from seismo3d.seismic.sheet_distances import are_near, bounds_of, near_boxes, within_box
+from seismo3d.seismic.sheet_distances import bounds_of, near_boxes
 from seismo3d.seismic.term_fits import fit_terms
 
 # a place's part of the roughness of a surface, in squared traces, is at most this
@@ -24,8 +22,6 @@ _TURNS, _PRICE = np.linspace(-0.6, 0.6, 13), 0.5
 _SHARES, _ASIDE = np.linspace(-1.2, 1.2, 25), 0.2
 # mend from which on an older fault bears witness, and how many times clearer a single one must
 _WITNESS, _ALONE = 0.25, 1.6
-# traces within which surfaces that cover each other are the same, and distance along a surface that is still on it
-_SAME, _ON = 2.0, 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,42 +108,6 @@ class StrikeSlip:
         return motion if self.share is None else replace(motion, share=self.share)
 
 
-def find_families(
-    motions: list[FaultMotion], nodes: list[Float64Array], areas: list[float], settings: HistorySettings
-) -> IntArray:
-    """Tell which faults are parts of one as they lie today.
-
-    Younger faults have taken the parts of an older one apart, along it and, by their heave, across it. Parts strike
-    alike, dip to the same side, and carry each other on: where each other's surface was found they do not lie, unless
-    on that very surface. The closest go together first, as long as this holds for all parts of a fault.
-
-    Parameters
-    ----------
-    motions, nodes, areas, settings
-        As for :func:`order_faults`.
-
-    Returns
-    -------
-    ndarray of shape (fault,), int64
-        Numbers from 0 on, the same for parts of one fault.
-    """
-    n = len(motions)
-    family = np.arange(n)
-
-    @cache
-    def apart(one: int, other: int) -> tuple[bool, float]:
-        large, small = (one, other) if areas[one] >= areas[other] else (other, one)
-        return _part_from_other(motions[large], motions[small], nodes[small], settings)
-
-    for far, i, j in sorted((apart(i, j)[1], i, j) for i, j in _near_pairs(nodes, settings.gap)):
-        if not np.isfinite(far) or family[i] == family[j]:
-            continue
-        ours, theirs = (np.flatnonzero(family == family[m]) for m in (i, j))
-        if all(apart(max(a, b), min(a, b))[0] for a in ours.tolist() for b in theirs.tolist()):
-            family[theirs] = family[i]
-    return np.asarray(np.unique(family, return_inverse=True)[1])
-
-
 def order_faults(
     motions: list[FaultMotion],
     nodes: list[Float64Array],
@@ -173,7 +133,7 @@ def order_faults(
     areas : list of float
         Their areas, in traces times samples.
     families : ndarray of shape (part,), int64
-        Which are parts of one, as :func:`find_families` tells it.
+        Which are parts of one, as :func:`~seismo3d.seismic.fault_families.find_families` tells it.
     settings : HistorySettings
         Limits.
     sliding : bool
@@ -186,7 +146,7 @@ def order_faults(
         True where the first is younger than the second; where neither is, it is not known.
     """
     meetings: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for i, j in _near_pairs(nodes, settings.reach):
+    for i, j in near_pairs(nodes, settings.reach):
         if families[i] != families[j]:
             one, other = (i, j) if families[i] > families[j] else (j, i)
             meetings.setdefault((int(families[one]), int(families[other])), []).append((one, other))
@@ -303,89 +263,12 @@ def _best_share(mended: Float64Array, settings: HistorySettings) -> tuple[float 
     return share, float(-np.expm1(aside - total[best]))
 
 
-def are_one(
-    frame: Frame, one: Float64Array, across: Float64Array, other: Float64Array, settings: HistorySettings
-) -> bool:
-    """Tell whether places of two faults, as they lay when they moved, lie on one surface.
-
-    Parameters
-    ----------
-    frame : Frame
-        Of the one.
-    one : ndarray of shape (n, 3), float64
-        Places on it.
-    across : ndarray of shape (2,), float64
-        Horizontal normal of the other.
-    other : ndarray of shape (n, 3), float64
-        Places on that.
-    settings : HistorySettings
-        Limits.
-
-    Returns
-    -------
-    bool
-    """
-    alike = abs(float((frame.across * across).sum()))
-    if alike < np.cos(np.radians(settings.turn_deg)):
-        return False
-    s, samples, _ = frame.lay(one)
-    t, depths, _ = frame.lay(other)
-    here, there = np.column_stack([s, samples]), np.column_stack([t, depths])
-    if not are_near(bounds_of(here), bounds_of(there), settings.gap):
-        return False
-    # farther than this nothing is asked of them
-    reach = settings.gap + settings.around + 1.0
-    to_one = _distances(there, here, reach)
-    gap = float(to_one.min())
-    if gap > settings.gap or (to_one < _ON).mean() > settings.overlap:
-        return False
-    to_other = _distances(here, there, reach)
-    if (to_other < _ON).mean() > settings.overlap:
-        return False
-    near, far = one[to_other < gap + settings.around], other[to_one < gap + settings.around]
-    count = min(len(near), len(far))
-    if count < settings.least_places // 2:
-        return False
-    both = [part[np.linspace(0, len(part) - 1, count).astype(np.int64)] for part in (near, far)]
-    return _roughness(frame, np.concatenate(both)) < settings.roughness
-
-
-def _near_pairs(nodes: list[Float64Array], reach: float) -> Iterator[tuple[int, int]]:
+def near_pairs(nodes: list[Float64Array], reach: float) -> Iterator[tuple[int, int]]:
     """Give all pairs of faults whose boxes come within reach, each once, the later first."""
     bounds = np.array([bounds_of(places) for places in nodes]).reshape(len(nodes), 2, 3)
     for i in range(len(nodes)):
         for j in near_boxes(bounds[:i], bounds[i], reach):
             yield i, j
-
-
-def _part_from_other(
-    motion: FaultMotion, other: FaultMotion, nodes: Float64Array, settings: HistorySettings
-) -> tuple[bool, float]:
-    """Tell whether a fault and a smaller one, of which these are places, may be parts of one, and how far apart.
-
-    Infinitely far where neither carries the other on.
-    """
-    alike = float((motion.frame.across * other.frame.across).sum())
-    turned = 1 if alike >= 0 else -1
-    if abs(alike) < np.cos(np.radians(settings.turn_deg)) or turned * other.hanging_side != motion.hanging_side:
-        return False, np.inf
-    away = motion.apart_at(nodes)
-    gap = float(away.min())
-    # at right angles to the surface, which dips: across the strike it is as far off where that throws the part down
-    aside = abs(float(np.median(motion.side(nodes[away < gap + settings.around])) / np.hypot(1.0, motion.slopes[1])))
-    if aside > _SAME and float((away < _ON).mean()) > settings.overlap:
-        return False, np.inf
-    return True, gap + aside if gap <= settings.gap and aside <= settings.aside else np.inf
-
-
-def _distances(places: Float64Array, others: Float64Array, reach: float) -> Float64Array:
-    """Return how far each place is from the nearest of others; infinite where that is farther than the reach."""
-    distances = np.full(len(places), np.inf)
-    near = within_box(places, bounds_of(others), reach)
-    if near.any():
-        tree = cKDTree(others[within_box(others, bounds_of(places[near]), reach)])
-        distances[near] = tree.query(places[near], distance_upper_bound=reach)[0]
-    return distances
 
 
 def _gain_of_parts(
@@ -420,7 +303,7 @@ def _roughness_across(
     if near is None:
         return 0.0, 0.0
     undone = _roughness_undone(motion, other, near, motion.share + turns) * (1.0 + _PRICE * np.abs(turns))
-    return _roughness(other.frame, near), float(undone.min())
+    return roughness_of(other.frame, near), float(undone.min())
 
 
 def _across(motion: FaultMotion, nodes: Float64Array, settings: HistorySettings) -> Float64Array | None:
@@ -435,10 +318,10 @@ def _roughness_undone(
 ) -> Float64Array:
     """Return how rough places of another fault are with this one undone, for each strike slip over throw."""
     undone = (replace(motion, share=float(share)).undo(places) for share in shares)
-    return np.array([_roughness(other.frame, points) for points in undone])
+    return np.array([roughness_of(other.frame, points) for points in undone])
 
 
-def _roughness(frame: Frame, points: Float64Array) -> float:
+def roughness_of(frame: Frame, points: Float64Array) -> float:
     """Return the mean square, robust, that a quadratic surface leaves of points, in squared traces."""
     s, samples, w = frame.lay(points)
     a, b = ((at - at.mean()) / max(float(at.std()), 1.0) for at in (s, samples))

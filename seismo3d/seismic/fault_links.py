@@ -17,6 +17,8 @@ from seismo3d.seismic.faultset import FaultSurface
 _PLACES = 100_000
 # variance of a throw, in samples squared, where all of the energy is misfit
 _SPREAD = 16.0
+# traces off a surface at which the layers are read that an edge across it joins
+_CLEAR = 2.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,7 +247,7 @@ def doubt_matches(variance: Float64Array, usual: float, settings: LinkSettings) 
 
 def link_grid(
     grid: SurfaceGrid, throw: Float64Array, variance: Float64Array, nearest: list[Float32Array], breaks: AnyArray, *,
-    stride: int, step: int, clear: float = 2.5,
+    stride: int, step: int,
 ) -> ScalarEdges:  # fmt: skip
     """Edges from the footwall to the hanging wall of a surface, one every stride-th row and step-th sample."""
     rows, samples = np.meshgrid(
@@ -256,8 +258,8 @@ def link_grid(
     down, spread = down[known], spread[known]
     at_rows: Float64Array = rows.ravel()[known].astype(np.float64)
     at_samples: Float64Array = samples.ravel()[known].astype(np.float64)
-    foot = _vertices(grid.place(at_rows, at_samples - 0.5 * down), -clear * grid.across, nearest, breaks, stride, step)
-    hang = _vertices(grid.place(at_rows, at_samples + 0.5 * down), clear * grid.across, nearest, breaks, stride, step)
+    foot = _vertices(grid.place(at_rows, at_samples - 0.5 * down), -_CLEAR * grid.across, nearest, breaks, stride, step)
+    hang = _vertices(grid.place(at_rows, at_samples + 0.5 * down), _CLEAR * grid.across, nearest, breaks, stride, step)
     ok = foot[3] & hang[3]
     return ScalarEdges.from_arrays(
         foot[0][ok], hang[0][ok], measured=(foot[2] - hang[2])[ok], variance=spread[ok],

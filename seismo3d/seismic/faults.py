@@ -27,7 +27,8 @@ from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.flanks import FlankSettings, join_flanks
 from seismo3d.seismic.layer_strain import LayerSlopes, sample_slopes
 from seismo3d.seismic.leftovers import link_leftovers
-from seismo3d.seismic.linking import LinkSettings, Room, Sheet, link_sheets
+from seismo3d.seismic.linking import Room, link_sheets
+from seismo3d.seismic.misfit import Evidence
 from seismo3d.seismic.misfit_settings import NOISES, MisfitSettings
 from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
 from seismo3d.seismic.preparing import as_volume, check_live, clean_volume
@@ -43,6 +44,7 @@ from seismo3d.seismic.section_scores import (
 )
 from seismo3d.seismic.sheet_ends import end_along_layers, end_in_mutes, end_where_still
 from seismo3d.seismic.sheet_tips import continue_sheet, likeness_beyond
+from seismo3d.seismic.sheets import Sheet, SheetSettings
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface, order_by_area
 from seismo3d.seismic.throw import (
@@ -84,7 +86,7 @@ class FaultSettings:
     registration: RegistrationSettings = field(default_factory=RegistrationSettings)
     scan: ScanSettings = field(default_factory=ScanSettings)
     section: SectionScoreSettings = field(default_factory=SectionScoreSettings)
-    link: LinkSettings = field(default_factory=LinkSettings)
+    link: SheetSettings = field(default_factory=SheetSettings)
     extend: ExtendSettings = field(default_factory=ExtendSettings)
     cut: CutSettings = field(default_factory=CutSettings)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
@@ -112,7 +114,7 @@ class FaultSettings:
             misfit=MisfitSettings(reach=(1, 6), vertical=(1.5, 1.5), lateral=0.5, background=(10.0, 16.0), floor=0.01),
             registration=RegistrationSettings(share=(0.0, 0.0, 1.0)),
             scan=ScanSettings(along_dip=(14.0, 16.0), n_dips=(61, 41), evenness=0.5),
-            link=LinkSettings(fragment=6, contacts=5),
+            link=SheetSettings(fragment=6, contacts=5),
             extend=ExtendSettings(strength=np.inf),
             choice=ChoiceSettings.for_section(),
             throw=ThrowSettings(clear=8),
@@ -215,14 +217,8 @@ def trace_faults(
         farther=settings.section.farther if is_section else 0.0,
     )  # fmt: skip
     report("scan", 0.0)
-    support = scan_planes(found, settings=settings.scan, progress=progress)
-    ridges = thin(support, found, least=0.0)
-    if is_section:
-        ridges = weigh_crests(volume, valid, slopes, ridges, settings=settings.section)
-    else:
-        ridges = leave_layers(ridges, slopes, settings.scan)
+    ridges = _find_ridges(found, (volume, valid), slopes, settings, progress)
     strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, found.noise))
-    del support
     report("link", 0.0)
     sheets = find_candidates(strong, ridges, found.known.shape, found.noise, settings)
     if sheets:
@@ -310,6 +306,20 @@ def find_candidates(
     return offset_sheets(
         sheets, patch=(settings.scan.along_strike[0], settings.scan.along_dip[0]), settings=settings.cut
     )
+
+
+def _find_ridges(
+    found: Evidence,
+    data: tuple[Float32Array, BoolArray],
+    slopes: tuple[Float32Array, Float32Array],
+    settings: FaultSettings,
+    progress: Progress | None,
+) -> RidgePoints:
+    """Scan the evidence of a cube in one piece, and thin it to crests that a fault may run along."""
+    ridges = thin(scan_planes(found, settings=settings.scan, progress=progress), found, least=0.0)
+    if 1 in data[0].shape[:2]:
+        return weigh_crests(*data, slopes, ridges, settings=settings.section)
+    return leave_layers(ridges, slopes, settings.scan)
 
 
 def _place_sheets(

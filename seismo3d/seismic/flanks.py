@@ -12,8 +12,8 @@ from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_extending import lay_on_grid
 from seismo3d.seismic.choosing import ChoiceSettings
 from seismo3d.seismic.doubles import node_normals, without_nodes
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_measures import strength
+from seismo3d.seismic.sheets import Sheet
 
 # least support by which a place of a sheet is weighed
 _LEAST_WEIGHT = 1e-3

@@ -10,10 +10,11 @@ import numpy as np
 from seismo3d._typing import BoolArray, IntArray
 from seismo3d.seismic.doubles import node_normals
 from seismo3d.seismic.extending import ExtendSettings, ridges_beside
-from seismo3d.seismic.linking import InMemory, LinkSettings, Room, Sheet, link_sheets
+from seismo3d.seismic.linking import InMemory, Room, link_sheets
 from seismo3d.seismic.scan import RidgePoints
 from seismo3d.seismic.sheet_distances import SheetNodes
 from seismo3d.seismic.sheet_measures import strength
+from seismo3d.seismic.sheets import Sheet, SheetSettings
 
 
 def link_leftovers(
@@ -23,7 +24,7 @@ def link_leftovers(
     *,
     step: int,
     least_points: int,
-    link: LinkSettings | None = None,
+    link: SheetSettings | None = None,
     settings: ExtendSettings | None = None,
     room: Room | None = None,
 ) -> list[Sheet]:
@@ -45,7 +46,7 @@ def link_leftovers(
         Samples a step of that grid.
     least_points : int
         Smaller sets are left out.
-    link : LinkSettings, optional
+    link : SheetSettings, optional
         When points belong together.
     settings : ExtendSettings, optional
         What is certain, what lies near it, the weakest ridge, and what lies on a sheet.

@@ -1,19 +1,16 @@
-"""Ridge points linked into sheets: sets of points that each lie on one smooth surface, one point for each place."""
+"""Ridge points linked into surfaces: sets of points that each lie on one sheet, one point for each place."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-import cv2
 import numpy as np
-from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from seismo3d._threads import map_items
-from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d._typing import AnyArray, Float32Array, IntArray
 from seismo3d.seismic._kernels_linking import (
     count_contacts,
     fill_cells,
@@ -22,129 +19,10 @@ from seismo3d.seismic._kernels_linking import (
     number_cells,
 )
 from seismo3d.seismic.scan import RidgePoints
+from seismo3d.seismic.sheets import Sheet, SheetSettings, fit_sheet
 
 # into so many shares, to be counted one by one, the points of a cube are split
 _SHARES = 8
-
-
-@dataclass(frozen=True, slots=True)
-class LinkSettings:
-    """When points belong to one surface; lengths in traces and samples.
-
-    Attributes
-    ----------
-    reach : int
-        Steps of the evidence's grid over which neighbours are looked for.
-    angle_deg : float
-        Largest angle between the planes of two neighbours.
-    off_plane : float
-        Farthest a point may lie off its neighbour's plane.
-    turn_deg : float
-        Farthest a surface's plane may turn away from that of its best point.
-    fold : float
-        Farthest a point may lie off its surface at the same place; what lies farther belongs to another one.
-    fragment : int
-        Surfaces of fewer points are not joined to others.
-    gap : int
-        Steps of the grid across which two surfaces may be joined.
-    contacts : int
-        Pairs of points, across the gap, that must agree for that.
-    joint_share : float
-        Share of the joined points that must lie on one height field.
-    closing : int
-        Gaps in a sheet up to about twice this many grid steps are bridged.
-    smoothing : float
-        Width, in grid steps, of the smoothing of a sheet's position.
-    rim : int
-        A sheet that ends within so many traces, or grid steps down, of the cube's end goes on to it: crests need both
-        their flanks, and are not found there.
-    swing, swing_width : float
-        Farthest a sheet may swing from its own mean, and the width, in grid steps, of the window of that mean.
-    """
-
-    reach: int = 2
-    angle_deg: float = 25.0
-    off_plane: float = 1.4
-    turn_deg: float = 30.0
-    fold: float = 2.5
-    fragment: int = 20
-    gap: int = 5
-    contacts: int = 22
-    joint_share: float = 0.93
-    closing: int = 5
-    smoothing: float = 2.0
-    rim: int = 3
-    swing: float = 3.5
-    swing_width: float = 8.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sheet:
-    """A fault as a height field over a vertical plane along its mean strike.
-
-    A point of it lies at ``origin + s * along + w * across`` in the time slice, where ``along`` and ``across`` are the
-    horizontal unit vectors of the mean strike and of its normal.
-
-    Attributes
-    ----------
-    origin : ndarray of shape (2,), float64
-        Inline and crossline of s = 0, w = 0.
-    across : ndarray of shape (2,), float64
-        Unit horizontal normal of the mean strike.
-    first_sample : int
-        Sample of the grid's first column.
-    step : int
-        Samples from one column to the next; rows are one trace apart along s.
-    first_s : float
-        s of the grid's first row.
-    w : ndarray of shape (rows, columns), float32
-        Position across; NaN outside the sheet.
-    score : ndarray of shape (rows, columns), float32
-        Smoothed support, in spreads of the background; NaN outside the sheet.
-    leftover : bool
-        Whether it was linked from the ridges that certain ones leave over: a fault beside one of these, if at all.
-    """
-
-    origin: Float64Array
-    across: Float64Array
-    first_sample: int
-    step: int
-    first_s: float
-    w: Float32Array
-    score: Float32Array
-    leftover: bool = False
-
-    @property
-    def along(self) -> Float64Array:
-        """Unit vector of the mean strike in the time slice."""
-        return np.array([-self.across[1], self.across[0]])
-
-    @property
-    def inside(self) -> BoolArray:
-        """Nodes that belong to the sheet."""
-        return np.isfinite(self.w)
-
-    @property
-    def area(self) -> float:
-        """Size of the sheet's grid: traces along strike times samples."""
-        return float(self.inside.sum()) * self.step
-
-    def only(self, inside: BoolArray) -> Sheet:
-        """Return the sheet without the nodes that are not among these."""
-        empty = np.float32(np.nan)
-        return replace(self, w=np.where(inside, self.w, empty), score=np.where(inside, self.score, empty))
-
-    def points(self, rows: Float64Array, columns: Float64Array, w: Float64Array) -> Float64Array:
-        """Return (inline, crossline, sample) of grid places; all arguments of shape (n,)."""
-        s = self.first_s + rows
-        flat = self.origin + s[:, None] * self.along + w[:, None] * self.across
-        return np.column_stack([flat, self.first_sample + columns * self.step])
-
-    def nodes(self) -> Float64Array:
-        """Return (inline, crossline, sample) of the nodes that belong to the sheet, in the order of the grid."""
-        rows, columns = np.nonzero(self.inside)
-        heights = self.w[rows, columns].astype(np.float64)
-        return self.points(rows.astype(np.float64), columns.astype(np.float64), heights)
 
 
 class Room(Protocol):
@@ -184,7 +62,7 @@ def link_sheets(
     step: int,
     least_points: int,
     end_score: float = 0.0,
-    settings: LinkSettings | None = None,
+    settings: SheetSettings | None = None,
     room: Room | None = None,
 ) -> list[Sheet]:
     """Link ridge points into sheets, largest first.
@@ -204,7 +82,7 @@ def link_sheets(
         Smaller sets are left out.
     end_score : float
         Support, averaged over the surface nearby, below which a surface ends.
-    settings : LinkSettings, optional
+    settings : SheetSettings, optional
         When points belong together.
     room : Room, optional
         Where arrays as long as there are points are kept; in memory without one.
@@ -213,7 +91,7 @@ def link_sheets(
     -------
     list of Sheet
     """
-    settings = settings or LinkSettings()
+    settings = settings or SheetSettings()
     sheets: list[Sheet] = []
     for number, parts in enumerate(_grow(ridges, shape, step, settings, room)):
         if room is not None and number % 64 == 0:
@@ -221,16 +99,67 @@ def link_sheets(
         whole = np.concatenate(parts)
         if len(whole) < least_points:
             continue
-        sheet, share = _fit_sheet(ridges, whole, shape, step, end_score, settings)
+        sheet, share = fit_sheet(ridges, whole, shape, step, end_score, settings)
         if len(parts) == 1 or share > settings.joint_share:
             sheets.append(sheet)
         else:  # no one height field: what seemed to continue is two faults that meet
             sheets += [
-                _fit_sheet(ridges, part, shape, step, end_score, settings)[0]
+                fit_sheet(ridges, part, shape, step, end_score, settings)[0]
                 for part in parts
                 if len(part) >= least_points
             ]
     return sorted(sheets, key=lambda sheet: -sheet.area)
+
+
+class _Neighbourhoods(NamedTuple):
+    """What tells which ridge points are near each other.
+
+    Attributes
+    ----------
+    normals : ndarray of shape (n, 3), float32
+        Of their planes.
+    cells, n_cells
+        Numbers of the cells of points, and how many there are: see :func:`number_cells`.
+    points : ndarray of shape (n_cells, 64), int32
+        Those in each cell.
+    """
+
+    normals: Float32Array
+    cells: IntArray
+    n_cells: int
+    points: IntArray
+
+
+def _grow(
+    ridges: RidgePoints, shape: tuple[int, int, int], step: int, settings: SheetSettings, room: Room | None = None
+) -> list[list[IntArray]]:
+    """Return the points of every surface: as parts grown apart, one continuing another across a gap."""
+    if len(ridges.score) == 0:
+        return []
+    room = room or InMemory()
+    near = _find_neighbourhoods(ridges, shape, room)
+    label = _label_surfaces(ridges, near, shape, step, settings, room)
+    label[np.bincount(label)[label] < settings.fragment] = -1
+    n_surfaces = int(label.max()) + 1
+    if n_surfaces == 0:
+        return []
+    contacts = _count_contacts(ridges, near, label, n_surfaces, shape, step, settings, room)
+    group = _join(n_surfaces, contacts, settings.contacts)
+    parts: dict[int, list[IntArray]] = {}
+    for part in _split(label):
+        parts.setdefault(int(group[label[part[0]]]), []).append(part)
+    return list(parts.values())
+
+
+def _find_neighbourhoods(ridges: RidgePoints, shape: tuple[int, int, int], room: Room) -> _Neighbourhoods:
+    n, most = len(ridges.score), room.most
+    normals = room.array((n, 3), np.float32)
+    for start in range(0, n, min(n, most)):
+        normals[start : start + most] = _unit_normals(ridges.planes[start : start + most])
+    cells, n_cells = number_cells(ridges.voxels, *shape)
+    points = room.array((n_cells, 64), np.int32)
+    fill_cells(ridges.voxels, cells, points)
+    return _Neighbourhoods(normals, cells, n_cells, points)
 
 
 def _unit_normals(planes: Float32Array) -> Float32Array:
@@ -238,23 +167,14 @@ def _unit_normals(planes: Float32Array) -> Float32Array:
     return (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
 
 
-def _grow(
-    ridges: RidgePoints, shape: tuple[int, int, int], step: int, settings: LinkSettings, room: Room | None = None
-) -> list[list[IntArray]]:
-    """Return the points of every surface: as parts grown apart, one continuing another across a gap."""
-    if len(ridges.score) == 0:
-        return []
-    room = room or InMemory()
-    n, most = len(ridges.score), room.most
-    normals = room.array((n, 3), np.float32)
-    for start in range(0, n, min(n, most)):
-        normals[start : start + most] = _unit_normals(ridges.planes[start : start + most])
-    cells, n_cells = number_cells(ridges.voxels, *shape)
-    index = cells, room.array((n_cells, 64), np.int32)
-    fill_cells(ridges.voxels, *index)
+def _label_surfaces(
+    ridges: RidgePoints, near: _Neighbourhoods, shape: tuple[int, int, int], step: int, settings: SheetSettings,
+    room: Room,
+) -> IntArray:  # fmt: skip
+    """Return the number of the surface that each point belongs to, grown from the best points on."""
+    n = len(ridges.score)
     order = room.array((n,), np.int64)
     order[:] = np.argsort(-ridges.score, kind="stable")
-    cosine = np.float32(np.cos(np.radians(settings.angle_deg)))
     label = np.full(n, -1, np.int32)
     places = (2 * (shape[0] + shape[1]) + 1, shape[2])
     height, owner = np.zeros(places, np.float32), np.full(places, -1, np.int32)
@@ -262,31 +182,37 @@ def _grow(
     while first < n:
         room.rest()
         first, n_surfaces = grow_surfaces(
-            ridges.voxels, ridges.positions, normals, ridges.score, order, shape, index, step, settings.reach, cosine,
-            np.float32(settings.off_plane), np.float32(settings.fold),
-            np.float32(np.cos(np.radians(settings.turn_deg))), first, n_surfaces, most, height, owner, label,
+            ridges.voxels, ridges.positions, near.normals, ridges.score, order, shape, (near.cells, near.points), step,
+            settings.reach, _cosine(settings.angle_deg), np.float32(settings.off_plane), np.float32(settings.fold),
+            _cosine(settings.turn_deg), first, n_surfaces, room.most, height, owner, label,
         )  # fmt: skip
-    label[np.bincount(label)[label] < settings.fragment] = -1
-    n_surfaces = int(label.max()) + 1
-    if n_surfaces == 0:
-        return []
-    holds = find_lone_surfaces(ridges.voxels, label, cells, n_cells)
+    return label
+
+
+def _count_contacts(
+    ridges: RidgePoints, near: _Neighbourhoods, label: IntArray, n_surfaces: int, shape: tuple[int, int, int],
+    step: int, settings: SheetSettings, room: Room,
+) -> IntArray:  # fmt: skip
+    """Return rows of two surfaces, their pairs of close points, and how many of these lie on each other's planes."""
+    n, most = len(label), room.most
+    holds = find_lone_surfaces(ridges.voxels, label, near.cells, near.n_cells)
+    cosine = _cosine(0.7 * settings.angle_deg)
     contacts = []
     for start in range(0, n, min(n, most)):
         room.rest()
         ends = np.linspace(start, min(start + most, n), _SHARES + 1).astype(np.int64)
         contacts += map_items(
             lambda share: count_contacts(
-                ridges.voxels, ridges.positions, normals, label, n_surfaces, shape, index, holds, step, settings.gap,
-                np.float32(np.cos(np.radians(0.7 * settings.angle_deg))), np.float32(settings.off_plane), *share,
+                ridges.voxels, ridges.positions, near.normals, label, n_surfaces, shape, (near.cells, near.points),
+                holds, step, settings.gap, cosine, np.float32(settings.off_plane), *share,
             ),
             pairwise(ends),
         )  # fmt: skip
-    group = _join(n_surfaces, np.concatenate(contacts), settings.contacts)
-    parts: dict[int, list[IntArray]] = {}
-    for part in _split(label):
-        parts.setdefault(int(group[label[part[0]]]), []).append(part)
-    return list(parts.values())
+    return np.concatenate(contacts)
+
+
+def _cosine(angle_deg: float) -> np.float32:
+    return np.float32(np.cos(np.radians(angle_deg)))
 
 
 def _split(label: IntArray) -> list[IntArray]:
@@ -305,130 +231,3 @@ def _join(n_surfaces: int, contacts: IntArray, least: int) -> IntArray:
     graph = coo_matrix((np.ones(joined.sum()), (first[joined], second[joined])), shape=(n_surfaces, n_surfaces))
     _, group = connected_components(graph, directed=False)
     return group
-
-
-def _fit_sheet(
-    ridges: RidgePoints,
-    members: IntArray,
-    grid: tuple[int, int, int],
-    step: int,
-    end_score: float,
-    settings: LinkSettings,
-) -> tuple[Sheet, float]:
-    """Fit a height field to the points of one surface that lie on it; return it and their share."""
-    positions = ridges.positions[members].astype(np.float64)
-    weight = np.maximum(ridges.score[members], 1e-3).astype(np.float64)
-    across = _mean_normal(ridges.planes[members], weight)
-    along = np.array([-across[1], across[0]])
-    origin = np.average(positions[:, :2], axis=0, weights=weight)
-    s = (positions[:, :2] - origin) @ along
-    w = (positions[:, :2] - origin) @ across
-    column = np.rint(positions[:, 2] / step).astype(np.int64)
-    first_s, first_column = float(np.floor(s.min())) - settings.rim, int(column.min()) - settings.rim
-    cells = (np.rint(s - first_s).astype(np.int64), column - first_column)
-    shape = (int(cells[0].max()) + 1 + settings.rim, int(cells[1].max()) + 1 + settings.rim)
-    on_sheet = np.ones(len(members), bool)
-    for _ in range(3):
-        height, count = _smoothed(cells, w, weight * on_sheet, shape, settings.smoothing)
-        keep = np.abs(w - height[cells]) <= settings.fold
-        if keep.sum() < 4 or np.array_equal(keep, on_sheet):
-            break
-        on_sheet = keep
-    score, _ = _smoothed(cells, weight, on_sheet.astype(np.float64), shape, settings.smoothing)
-    strong = on_sheet & (score[cells] >= end_score)
-    inside = _bridge(cells, strong, shape, settings.closing) & (count > 1e-6)
-    inside &= _even(height, inside, settings)
-    places = first_s + np.arange(shape[0])[:, None], height, first_column + np.arange(shape[1])[None, :]
-    flat = [origin[d] + places[0] * along[d] + places[1] * across[d] for d in range(2)]
-    inside |= _to_the_end(inside, (flat[0], flat[1], np.broadcast_to(places[2], shape)), grid, settings.rim)
-    rows, columns = (np.flatnonzero(inside.any(axis=1 - d)) for d in range(2))
-    box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] if len(rows) else np.s_[:1, :1]
-    sheet = Sheet(
-        origin, across, (first_column + (box[1].start or 0)) * step, step, first_s + (box[0].start or 0),
-        np.where(inside, height, np.nan)[box].astype(np.float32),
-        np.where(inside, score, np.nan)[box].astype(np.float32),
-    )  # fmt: skip
-    return sheet, float(on_sheet.mean())
-
-
-def _to_the_end(
-    inside: BoolArray, places: tuple[Float64Array, Float64Array, IntArray], grid: tuple[int, int, int], rim: int
-) -> BoolArray:
-    """Mark the nodes beside a sheet between it and an end of the cube that it nearly reaches; places in grid steps."""
-    within, near = np.ones(inside.shape, bool), np.zeros(inside.shape, bool)
-    for place, n in zip(places, grid, strict=True):
-        within &= (place >= -1e-6) & (place <= n - 1 + 1e-6)
-        if n > 1:
-            near |= (place < rim) | (place > n - 1 - rim)
-    return np.asarray(ndimage.binary_dilation(inside, np.ones((3, 3), bool), iterations=rim) & within & near)
-
-
-def _even(height: Float64Array, inside: BoolArray, settings: LinkSettings) -> BoolArray:
-    """Mark where a sheet stays near its own wide mean: a fault does not swing from strand to strand and back."""
-    rows, columns = np.nonzero(inside)
-    if len(rows) < 4:
-        return inside
-    trend = _plane((rows, columns), height[inside], np.ones(len(rows)))
-    rest = np.where(inside, height - trend(*np.indices(inside.shape)), 0.0)
-    weight = ndimage.gaussian_filter(inside.astype(np.float64), settings.swing_width, mode="constant")
-    mean = ndimage.gaussian_filter(rest, settings.swing_width, mode="constant") / np.maximum(weight, 1e-6)
-    return np.asarray(np.abs(rest - mean) <= settings.swing)
-
-
-def _mean_normal(planes: Float32Array, weight: Float64Array) -> Float64Array:
-    """Mean axis of horizontal normals whose signs mean nothing: the mean of the doubled angles, halved."""
-    angle = 2.0 * np.arctan2(planes[:, 1].astype(np.float64), planes[:, 0].astype(np.float64))
-    mean = 0.5 * np.arctan2((weight * np.sin(angle)).sum(), (weight * np.cos(angle)).sum())
-    normal = np.array([np.cos(mean), np.sin(mean)])
-    # along an axis exactly: rounding must not carry a section's places off its one trace
-    normal[np.abs(normal) < 1e-9] = 0.0
-    return normal / np.hypot(*normal)
-
-
-def _smoothed(
-    cells: tuple[IntArray, IntArray], values: Float64Array, weight: Float64Array, shape: tuple[int, int], sigma: float
-) -> tuple[Float64Array, Float64Array]:
-    """Weighted mean of scattered values on a grid, smoothed over the gaps; and the smoothed weight.
-
-    The mean is taken of what a plane leaves, so that a sheet's rim does not curl.
-    """
-    size = shape[0] * shape[1]
-    flat = cells[0] * shape[1] + cells[1]
-    total = np.bincount(flat, weight, size).reshape(shape)
-    trend = _plane(cells, values, weight)
-    rest = values - trend(cells[0], cells[1])
-    summed = np.bincount(flat, weight * rest, size).reshape(shape)
-    both = np.stack([total, summed])
-    smooth_weight, smooth_sum = ndimage.gaussian_filter(both, (0.0, sigma, sigma), mode="constant")
-    wide_weight, wide_sum = ndimage.gaussian_filter(both, (0.0, 3.0 * sigma, 3.0 * sigma), mode="constant")
-    # where the narrow window is nearly empty the wide one takes over
-    share = 0.02
-    mean = (smooth_sum + share * wide_sum) / np.maximum(smooth_weight + share * wide_weight, 1e-12)
-    rows, columns = np.indices(shape)
-    return np.asarray(mean + trend(rows, columns)), np.asarray(wide_weight, np.float64)
-
-
-def _plane(cells, values, weight):  # type: ignore[no-untyped-def]
-    design = np.column_stack([np.ones(len(values)), cells[0], cells[1]])
-    root = np.sqrt(weight)
-    solution = np.linalg.lstsq(design * root[:, None], values * root, rcond=None)[0]
-    return lambda rows, columns: solution[0] + solution[1] * rows + solution[2] * columns
-
-
-def _bridge(cells: tuple[IntArray, IntArray], on_sheet: BoolArray, shape: tuple[int, int], closing: int) -> BoolArray:
-    """Cells that hold points, with the gaps between them closed; specks apart from the main body are kept out."""
-    taken = np.zeros(shape, bool)
-    taken[cells[0][on_sheet], cells[1][on_sheet]] = True
-    disc = np.hypot(*np.mgrid[-closing : closing + 1, -closing : closing + 1]) <= closing
-    padded = np.pad(taken, closing).astype(np.uint8)
-    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc.astype(np.uint8))[closing:-closing, closing:-closing]
-    around, _ = ndimage.label(np.pad(closed == 0, 1, constant_values=True))
-    closed = (around != around[0, 0])[1:-1, 1:-1]  # holes are filled
-    if not closed.any():
-        return closed
-    parts, n_parts = ndimage.label(closed, np.ones((3, 3)))
-    if n_parts <= 1:
-        return closed
-    sizes = np.bincount(parts.ravel())
-    sizes[0] = 0
-    return parts == sizes.argmax()

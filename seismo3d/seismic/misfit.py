@@ -159,7 +159,7 @@ def fuse_misfits(
     near = _ratios(volume.shape, comparisons[0], least, floor, settings)
     usual = find_noise(_median_ratio(*near), least, settings)
     noisiness, reach = judge_noise(usual, settings)
-    counted = [1.0] if len(comparisons) == 1 else share_out(usual, share, share_noises)
+    counted = [1.0] if len(comparisons) == 1 else shares_at_noise(usual, share, share_noises)
     ways = [(compare, reach, weight) for compare, weight in zip(comparisons, counted, strict=True)]
     ways[:1] = [(ways[0][0], reach + more, ways[0][2] * part) for more, part in ((0, 1.0 - farther), (1, farther))]
     parts = (
@@ -190,7 +190,7 @@ def fuse_misfits(
     )  # fmt: skip
 
 
-def share_out(noise: float, share: tuple[float, float, float], noises: tuple[float, float, float]) -> list[float]:
+def shares_at_noise(noise: float, share: tuple[float, float, float], noises: tuple[float, float, float]) -> list[float]:
     """Return the shares of two ways of carrying the sides, given the second's at three `noises`."""
     second = float(np.interp(noise, noises, share))
     second = 0.0 if second < _LEAST_SHARE else 1.0 if second > 1.0 - _LEAST_SHARE else second

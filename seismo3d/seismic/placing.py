@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_placing import split_profiles
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import ThrowSettings, every_sample, gather_sides
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import Float32Array, Float64Array, Int32Array
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.scan import RidgePoints
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetThrow
 
 # support, in standard deviations of the evidence, at which a fault is as likely as not

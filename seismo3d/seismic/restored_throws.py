@@ -14,16 +14,15 @@ from seismo3d.seismic._kernels_restore import spread
 from seismo3d.seismic.fault_ages import (
     HistorySettings,
     StrikeSlip,
-    are_one,
     count_generations,
-    find_families,
     order_faults,
     tell_strike_slips,
 )
+from seismo3d.seismic.fault_families import are_one, find_families
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, enlarge, find_motion, undo_parts
 from seismo3d.seismic.layer_strain import LayerSlopes, Strain, tell_strains
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import are_near, bounds_of
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
 from seismo3d.seismic.slip_fields import Sides, SlipField
 from seismo3d.seismic.throw import (

@@ -10,9 +10,10 @@ from scipy.spatial import cKDTree
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_moves import explained_shares
-from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
+from seismo3d.seismic.linking import link_sheets
 from seismo3d.seismic.scan import RidgePoints
 from seismo3d.seismic.sheet_measures import strength
+from seismo3d.seismic.sheets import Sheet, SheetSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +114,7 @@ def explain_breaks(
 
 
 def weigh_by_lines(
-    ridges: RidgePoints, shape: tuple[int, int, int], *, step: int, link: LinkSettings, settings: SectionScoreSettings
+    ridges: RidgePoints, shape: tuple[int, int, int], *, step: int, link: SheetSettings, settings: SectionScoreSettings
 ) -> RidgePoints:
     """Give crests the geometric mean of their own score and the strength of the line that they lie on.
 
@@ -128,7 +129,7 @@ def weigh_by_lines(
         Shape of the evidence's grid.
     step : int
         Samples a step of that grid.
-    link : LinkSettings
+    link : SheetSettings
         When points belong together.
     settings : SectionScoreSettings
         Thresholds.

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 
 # edge of the cells that nodes are sorted into
 _CELL = 8.0

@@ -9,9 +9,9 @@ from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray
 from seismo3d.seismic.choosing import ChoiceSettings
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.misfit_settings import NOISES
 from seismo3d.seismic.sheet_measures import mean_support, strength
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetSides, SheetThrow, every_sample
 
 # samples from the edge of a mute within which a sheet lies beside it, and how far off its sides are read

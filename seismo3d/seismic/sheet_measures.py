@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetThrow
 
 

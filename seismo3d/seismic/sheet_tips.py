@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetSides
 
 # how far beyond its ends a sheet is continued, and what next to them does not count: wavelets mix there what lies apart

@@ -14,7 +14,7 @@ from seismo3d.seismic.doubles import normals_of
 from seismo3d.seismic.extending import local_planes
 from seismo3d.seismic.faultset import FaultSurface, surface_confidence
 from seismo3d.seismic.index_frame import IndexFrame
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetThrow
 
 # width, in nodes, of the window in which planes are fitted, and what is added to the spread of the places in it

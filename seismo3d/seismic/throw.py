@@ -12,7 +12,7 @@ from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_throw import mark_beside, read_sides
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
 from seismo3d.seismic.fault_motion import enlarge
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
 from seismo3d.seismic.slip_fields import MISMATCH, Sides, SlipField, SlipSettings, refine_slip
 from seismo3d.seismic.throw_bells import carry_on

@@ -7,20 +7,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import fft, ndimage
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
-from seismo3d._validate import as_settings, as_single, freeze
+from seismo3d._validate import as_settings, freeze
 from seismo3d.seismic.cube_checks import check_cube, placing_cube
+from seismo3d.seismic.displacements import carry_amplitudes, follow_on, places_before, solve_jumps
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_points
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
-from seismo3d.seismic.index_frame import settle_places
 
 # traces and samples from the cube's end within which a fault that ends there is taken to leave the cube
 _RIM = 2.0
-# steps by which a place is found that a displacement takes to a point
-_PULLS = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +57,7 @@ class UnfaultSettings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SlipField:
+class UnfaultedPlaces:
     """Where each place of the unfaulted cube lies in the cube today.
 
     Attributes
@@ -120,7 +118,7 @@ def unfault(
 
 def find_slip_field(
     faults: FaultSet, *, settings: UnfaultSettings | None = None, progress: Progress | None = None
-) -> SlipField:
+) -> UnfaultedPlaces:
     r"""Find a displacement that jumps by the slip across every fault of a cube and is smooth elsewhere.
 
     The faults that moved last are taken back first, and the others lie then as they did when these moved: parts of one
@@ -142,7 +140,7 @@ def find_slip_field(
 
     Returns
     -------
-    SlipField
+    UnfaultedPlaces
 
     Raises
     ------
@@ -169,12 +167,12 @@ def find_slip_field(
         sheets = [(parts, sheet) for parts, sheet in laid_out if sheet is not None]
         step, places, missing, crossed = _take_back([sheet for _, sheet in sheets], shape, settings)
         squares, n_edges = squares + missing**2 * crossed, n_edges + crossed
-        displacement = _follow_on(displacement, step) if number else step
+        displacement = follow_on(displacement, step) if number else step
         vertices = _carry_back(vertices, step, sheets, places)
     if progress is not None:
         progress("unfault", 1.0)
     missing = float(np.sqrt(squares / max(n_edges, 1)))
-    return SlipField(freeze(displacement), tuple(freeze(at) for at in vertices), missing)
+    return UnfaultedPlaces(freeze(displacement), tuple(freeze(at) for at in vertices), missing)
 
 
 def is_taken_out(surface: FaultSurface, settings: UnfaultSettings) -> bool:
@@ -297,7 +295,7 @@ def _take_back(
         edges, jumps = _join([_jumps(sheet, place, shape) for sheet, place in zip(sheets, places, strict=True)])
         # until the faults lie where they belong, most of the jump is enough
         n_steps = settings.iterations if number == settings.rounds else max(1, settings.iterations // 4)
-        displacement, missing = _solve(edges, jumps, shape, n_steps=n_steps, tolerance=settings.tolerance)
+        displacement, missing = solve_jumps(edges, jumps, shape, n_steps=n_steps, tolerance=settings.tolerance)
         n_edges = len(edges)
     return displacement, places, missing, n_edges
 
@@ -320,54 +318,13 @@ def _join(parts: list[tuple[Int64Array, Float64Array]]) -> tuple[Int64Array, Flo
     return edges, jumps
 
 
-def _solve(
-    edges: Int64Array, jumps: Float64Array, shape: tuple[int, ...], *, n_steps: int, tolerance: float
-) -> tuple[Float32Array, float]:
-    """Displacement whose differences along edges are the jumps, and what is missing of them.
-
-    The grid is made a little larger where its lengths have large prime factors, for the sake of the transforms.
-    """
-    size, wide = int(np.prod(shape)), tuple(fft.next_fast_len(n, real=True) for n in shape)
-    place = np.stack(np.unravel_index(edges % size, shape))
-    tail = np.ravel_multi_index(tuple(place), wide)
-    head = tail + np.array([wide[1] * wide[2], wide[2], 1])[edges // size]
-    field = np.zeros((3, *wide), np.float32)
-    inverse = _inverse_laplacian(wide)
-    asked = np.zeros_like(jumps)
-    left = jumps
-    missing = float(np.sqrt(np.mean(np.square(left)))) if len(edges) else 0.0
-    for _ in range(n_steps):
-        if missing <= tolerance:
-            break
-        asked += left
-        for k in range(3):
-            source = np.bincount(head, weights=asked[:, k], minlength=inverse.size)
-            source -= np.bincount(tail, weights=asked[:, k], minlength=inverse.size)
-            spectrum = fft.dctn(source.reshape(wide).astype(np.float32), type=2, norm="ortho", workers=-1)
-            spectrum *= inverse
-            field[k] = fft.idctn(spectrum, type=2, norm="ortho", workers=-1)
-        flat = field.reshape(3, -1)
-        left = jumps - (flat[:, head] - flat[:, tail]).T
-        missing = float(np.sqrt(np.mean(np.square(left))))
-    field = field[:, : shape[0], : shape[1], : shape[2]]
-    return np.ascontiguousarray(field - field.mean(axis=(1, 2, 3), keepdims=True)), missing
-
-
-def _inverse_laplacian(shape: tuple[int, ...]) -> Float32Array:
-    """One over the eigenvalues of the grid's Laplacian for cosines; 0 for the constant."""
-    waves = np.meshgrid(*(2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n) for n in shape), indexing="ij", sparse=True)
-    total = waves[0] + waves[1] + waves[2]
-    total[0, 0, 0] = np.inf
-    return (1.0 / total).astype(np.float32)
-
-
 def _carry_back(
     vertices: Sequence[Float64Array], step: Float32Array, sheets: Sequence[tuple[list[int], _SlipSheet]],
     places: Sequence[Float64Array],
 ) -> list[Float64Array]:  # fmt: skip
     """Where vertices lie once some faults are taken back: theirs go with their nodes, others with their wall."""
     moved = {n for parts, _ in sheets for n in parts}
-    carried = [at if n in moved else _before(step, at) for n, at in enumerate(vertices)]
+    carried = [at if n in moved else places_before(step, at) for n, at in enumerate(vertices)]
     for (parts, sheet), place in zip(sheets, places, strict=True):
         tree = cKDTree(sheet.nodes)
         for n in parts:
@@ -384,63 +341,3 @@ def _follow(sheet: _SlipSheet, places: Float64Array, displacement: Float32Array,
         sides.append(displacement[:, at[:, 0], at[:, 1], at[:, 2]].T.astype(np.float64))
     # the footwall side lies at node - slip today, the hanging wall's at the node
     return np.asarray(sheet.nodes - 0.5 * sheet.slip - sheet.smooth(0.5 * (sides[0] + sides[1]), width))
-
-
-def _follow_on(today: Float32Array, step: Float32Array) -> Float32Array:
-    """Displacement by a step and from there on to today."""
-    out = step.copy()
-    shape = step.shape[1:]
-    grid = np.stack(np.meshgrid(*(np.arange(n, dtype=np.float32) for n in shape[1:]), indexing="ij"))
-    for i in range(shape[0]):
-        at = step[:, i] + np.concatenate([np.full((1, *grid.shape[1:]), i, np.float32), grid])
-        for k in range(3):
-            out[k, i] += ndimage.map_coordinates(today[k], at, order=1, mode="nearest")
-    return out
-
-
-def _before(step: Float32Array, points: Float64Array) -> Float64Array:
-    """Find the places that a displacement takes to points of shape (n, 3), by fixed-point iteration."""
-    places = points
-    for _ in range(_PULLS):
-        moved = [ndimage.map_coordinates(part, places.T, order=1, mode="nearest") for part in step]
-        places = points - np.stack(moved, axis=1)
-    return places
-
-
-def carry_amplitudes(values: AnyArray, displacement: Float32Array) -> Float32Array:
-    """Return the amplitudes at the displaced places, inline by inline.
-
-    Parameters
-    ----------
-    values : ndarray of shape (inline, crossline, sample)
-        A cube; NaN where there is no data.
-    displacement : ndarray of shape (3, inline, crossline, sample), float32
-        In traces and samples.
-
-    Returns
-    -------
-    ndarray of the cube's shape, float32
-        By cubic interpolation; 0 where the cube holds no data for a place, NaN on traces without any.
-    """
-    known = np.isfinite(values)
-    missing = ~known.any(axis=2)
-    filled = as_single(np.where(known, values, 0.0), "cube")
-    # by a power of two, which changes no digit: near the largest numbers the spline's weights would not be finite
-    power = int(np.frexp(np.abs(filled).max(initial=0.0))[1])
-    filled = np.ldexp(filled, -power)
-    weights = ndimage.spline_filter(filled, order=3, output=np.float32, mode="mirror")
-    holes = None if known.all() else known.astype(np.float32)
-    out = np.empty(filled.shape, np.float32)
-    grid = np.stack(np.meshgrid(*(np.arange(n, dtype=np.float32) for n in filled.shape[1:]), indexing="ij"))
-    for i in range(len(out)):
-        at = displacement[:, i] + np.concatenate([np.full((1, *grid.shape[1:]), i, np.float32), grid])
-        at, inside = settle_places(at, filled.shape)
-        out[i] = ndimage.map_coordinates(weights, at, order=3, mode="mirror", prefilter=False)
-        if holes is not None:
-            inside &= ndimage.map_coordinates(holes, at, order=1, mode="nearest") > 0.99
-        out[i][~inside] = 0.0
-    most = np.finfo(np.float32).max
-    with np.errstate(over="ignore"):
-        out = np.clip(np.ldexp(out, power), -most, most)
-    out[missing] = np.nan
-    return freeze(out)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
-from seismo3d._validate import as_number, freeze
+from seismo3d._validate import as_number, as_whole_number, freeze
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import exp_rotation
@@ -246,7 +246,7 @@ def rgbd_sequence(
         raise ParameterError(f"kind is {kind!r}; expected 'room' or 'terrain'.")
     if moving not in (None, "sphere", "box"):
         raise ParameterError(f"moving is {moving!r}; expected 'sphere', 'box' or None.")
-    n = int(as_number(frames, "frames", low=1, high=1e6))
+    n = as_whole_number(frames, "frames", low=1, high=1e6)
     lens = _default_camera(size) if camera is None else camera
     if lens.depth_scale != 1.0 or lens.width < 2 or lens.height < 2:
         raise ParameterError(
@@ -273,7 +273,7 @@ def _as_span(span: tuple[float, float], name: str) -> tuple[float, float]:
 
 
 def _default_camera(size: tuple[int, int]) -> PinholeCamera:
-    width, height = (int(as_number(value, "size", low=16, high=8192)) for value in size)
+    width, height = (as_whole_number(value, "size", low=16, high=8192) for value in size)
     focal = 525.0 * width / 640.0
     return PinholeCamera(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1), (), 1.0, width, height)
 

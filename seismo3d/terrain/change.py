@@ -21,7 +21,7 @@ from scipy import ndimage
 from scipy.special import ndtri
 
 from seismo3d._typing import ArrayLike, BoolArray, Float64Array
-from seismo3d._validate import as_number, as_points, freeze
+from seismo3d._validate import as_number, as_points, as_whole_number, freeze
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values, like_map, refuse_apart, refuse_other_systems
 from seismo3d.geometry.voxels import downsample_points
@@ -132,8 +132,11 @@ def compare(
     GeometryError
         If the reference systems differ, only one map has a georeference, the maps have no common area, or the
         registration is a poor fit.
+    ParameterError
+        If the confidence is not between 0 and 1, or `least_patch` is no whole number from 1 on.
     """
     level = as_number(confidence, "confidence", low=0.0, high=1.0, strict=True)
+    as_whole_number(least_patch, "least_patch", low=1)
     if registration is not None and registration.state == "poor_fit":
         x, y, _ = registration.shift
         raise GeometryError(

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import Float32Array, Float64Array
+from seismo3d.terrain.assembling import assemble_lines, straight_over
 from seismo3d.terrain.contours import follows_contour
 from seismo3d.terrain.evidence import REGION, SCALE, TerrainEvidence
-from seismo3d.terrain.extending import extend_line
-from seismo3d.terrain.joining import drop_echoes, fuse_lines, join_lines, part_from, runs_beside
+from seismo3d.terrain.joining import drop_echoes, part_from, runs_beside
 from seismo3d.terrain.offsets import parts_even_ground
 from seismo3d.terrain.placing import snap_line
-from seismo3d.terrain.prominence import measure_prominence
+from seismo3d.terrain.prominence import judge_by
 from seismo3d.terrain.support import LineSupport
 from seismo3d.terrain.tracing import TracedLine
 from seismo3d.terrain.valleys import is_valley
 
 if TYPE_CHECKING:
     from seismo3d.terrain.lineament_search import LineamentSettings
+
+_OWN_LOBES = REGION * SCALE + SCALE
+"""Cells aside within which the regional surface answers to a line with two of the other sign."""
 
 
 def choose_lines(
@@ -53,32 +55,39 @@ def choose_lines(
     list of (TracedLine, float)
         Most significant first.
     """
-    gap = settings.gap * settings.length
-    crest = _crest(supports)
-
-    @cache
-    def judge(line: TracedLine) -> float:
-        reach = settings.n_valley_levels if line.kind == "valley" else settings.n_levels
-        value = measure_prominence(line, levels[:reach])
-        return value if np.isfinite(value) else 0.0
-
-    lines = join_lines(
-        fuse_lines(join_lines(pieces, gap=0.5 * gap), near=settings.near, judge=judge), gap=gap, judge=judge
-    )
-    # on the crest, pieces of other levels and kinds that looked apart come together
-    lines = [snap_line(line, crest, stiffness=SCALE, reach=settings.near) for line in lines]
-    best = np.maximum.reduce([support.score for support in supports])
-    lines = [
-        extend_line(line, crest, best, window=settings.length, reach=1.5 * settings.near, judge=judge)
-        if line.length >= 2.0 * settings.length and _stands_out(line, judge(line), settings)
-        else line
-        for line in lines
-    ]
-    lines = join_lines(fuse_lines(lines, near=settings.near, judge=judge), gap=gap, judge=judge)
-    # the line that is reported is straight over two windows, and over an eighth of its length
+    judge = _judge_by_kind(levels, settings)
+    lines = assemble_lines(
+        pieces, _crest(supports), score=np.maximum.reduce([support.score for support in supports]), judge=judge,
+        goes_on=lambda line: line.length >= 2.0 * settings.length and _stands_out(line, judge(line), settings),
+        settings=settings,
+    )  # fmt: skip
     lines = _placed(lines, supports, settings, judge)
-    # the regional surface answers to a line with two of the other sign beside it
-    lines = drop_echoes(lines, near=REGION * SCALE + SCALE, judge=judge)
+    lines = drop_echoes(lines, near=_OWN_LOBES, judge=judge)
+    is_good = _make_test(filled, settings, judge)
+    lines = list(filter(is_good, lines))
+    # a valley is a part of a line that goes on beyond it
+    valleys = [
+        one for one in valleys if not runs_beside(one, [o for o in lines if o.length > one.length], near=_OWN_LOBES)
+    ]
+    kept: list[TracedLine] = []
+    for line in sorted(lines + valleys, key=lambda one: -judge(one) * np.sqrt(one.length)):
+        # a weaker line that leaves a stronger one must stand out where it is alone
+        rest = part_from(line, kept, near=_OWN_LOBES)
+        if is_good(rest) and not runs_beside(rest, kept, near=_OWN_LOBES):
+            kept.append(rest)
+    return sorted(((line, judge(line)) for line in kept), key=lambda pair: -pair[0].strength)
+
+
+def _judge_by_kind(levels: list[TerrainEvidence], settings: LineamentSettings) -> Callable[[TracedLine], float]:
+    """Return what tells how far a line stands out, on the levels that lines of its kind are looked for."""
+    of_valleys, of_others = judge_by(levels[: settings.n_valley_levels]), judge_by(levels[: settings.n_levels])
+    return lambda line: of_valleys(line) if line.kind == "valley" else of_others(line)
+
+
+def _make_test(
+    filled: Float64Array, settings: LineamentSettings, judge: Callable[[TracedLine], float]
+) -> Callable[[TracedLine], bool]:
+    """Return the test of whether a line is long, stands out, and is neither water's nor the edge of a terrace."""
     slope = regional_slope(filled, 0.5 * settings.length)
     ground = ndimage.gaussian_filter(filled, SCALE)
 
@@ -93,17 +102,7 @@ def choose_lines(
             and not follows_contour(ground, line.places)
         )
 
-    lines = list(filter(is_good, lines))
-    # a valley is a part of a line that goes on beyond it
-    near = REGION * SCALE + SCALE
-    valleys = [one for one in valleys if not runs_beside(one, [o for o in lines if o.length > one.length], near=near)]
-    kept: list[TracedLine] = []
-    for line in sorted(lines + valleys, key=lambda one: -judge(one) * np.sqrt(one.length)):
-        # a weaker line that leaves a stronger one must stand out where it is alone
-        rest = part_from(line, kept, near=near)
-        if is_good(rest) and not runs_beside(rest, kept, near=near):
-            kept.append(rest)
-    return sorted(((line, judge(line)) for line in kept), key=lambda pair: -pair[0].strength)
+    return is_good
 
 
 def _stands_out(line: TracedLine, prominence: float, settings: LineamentSettings) -> bool:
@@ -121,7 +120,7 @@ def _placed(
     middle, foot = (_crest(supports, trough=weight) for weight in (0.5, 1.0))
     out = []
     for line in lines:
-        stiffness, reach = max(2.0 * settings.length, line.length / 8.0), 3.0 * settings.near
+        stiffness, reach = straight_over(line, settings), 3.0 * settings.near
         made = snap_line(line, middle, stiffness=stiffness, reach=reach)
         if not _stands_out(made, judge(made), settings):
             other = snap_line(line, foot, stiffness=stiffness, reach=reach)

@@ -147,14 +147,12 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
     known = max(int(np.isfinite(level.gx).sum()), 1)
     # elevations about their middle: offset and scale then hardly depend on each other
     source = level.source - middle
-    c0, c1, c2, k = start.vertical
-    vertical = np.array([c0 + k * middle, c1 * level.half, c2 * level.half, k])
+    vertical = _about_middle(start.vertical, middle, level.half)
     motion, cutoff, first, spread = start.motion, np.inf, np.nan, np.nan
     residuals = np.empty(level.target.shape)
     sums = np.empty((level.target.shape[0], kernels.N_SUMS))
     settled, is_near, count = False, False, 0
-    steps: list[Float64Array] = []
-    pace, gone, lengths = 1.0, np.zeros(4), np.array([1.0, 1.0, level.half, level.half]) / level.cell
+    pace = _Pace(level)
     E = level.steps / level.half
     for step in range(most + 1):
         M = level.places_in_source(motion)
@@ -177,29 +175,65 @@ def fit_pose(level: Level, start: Pose, free: tuple[int, ...], *, tolerance: flo
         if step == 0:
             continue
         x = _solve_free(sums, free)
-        # noise in the slopes makes steps too short; where cells join and leave at edges and holes, they turn back
-        if (x[:4] * lengths) @ gone < 0.0:
-            pace *= 0.5
-        elif is_near:
-            pace = min(1.5 * pace, MOST_PACE)
-        x[:4] *= pace
-        length = float(np.hypot(x[0], x[1]))
-        if length > FARTHEST * level.cell:
-            x[:4] *= FARTHEST * level.cell / length
-        motion = _moved(x[:4]) @ motion
+        motion = _moved(pace.step(x[:4], is_near)) @ motion
         vertical = vertical + x[4:]
-        gone = x[:4] * lengths
-        steps.append(np.abs(x[:4]) if np.abs(gone).max() < NEAR else np.full(4, np.inf))
-        reach = np.abs(gone).max()
+        reach = pace.reach
         # the spread of whole metres jumps; a cutoff that followed it would lead the pose round and round
-        is_near = is_near or bool(reach < NEAR)
-        settled = bool(reach < tolerance and step >= 2)
-    back = np.array(
-        [vertical[0] - vertical[3] * middle, vertical[1] / level.half, vertical[2] / level.half, vertical[3]]
-    )
+        is_near = is_near or reach < NEAR
+        settled = reach < tolerance and step >= 2
+    pose = Pose(motion, _about_zero(vertical, middle, level.half))
     share = count / max(level.smaller, 1.0)
-    unrest = np.max(steps[-LAST:], axis=0) if steps else np.full(4, np.inf)
-    return Fit(Pose(motion, back), spread, first, count / known, share, settled, unrest, cutoff, residuals, middle)
+    return Fit(pose, spread, first, count / known, share, settled, pace.unrest, cutoff, residuals, middle)
+
+
+class _Pace:
+    """How long horizontal steps are made, and how long they have been.
+
+    Noise in the slopes makes steps too short; where cells join and leave at edges and holes, they turn back.
+    """
+
+    def __init__(self, level: Level) -> None:
+        self._cell = level.cell
+        self._cells = np.array([1.0, 1.0, level.half, level.half]) / level.cell
+        self._factor = 1.0
+        self._last = np.zeros(4)
+        self._steps: list[Float64Array] = []
+
+    def step(self, x: Float64Array, is_near: bool) -> Float64Array:
+        """Return a step of shift, turn and growth at the pace: slower where it turns back, faster near the end."""
+        if (x * self._cells) @ self._last < 0.0:
+            self._factor *= 0.5
+        elif is_near:
+            self._factor = min(1.5 * self._factor, MOST_PACE)
+        x = x * self._factor
+        length = float(np.hypot(x[0], x[1]))
+        if length > FARTHEST * self._cell:
+            x *= FARTHEST * self._cell / length
+        self._last = x * self._cells
+        self._steps.append(np.abs(x) if self.reach < NEAR else np.full(4, np.inf))
+        return x
+
+    @property
+    def reach(self) -> float:
+        """How far the last step moved the source's ground, in cells."""
+        return float(np.abs(self._last).max())
+
+    @property
+    def unrest(self) -> Float64Array:
+        """Longest of the last steps, infinite where one of them was far."""
+        return np.max(self._steps[-LAST:], axis=0) if self._steps else np.full(4, np.inf)
+
+
+def _about_middle(vertical: Float64Array, middle: float, half: float) -> Float64Array:
+    """Return what is done to elevations about their middle, with tilts over half the target."""
+    c0, c1, c2, k = vertical
+    return np.array([c0 + k * middle, c1 * half, c2 * half, k])
+
+
+def _about_zero(vertical: Float64Array, middle: float, half: float) -> Float64Array:
+    """Return the inverse of :func:`_about_middle`."""
+    c0, c1, c2, k = vertical
+    return np.array([c0 - k * middle, c1 / half, c2 / half, k])
 
 
 def relief(level: Level, found: Fit) -> float:

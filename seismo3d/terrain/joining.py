@@ -17,14 +17,18 @@ _GOES_ON = 12.0
 """Cells of a part's level by which it must lengthen a line before it is asked whether the line still stands out."""
 _STILL_OUT = 0.7
 """Share of its parts' prominence that a longer line keeps at least."""
+_LEAST_COSINE = float(np.cos(np.radians(20.0)))
+"""Of the angle between two lines that are parts of one, or run beside each other."""
+_ASIDE = 3.0
+"""Farthest that a line's continuation may miss another's end, in cells of the level, beyond a tenth of the gap."""
+_BESIDE_TO_FUSE = 0.25
+"""Share of a line that runs beside another where both are one."""
 
 
 def join_lines(
     lines: list[TracedLine],
     *,
     gap: float,
-    turn_deg: float = 20.0,
-    aside: float = 3.0,
     judge: Callable[[TracedLine], float] | None = None,
 ) -> list[TracedLine]:
     """Join lines that continue each other: ends that face each other across a gap, the smallest gap first.
@@ -36,11 +40,6 @@ def join_lines(
     lines : list of TracedLine
     gap : float
         Widest gap, in cells of the coarser line's level.
-    turn_deg : float
-        Largest angle between the two lines where they meet.
-    aside : float
-        Farthest that each line's continuation may miss the other's end, in cells of that level, beyond a tenth of the
-        gap.
     judge : callable, optional
         How far a line stands out.
 
@@ -51,7 +50,7 @@ def join_lines(
     """
     if len(lines) < 2:
         return list(lines)
-    partner = _facing_ends(lines, gap, turn_deg, aside, judge)
+    partner = _facing_ends(lines, gap, judge)
     free = set(range(len(lines)))
     out = []
     starts = [a for a in range(2 * len(lines)) if a not in partner] + list(range(2 * len(lines)))
@@ -71,9 +70,7 @@ def join_lines(
     return sorted(out, key=lambda line: -line.length)
 
 
-def _facing_ends(
-    lines: list[TracedLine], gap: float, turn_deg: float, aside: float, judge: Callable[[TracedLine], float] | None
-) -> dict[int, int]:
+def _facing_ends(lines: list[TracedLine], gap: float, judge: Callable[[TracedLine], float] | None) -> dict[int, int]:
     """Return the partner of every end that has one; ends 2 n and 2 n + 1 are the first and the last of line n."""
     ends = [_end(line, last) for line in lines for last in (False, True)]
     place = np.array([p for p, _ in ends])
@@ -88,8 +85,8 @@ def _facing_ends(
     miss = np.maximum(*(np.abs(way[e][:, 0] * across[:, 1] - way[e][:, 1] * across[:, 0]) for e in (a, b)))
     # ends may overlap by a little, where one crest steps over to the next
     ahead = (way[a] * across).sum(axis=1)
-    fits = (wide <= gap) & ((way[a] * way[b]).sum(axis=1) <= -np.cos(np.radians(turn_deg)))
-    fits &= (miss <= aside + 0.1 * wide) & (ahead > -aside)
+    fits = (wide <= gap) & ((way[a] * way[b]).sum(axis=1) <= -_LEAST_COSINE)
+    fits &= (miss <= _ASIDE + 0.1 * wide) & (ahead > -_ASIDE)
     rows = np.flatnonzero(fits)
     pairs = [(int(a[row]), int(b[row])) for row in rows[np.argsort(wide[rows], kind="stable")]]
     if judge is not None:
@@ -146,8 +143,6 @@ def fuse_lines(
     lines: list[TracedLine],
     *,
     near: float,
-    share: float = 0.25,
-    turn_deg: float = 20.0,
     judge: Callable[[TracedLine], float] | None = None,
 ) -> list[TracedLine]:
     """Fuse lines that run beside each other, of other kinds and levels, into one; most significant first.
@@ -161,16 +156,11 @@ def fuse_lines(
     lines : list of TracedLine
     near : float
         Distance, in cells of the coarser line's level, within which two lines run beside each other.
-    share : float
-        Share of a line that must.
-    turn_deg : float
-        Largest angle between them.
     judge : callable, optional
         How far a line stands out; without it all that lie beside each other are one.
     """
     rest = sorted(lines, key=lambda one: -(one.strength if judge is None else judge(one)))
     out = []
-    cosine = np.cos(np.radians(turn_deg))
     while rest:
         group, fused = [rest[0]], rest[0]
         rest = rest[1:]
@@ -178,7 +168,9 @@ def fuse_lines(
         while True:
             tree = cKDTree(fused.places)
             taken = [
-                line for line in rest if id(line) not in refused and _is_beside(line, fused, tree, near, share, cosine)
+                line
+                for line in rest
+                if id(line) not in refused and _is_beside(line, fused, tree, near, _BESIDE_TO_FUSE)
             ]
             if not taken:
                 break
@@ -201,9 +193,9 @@ def _is_worse(made: TracedLine, fused: TracedLine, line: TracedLine, judge: Call
     return judge(made) < _STILL_OUT * max(judge(fused), judge(line))
 
 
-def _is_beside(line: TracedLine, other: TracedLine, tree: cKDTree, near: float, share: float, cosine: float) -> bool:
+def _is_beside(line: TracedLine, other: TracedLine, tree: cKDTree, near: float, share: float) -> bool:
     reach = near * max(line.factor, other.factor)
-    if not _boxes_meet(line.places, other.places, reach) or abs(_way(line) @ _way(other)) <= cosine:
+    if not _may_run_alike(line, other, reach):
         return False
     distance, _ = tree.query(line.places, distance_upper_bound=reach)
     return bool(np.isfinite(distance).mean() >= share)
@@ -240,8 +232,6 @@ def drop_echoes(
     lines: list[TracedLine],
     *,
     near: float,
-    share: float = 0.6,
-    turn_deg: float = 20.0,
     judge: Callable[[TracedLine], float] | None = None,
 ) -> list[TracedLine]:
     """Drop lines beside a stronger one that are nearer than the regional surface can follow: their own side lobes.
@@ -251,29 +241,22 @@ def drop_echoes(
     lines : list of TracedLine
     near : float
         Distance in cells of the coarser line's level.
-    share : float
-        Share of a line that lies beside a stronger one.
-    turn_deg : float
-        Largest angle between them.
     judge : callable, optional
         How far a line stands out, which then is what makes it stronger.
     """
     kept: list[TracedLine] = []
     for line in sorted(lines, key=lambda one: -(one.strength if judge is None else judge(one))):
-        if not runs_beside(line, kept, near=near, share=share, turn_deg=turn_deg):
+        if not runs_beside(line, kept, near=near):
             kept.append(line)
     return kept
 
 
-def runs_beside(
-    line: TracedLine, others: list[TracedLine], *, near: float, share: float = 0.6, turn_deg: float = 20.0
-) -> bool:
+def runs_beside(line: TracedLine, others: list[TracedLine], *, near: float, share: float = 0.6) -> bool:
     """Return whether a share of a line runs beside one of the others, nearer than `near` cells of the coarser level."""
-    cosine = float(np.cos(np.radians(turn_deg)))
-    return any(_is_beside(line, one, cKDTree(one.places), near, share, cosine) for one in others)
+    return any(_is_beside(line, one, cKDTree(one.places), near, share) for one in others)
 
 
-def part_from(line: TracedLine, others: list[TracedLine], *, near: float, turn_deg: float = 20.0) -> TracedLine:
+def part_from(line: TracedLine, others: list[TracedLine], *, near: float) -> TracedLine:
     """Return the longest part of a line that does not run beside others: what it shares with them is theirs.
 
     Parameters
@@ -282,18 +265,16 @@ def part_from(line: TracedLine, others: list[TracedLine], *, near: float, turn_d
     others : list of TracedLine
     near : float
         Distance in cells of the coarser line's level.
-    turn_deg : float
-        Largest angle between lines that run alike.
     """
     for other in others:
-        line = _apart(line, other, near, float(np.cos(np.radians(turn_deg))))
+        line = _apart(line, other, near)
     return line
 
 
-def _apart(line: TracedLine, other: TracedLine, near: float, cosine: float) -> TracedLine:
+def _apart(line: TracedLine, other: TracedLine, near: float) -> TracedLine:
     """Return the longest part of a line that does not run beside another, where they run alike."""
     reach = near * max(line.factor, other.factor)
-    if not _boxes_meet(line.places, other.places, reach) or abs(_way(line) @ _way(other)) <= cosine:
+    if not _may_run_alike(line, other, reach):
         return line
     distance, _ = cKDTree(other.places).query(line.places, distance_upper_bound=reach)
     free = np.flatnonzero(np.isinf(distance))
@@ -302,6 +283,11 @@ def _apart(line: TracedLine, other: TracedLine, near: float, cosine: float) -> T
     runs = np.split(free, np.flatnonzero(np.diff(free) > 1) + 1)
     longest = max(runs, key=len)
     return TracedLine(line.places[longest], line.score[longest], line.kind, line.factor)
+
+
+def _may_run_alike(line: TracedLine, other: TracedLine, reach: float) -> bool:
+    """Return whether two lines have about one direction, and the boxes around them come within reach of each other."""
+    return _boxes_meet(line.places, other.places, reach) and bool(abs(_way(line) @ _way(other)) > _LEAST_COSINE)
 
 
 def _boxes_meet(first: Float64Array, second: Float64Array, reach: float) -> bool:

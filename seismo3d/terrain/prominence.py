@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
 from scipy import ndimage
 
@@ -41,6 +44,17 @@ def measure_prominence(line: TracedLine, levels: list[TerrainEvidence]) -> float
     found = [_prominence(line, evidence) for evidence in levels]
     known = [value for value in found if np.isfinite(value)]
     return max(known) if known else float("nan")
+
+
+def judge_by(levels: list[TerrainEvidence]) -> Callable[[TracedLine], float]:
+    """Return a function that gives a line's prominence, 0 where it cannot be told, and remembers it for each line."""
+
+    @cache
+    def judge(line: TracedLine) -> float:
+        value = measure_prominence(line, levels)
+        return value if np.isfinite(value) else 0.0
+
+    return judge
 
 
 def _prominence(line: TracedLine, evidence: TerrainEvidence) -> float:

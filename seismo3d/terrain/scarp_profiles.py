@@ -111,7 +111,7 @@ def scarps(
     z = elevation_values(elevation)
     grid = MapGrid.from_elevation(elevation)
     settings = as_settings(settings, LineamentSettings)
-    found = found or lineaments(elevation, settings=settings)
+    found = lineaments(elevation, settings=settings) if found is None else found
     reaches = [n * grid.cell_m for n in _REACHES]
     if half_width is not None:
         reaches = [as_number(half_width, "half_width", low=0.0, strict=True)]

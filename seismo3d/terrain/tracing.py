@@ -8,11 +8,12 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.seismic._kernels_scan import find_ridges
-from seismo3d.seismic.linking import LinkSettings, Sheet, link_sheets
+from seismo3d.seismic.linking import link_sheets
 from seismo3d.seismic.scan import RidgePoints
+from seismo3d.seismic.sheets import Sheet, SheetSettings
 from seismo3d.terrain.support import LineSupport
 
-_LINK = LinkSettings(fragment=8, contacts=4, closing=6, gap=6, smoothing=3.0, off_plane=1.6)
+_LINK = SheetSettings(fragment=8, contacts=4, closing=6, gap=6, smoothing=3.0, off_plane=1.6)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

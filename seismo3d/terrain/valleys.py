@@ -14,18 +14,17 @@ fault's where
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import Float64Array
+from seismo3d.terrain.assembling import assemble_lines, straight_over
 from seismo3d.terrain.evidence import SCALE, TerrainEvidence
-from seismo3d.terrain.extending import extend_line
-from seismo3d.terrain.joining import fuse_lines, join_lines, runs_beside
+from seismo3d.terrain.joining import runs_beside
 from seismo3d.terrain.placing import snap_line
-from seismo3d.terrain.prominence import measure_prominence, paths_beside
+from seismo3d.terrain.prominence import judge_by, paths_beside
 from seismo3d.terrain.support import LineSupport
 from seismo3d.terrain.tracing import TracedLine
 
@@ -126,29 +125,14 @@ def find_valleys(
     levels : list of TerrainEvidence
     settings : LineamentSettings
     """
-    gap, crest = settings.gap * settings.length, ndimage.gaussian_filter(hollow.score, 2.0 * SCALE)
-
-    @cache
-    def judge(line: TracedLine) -> float:
-        value = measure_prominence(line, levels)
-        return value if np.isfinite(value) else 0.0
-
-    lines = join_lines(
-        fuse_lines(join_lines(pieces, gap=0.5 * gap), near=settings.near, judge=judge), gap=gap, judge=judge
-    )
-    lines = [snap_line(line, crest, stiffness=SCALE, reach=settings.near) for line in lines]
-    lines = [
-        extend_line(line, crest, hollow.score, window=settings.length, reach=1.5 * settings.near, judge=judge)
-        if line.length >= 2.0 * settings.length
-        else line
-        for line in lines
-    ]
-    lines = join_lines(fuse_lines(lines, near=settings.near, judge=judge), gap=gap, judge=judge)
+    crest, judge = ndimage.gaussian_filter(hollow.score, 2.0 * SCALE), judge_by(levels)
+    lines = assemble_lines(
+        pieces, crest, score=hollow.score, judge=judge,
+        goes_on=lambda line: line.length >= 2.0 * settings.length, settings=settings,
+    )  # fmt: skip
     out = []
     for line in lines:
-        placed = snap_line(
-            line, crest, stiffness=max(2.0 * settings.length, line.length / 8.0), reach=3.0 * settings.near
-        )
+        placed = snap_line(line, crest, stiffness=straight_over(line, settings), reach=3.0 * settings.near)
         made = TracedLine(placed.places, placed.score, "valley", placed.factor)
         if is_valley(made, judge(made), z, settings):
             out.append(made)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from seismo3d._validate import as_number
+from seismo3d._validate import as_whole_number
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.tracks import Track
 from seismo3d.viewer.server import Viewer, check_installed
@@ -59,7 +59,7 @@ def show(
         If the cube has not three axes, or faults or tracks are of another cube.
     """
     check_installed()
-    port = int(as_number(port, "port", low=0, high=65535))
+    port = as_whole_number(port, "port", low=0, high=65535)
     viewer = Viewer(Session(cube, faults, tracks=tracks, folder=folder), title=title, port=port)
     url = viewer.start()
     if open_browser:
@@ -124,5 +124,5 @@ def widget(
     Widget
         Shown by the notebook; ``widget.viewer.session.state`` has the edited faults.
     """
-    frame = int(as_number(height, "height", low=100, high=10_000))
+    frame = as_whole_number(height, "height", low=100, high=10_000)
     return Widget(show(cube, faults, tracks=tracks, folder=folder, open_browser=False), height=frame)

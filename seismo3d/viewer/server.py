@@ -166,5 +166,6 @@ def check_installed() -> None:
 
     missing = [name for name in ("trame", "trame_vtk", "aiohttp") if find_spec(name) is None]
     if missing:
-        raise MissingDependencyError(f"the viewer needs {' and '.join(missing)}, which is not installed. {_EXTRA}")
+        verb = "is" if len(missing) == 1 else "are"
+        raise MissingDependencyError(f"the viewer needs {', '.join(missing)}, which {verb} not installed. {_EXTRA}")
     logging.getLogger("wslink").setLevel(logging.ERROR)

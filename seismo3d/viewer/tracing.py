@@ -23,6 +23,10 @@ REACHES = {"near": 700_000, "far": 4_000_000, "all": 64_000_000}
 """Samples of the box in which a click is traced: seconds, a minute, and as long as it takes, up to a medium cube."""
 _NEAR = 3.0
 """Voxels within which a surface counts as running along a stick."""
+_BEYOND = 4.0
+"""Voxels by which a box's surfaces go on beyond it, so that they cut all of it."""
+_MARGIN = 12
+"""Traces from a side of a box, not the cube's own, within which a point is too near for the layers kept of it."""
 _EASIER = 0.6
 """What the thresholds are multiplied by where nothing was found along a stick at their own values."""
 
@@ -69,13 +73,13 @@ def place_box(shape: tuple[int, int, int], points: ArrayLike, *, most: int = REA
     return box[0], box[1], slice(0, shape[2])
 
 
-def crop_surfaces(surfaces: Sequence[FaultSurface], box: Box, *, beyond: float = 4.0) -> list[FaultSurface]:
+def crop_surfaces(surfaces: Sequence[FaultSurface], box: Box) -> list[FaultSurface]:
     """Cut surfaces down to a box, in its own index coordinates; those that miss it are left out."""
     low = np.array([part.start for part in box], np.float64)
     high = np.array([part.stop - 1 for part in box], np.float64)
     kept = []
     for surface in surfaces:
-        inside = np.all((surface.vertices >= low - beyond) & (surface.vertices <= high + beyond), axis=1)
+        inside = np.all((surface.vertices >= low - _BEYOND) & (surface.vertices <= high + _BEYOND), axis=1)
         cells: BoolArray = np.asarray(np.asarray(inside)[surface.cells].all(axis=1))
         if cells.any():
             part = take_cells(surface, cells)
@@ -278,11 +282,11 @@ def _same(first: tuple[FaultSurface, ...], second: tuple[FaultSurface, ...]) -> 
     return len(first) == len(second) and all(a is b for a, b in zip(first, second, strict=True))
 
 
-def _serves(known: Box, wanted: Box, point: Float64Array, shape: tuple[int, int, int], *, margin: int = 12) -> bool:
+def _serves(known: Box, wanted: Box, point: Float64Array, shape: tuple[int, int, int]) -> bool:
     """Tell whether a box is as large as is wanted and holds a point, not near a side that is not the cube's own."""
     for at, part, other, n in zip(point, known, wanted, shape, strict=True):
-        low = part.start if part.start == 0 else part.start + margin
-        high = part.stop - 1 if part.stop == n else part.stop - 1 - margin
+        low = part.start if part.start == 0 else part.start + _MARGIN
+        high = part.stop - 1 if part.stop == n else part.stop - 1 - _MARGIN
         if not low <= at <= high or part.stop - part.start < other.stop - other.start:
             return False
     return True

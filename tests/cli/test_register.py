@@ -6,11 +6,13 @@ import json
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from typer.testing import CliRunner
 
 from seismo3d.cli import main
 from seismo3d.cli.app import app
 from seismo3d.geometry.rotations import exp_rotation, make_transform, transform_points
+from seismo3d.io.elevation import make_elevation, write_elevation
 from seismo3d.io.points import read_points, write_points
 
 
@@ -69,6 +71,20 @@ def maps(tmp_path):
     for name in ("a.npz", "b.npz"):
         np.savez(tmp_path / name, elevation=np.sin(rows / 3.0) + np.cos(columns / 4.0))
     return tmp_path / "a.npz", tmp_path / "b.npz"
+
+
+def test_json_of_maps_that_do_not_meet_as_they_lie_is_valid(tmp_path, rng):
+    """How far off they were before is not known: null, for JSON has no NaN."""
+    hills = 20.0 * ndimage.gaussian_filter(rng.normal(size=(140, 140)), 3.0)
+    unknown = np.full(hills.shape, np.nan)
+    write_elevation(tmp_path / "target.npz", make_elevation(np.hstack([hills, unknown])))
+    write_elevation(tmp_path / "source.npz", make_elevation(np.hstack([unknown, hills])))
+    names = (str(tmp_path / "target.npz"), str(tmp_path / "source.npz"))
+    done = CliRunner().invoke(app, ["register", *names, "--json"])
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout, parse_constant=pytest.fail)
+    assert answer["nmad_before"] is None
+    np.testing.assert_allclose(np.abs(answer["shift"]), [140.0, 0.0, 0.0], atol=0.01)
 
 
 def test_outputs_are_refused_before_there_is_work(files, maps, tmp_path, capsys, monkeypatch):

@@ -222,5 +222,7 @@ def test_refuses_settings_out_of_bounds(photo):
         match(photo, photo, mask_source=np.ones((3, 3), bool))
     with pytest.raises(ParameterError, match="n_points"):
         match(photo, photo, n_points=0)
+    with pytest.raises(ParameterError, match=r"n_points is 2\.5; expected a whole number"):
+        match(photo, photo, n_points=2.5)
     with pytest.raises(ParameterError, match="tilts"):
         match(photo, photo, tilts="sometimes")

@@ -32,7 +32,7 @@ def test_whole_files_are_read(tmp_path, ending, version):
 
 
 def test_files_of_several_pieces_are_joined(tmp_path, monkeypatch):
-    monkeypatch.setattr("seismo3d.io.points._LAS_BYTES", 34 * 7)
+    monkeypatch.setattr("seismo3d.io._las._BYTES_AT_ONCE", 34 * 7)
     path, points = make(tmp_path / "a.laz")
     np.testing.assert_allclose(read_points(path).points, points, atol=1e-9)
 

@@ -186,7 +186,7 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path, name, monkeypatch):
         aside.write_bytes(b"half")
         raise OSError(28, "no room")
 
-    monkeypatch.setattr(points_module, "_write_ply", fail)
+    monkeypatch.setattr(points_module, "write_ply", fail)
     monkeypatch.setattr(points_module.np, "savetxt", lambda aside, *_, **__: fail(aside))
     monkeypatch.setattr(points_module.np, "save", lambda stream, *_: fail(Path(stream.name)))
     with pytest.raises(FileAccessError, match=f"{name} cannot be written: no room"):

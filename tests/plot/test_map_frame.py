@@ -18,7 +18,7 @@ from seismo3d.io.horizons import HorizonPoints
 from seismo3d.plot.map_frame import MapFrame
 from seismo3d.seismic.flow_paths import flow_path
 from seismo3d.seismic.network import fracture_network
-from seismo3d.seismic.pick_scores import score_sticks
+from seismo3d.seismic.stick_scores import score_sticks
 from seismo3d.seismic.sticks import cut_sticks
 from seismo3d.seismic.tracks import Track
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from seismo3d.io.horizons import HorizonPoints
 from seismo3d.plot.pick_pictures import pick_distance_map, picked_faults_map
-from seismo3d.seismic.pick_scores import score_sticks
+from seismo3d.seismic.stick_scores import score_sticks
 from seismo3d.seismic.sticks import cut_sticks
 
 mpl.use("Agg")

@@ -57,6 +57,15 @@ def test_two_samples_of_a_surface_are_aligned(rng):
     assert_near(found, SMALL)
 
 
+def test_any_number_of_passes_gives_an_answer(rng):
+    """Also where the last one is the one on which the search at any distance comes to rest."""
+    far = make_transform(exp_rotation([0.15, -0.1, 0.2]), [0.5, -0.4, 0.3])
+    target, source = pair(rng, T=far)
+    for n in range(1, 14):
+        found = register(target, source, stages=("local",), settings=LoopSettings(max_iterations=n))
+        assert np.isfinite(found.T_target_source).all(), n
+
+
 def test_threads_change_nothing(rng):
     target, source = pair(rng)
     one, two = (register(target, source, n_threads=n) for n in (1, 2))
@@ -170,6 +179,13 @@ def test_symmetric_option_agrees(rng):
 def test_a_loop_of_no_passes_is_refused(rng):
     with pytest.raises(ParameterError, match=r"settings\.max_iterations is 0; expected .* at least 1"):
         register(*pair(rng), settings=LoopSettings(max_iterations=0))
+
+
+def test_threads_that_cannot_be_are_refused_by_name(rng):
+    with pytest.raises(ParameterError, match=r"settings\.n_threads is 0; expected .* \[1, 256\]"):
+        register(*pair(rng), settings=LoopSettings(n_threads=0))
+    with pytest.raises(ParameterError, match=r"n_threads is 1\.5; expected a whole number"):
+        register(*pair(rng), n_threads=1.5)
 
 
 def test_normals_and_weights_of_a_scan_are_used(rng):

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seismo3d.geometry.rotations import exp_rotation, invert_transform, make_transform
+from seismo3d.geometry.rotations import adjoint, exp_rotation, invert_transform, make_transform
 from seismo3d.graph.poses import PoseGraph
 from seismo3d.robot.drift import map_covariance, step_covariance, tie_covariances
-from seismo3d.robot.ekf import adjoint
 from seismo3d.robot.landmarks import View
 
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seismo3d.geometry.rotations import exp_rotation, invert_transform, make_transform, rotation_angle
-from seismo3d.robot.ekf import Glimpses, MotionFilter, adjoint, exp_motion, log_motion
+from seismo3d.geometry.rotations import adjoint, exp_rotation, invert_transform, make_transform, rotation_angle
+from seismo3d.robot.ekf import Glimpses, MotionFilter, exp_motion, log_motion
 
 
 def test_exp_and_log_are_inverse(rng: np.random.Generator) -> None:

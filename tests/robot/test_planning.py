@@ -286,6 +286,8 @@ def test_refusals():
         plan_path(occupancy, (1.0, 1.0), (2.2, 2.0))
     with pytest.raises(GeometryError, match="it is unknown ground"):
         plan_path(occupancy, (3.5, 3.5), (1.0, 1.0))
+    with pytest.raises(ParameterError, match=r"robot is of type dict; expected RobotLimits\. Give RobotLimits"):
+        plan_path(occupancy, (1.0, 1.0), (2.0, 2.0), robot={"radius": 0.2})
     with pytest.raises(ParameterError, match=r"start is \(1.0,\); expected \(x, y\)"):
         plan_path(occupancy, (1.0,), (1.0, 1.0))
     planner = Planner(occupancy, (1.0, 1.0), (1.0, 3.0))

@@ -13,7 +13,7 @@ from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.seismic.cube_checks import check_faults_of, check_order, differing_axis, placing_cube
 from seismo3d.seismic.flow_paths import flow_path
 from seismo3d.seismic.network import fracture_network
-from seismo3d.seismic.pick_scores import score_sticks
+from seismo3d.seismic.stick_scores import score_sticks
 
 
 def cube(first: int = 100, dims: tuple[str, ...] = ("inline", "crossline", "time")) -> xr.DataArray:

@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter
 
 from seismo3d.seismic._kernels_cut_offsets import carry_to_places
 from seismo3d.seismic.cut_offsets import CutSettings, offset_sheets
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 
 PATCH = (6.0, 10.0)
 STEP = 2

@@ -5,7 +5,7 @@ from scipy.spatial import cKDTree
 
 from seismo3d.seismic.choosing import ChoiceSettings
 from seismo3d.seismic.doubles import part_doubles
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetThrow
 
 SETTINGS = ChoiceSettings()

@@ -7,8 +7,8 @@ import pytest
 
 from seismo3d.seismic import _kernels_extending as kernels
 from seismo3d.seismic.extending import ExtendSettings, extend_sheet, extend_sheets
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.scan import RidgePoints
+from seismo3d.seismic.sheets import Sheet
 
 SHAPE = (40, 48, 32)
 STEP = 2

@@ -7,7 +7,7 @@ from seismo3d.errors import ParameterError
 from seismo3d.seismic.dip import estimate_slopes
 from seismo3d.seismic.fault_evidence import EVIDENCE, check_evidence, measure_evidence
 from seismo3d.seismic.faults import trace_faults
-from seismo3d.seismic.misfit import compare_along, fuse_misfits, share_out
+from seismo3d.seismic.misfit import compare_along, fuse_misfits, shares_at_noise
 from seismo3d.seismic.misfit_settings import MisfitSettings
 from seismo3d.seismic.scores import fault_score
 from seismo3d.seismic.side_shifts import RegistrationSettings
@@ -115,7 +115,7 @@ def noisy(cube, level=0.8):
 )
 def test_share_of_registration_follows_the_noise(noise, expected):
     settings = RegistrationSettings()
-    first, second = share_out(noise, settings.share, settings.share_noises)
+    first, second = shares_at_noise(noise, settings.share, settings.share_noises)
     assert second == pytest.approx(expected)
     assert first == 1.0 - second
 

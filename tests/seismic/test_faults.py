@@ -13,8 +13,8 @@ from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings
 from seismo3d.seismic.faults import FaultSettings, largest_first, trace_faults
 from seismo3d.seismic.faultset import FaultSet
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.scores import fault_score, throw_score
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.surfaces import order_by_area
 from seismo3d.seismic.throw import SheetThrow
 from seismo3d.synthetic import SyntheticFault, fault_cube, fault_section

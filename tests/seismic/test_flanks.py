@@ -8,8 +8,8 @@ import pytest
 from seismo3d.seismic.choosing import ChoiceSettings
 from seismo3d.seismic.faults import trace_faults
 from seismo3d.seismic.flanks import FlankSettings, join_flanks
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.scores import fault_score
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.synthetic import SyntheticFault, fault_cube
 
 CHOICE = ChoiceSettings()

@@ -5,8 +5,8 @@ import pytest
 
 from seismo3d.seismic.extending import ExtendSettings
 from seismo3d.seismic.leftovers import link_leftovers
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.scan import RidgePoints
+from seismo3d.seismic.sheets import Sheet
 
 SHAPE = (40, 48, 32)
 STEP = 2

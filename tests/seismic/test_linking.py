@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from seismo3d.seismic import _kernels_linking as kernels
-from seismo3d.seismic.linking import Sheet, link_sheets
+from seismo3d.seismic.linking import link_sheets
 from seismo3d.seismic.scan import RidgePoints
 
 SHAPE = (40, 40, 32)
@@ -121,21 +121,6 @@ def test_plane_is_one_sheet_in_its_place(normal_deg, cotangent):
     assert sheet.area == STEP * len(at)
     np.testing.assert_allclose(sheet.score[sheet.inside], 1.0, atol=0.05)
     assert np.isnan(sheet.score[~sheet.inside]).all()
-
-
-def test_grid_places_become_points():
-    sheet = Sheet(
-        np.array([3.0, 4.0]),
-        np.array([0.6, 0.8]),
-        10,
-        2,
-        -5.0,
-        np.zeros((8, 6), np.float32),
-        np.ones((8, 6), np.float32),
-    )
-    point = sheet.points(np.array([5.0, 6.0]), np.array([0.0, 1.5]), np.array([0.0, 2.0]))
-    np.testing.assert_allclose(point, [[3, 4, 10], [3 - 0.8 + 1.2, 4 + 0.6 + 1.6, 13]])
-    assert sheet.area == 96.0
 
 
 def test_crossing_planes_pass_through_each_other():

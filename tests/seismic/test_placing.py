@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from seismo3d.seismic._kernels_placing import split_profiles
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.placing import PlaceSettings, place_sheet, read_profile
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import ThrowSettings
 
 REACH = PlaceSettings().reach

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.rasterise import sample_grid, sheet_voxels, to_likelihood
+from seismo3d.seismic.sheets import Sheet
 
 SHAPE = (30, 30, 40)
 

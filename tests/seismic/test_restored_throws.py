@@ -11,8 +11,8 @@ from seismo3d.seismic import restored_throws
 from seismo3d.seismic._kernels_restore import read_between, spread
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.layer_strain import LayerSlopes
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.restored_throws import restore_throws
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import ThrowSettings, gather_sides, match_sides
 from seismo3d.synthetic import SyntheticFault, fault_cube
 

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from seismo3d.seismic import _kernels_moves as kernels
 from seismo3d.seismic._kernels_filters import gaussian_taps
-from seismo3d.seismic.linking import LinkSettings, link_sheets
+from seismo3d.seismic.linking import link_sheets
 from seismo3d.seismic.scan import RidgePoints
 from seismo3d.seismic.section_scores import (
     SectionScoreSettings,
@@ -21,6 +21,7 @@ from seismo3d.seismic.section_scores import (
     weigh_crests,
     weigh_line,
 )
+from seismo3d.seismic.sheets import SheetSettings
 
 N_TRACES, N_SAMPLES, STEP = 60, 80, 2
 FAULT, NOISY, BRIGHT = 29.5, 14, 44.5
@@ -191,7 +192,7 @@ def test_no_crests_are_no_crests():
 
 def by_lines(ridges):
     shape = (1, N_TRACES, N_SAMPLES // STEP)
-    return weigh_by_lines(ridges, shape, step=STEP, link=LinkSettings(fragment=6, contacts=5), settings=SETTINGS)
+    return weigh_by_lines(ridges, shape, step=STEP, link=SheetSettings(fragment=6, contacts=5), settings=SETTINGS)
 
 
 def joined(*parts):
@@ -230,7 +231,7 @@ def test_a_weak_place_of_a_long_line_gains_and_stays_the_weakest():
 
 def test_a_sheet_gets_the_scores_of_the_crests_on_it():
     ridges = crests(20.0, samples=range(4, 76, STEP), score=0.7)
-    shape, link = (1, N_TRACES, N_SAMPLES // STEP), LinkSettings(fragment=6, contacts=5)
+    shape, link = (1, N_TRACES, N_SAMPLES // STEP), SheetSettings(fragment=6, contacts=5)
     sheet = link_sheets(ridges, shape, step=STEP, least_points=6, settings=link)[0]
     weighed = weigh_line(sheet, SETTINGS)
     assert np.nanmedian(weighed.score) == pytest.approx(np.median(by_lines(ridges).score), rel=0.02)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_distances import SheetNodes, are_near, bounds_of, within_box
+from seismo3d.seismic.sheets import Sheet
 
 
 def bent_sheet(rng, origin, strike_deg, rows=40, columns=30):

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.sheet_tips import continue_sheet, likeness_beyond, share_out_of_view
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetSides
 
 ROWS, COLUMNS, FIRST, STEP, BEYOND = 12, 15, 40, 2, 16

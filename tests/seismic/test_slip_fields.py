@@ -6,7 +6,7 @@ from scipy.linalg import solveh_banded
 
 from seismo3d.seismic import _kernels_slip as kernels
 from seismo3d.seismic.dip import DipSettings
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.slip_fields import Sides, SlipSettings, _pull, refine_slip, smooth_field
 from seismo3d.seismic.throw import ThrowSettings, gather_sides, match_sides, slopes_beside
 from seismo3d.synthetic import CubeRecipe, SyntheticFault, make_cube

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.surfaces import build_surface
 from seismo3d.seismic.throw import SheetThrow
 

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from seismo3d.seismic import _kernels_throw as kernels
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import (
     SheetThrow,
     ThrowSettings,

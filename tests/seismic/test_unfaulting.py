@@ -12,7 +12,7 @@ from seismo3d.errors import ShapeError
 from seismo3d.plot import unfaulted_section
 from seismo3d.seismic._kernels_cuts import cross_edges
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
-from seismo3d.seismic.unfaulting import UnfaultSettings, _lay_out, carry_amplitudes, find_slip_field, unfault
+from seismo3d.seismic.unfaulting import UnfaultSettings, _lay_out, find_slip_field, unfault
 
 SHAPE = (40, 48, 60)
 
@@ -245,27 +245,3 @@ def test_sections_are_drawn_side_by_side() -> None:
     assert not before.collections
     with pytest.raises(ShapeError, match="expected the cube's"):
         unfaulted_section(cube, found[:5], inline=130)
-
-
-def test_places_in_the_cells_of_outer_traces_have_their_amplitudes(rng: np.random.Generator) -> None:
-    cube = rng.normal(size=(8, 9, 10)).astype(np.float32)
-    for shift, n_lost in ((1e-7, 0), (-1e-7, 0), (0.49, 0), (0.51, 1), (-1.6, 2)):
-        for axis in range(3):
-            field = np.zeros((3, *cube.shape), np.float32)
-            field[axis] = shift
-            found = np.moveaxis(carry_amplitudes(cube, field), axis, 0)[:: 1 if shift < 0 else -1]
-            wanted = np.moveaxis(cube, axis, 0)[:: 1 if shift < 0 else -1]
-            assert (found[:n_lost] == 0.0).all()
-            assert (found[n_lost:] != 0.0).all()
-            if n_lost == 0:
-                np.testing.assert_allclose(found[0], wanted[0], atol=1e-5)
-
-
-@pytest.mark.parametrize("power", [-100, 40, 125])
-def test_amplitudes_of_any_size_are_carried_alike(rng: np.random.Generator, power: int) -> None:
-    values = rng.uniform(-1.0, 1.0, size=(6, 7, 20)).astype(np.float32)
-    shift = rng.normal(scale=0.7, size=(3, *values.shape)).astype(np.float32)
-    carried = carry_amplitudes(np.ldexp(values, power), shift)
-    np.testing.assert_array_equal(carried, np.ldexp(carry_amplitudes(values, shift), power))
-    largest = carry_amplitudes(np.sign(values) * np.finfo(np.float32).max, shift)
-    assert np.isfinite(largest).all()

@@ -68,5 +68,7 @@ def test_refusals(hills):
     other = make_hills(hills.shape, seed=9)
     with pytest.raises(GeometryError, match=r"is a poor fit, which moves it by .* \(--no-align\)"):
         compare(hills, other, registration=register(hills, other))
+    with pytest.raises(ParameterError, match=r"least_patch is 0; expected .* at least 1"):
+        compare(hills, hills, least_patch=0)
     with pytest.raises(GeometryError, match="no place with a surface"):
         compare_points(np.eye(3), np.eye(3), spacing=0.1)

@@ -38,6 +38,11 @@ def test_a_scarp_is_one_line_of_the_right_strike(found):
     assert np.percentile(np.abs(off), 90) < 4.0
 
 
+def test_no_lineaments_have_no_scarps(scarp_map, found):
+    """A set without lines is an answer, not a set that is still to be found."""
+    assert scarps(scarp_map, LineamentSet((), None, found.grid)) == ()
+
+
 def test_its_height_and_facing_are_measured(scarp_map, found):
     (scarp, *_) = scarps(scarp_map, found)
     assert scarp.height_m == pytest.approx(3.0, rel=0.1)

@@ -34,7 +34,7 @@ from seismo3d.seismic.misfit import (
     depth_energies,
     energy_floor,
     measure_ratios,
-    share_out,
+    shares_at_noise,
     trace_energies,
     weigh_logs,
 )
@@ -150,7 +150,7 @@ def attempts(run: BlockRun) -> list[tuple[str, float]]:
     if run.settings.evidence != "both":
         return [(first, 1.0)]
     registration = run.settings.registration
-    shares = share_out(near["noise"], registration.share, registration.share_noises)
+    shares = shares_at_noise(near["noise"], registration.share, registration.share_noises)
     return [(name, share) for name, share in zip((first, "second"), shares, strict=True) if share > 0.0]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 from seismo3d.errors import ParameterError
@@ -217,6 +218,11 @@ def _raw_edges(shape: tuple[int, int, int], brick: int, widest: int | None, room
     return (across, columns) if columns > 0 else None
 
 
+def _n_traces(shape: tuple[int, int, int], edge: int, reach: int) -> int:
+    """Return how many traces a block of an edge has together with those within a reach around it, in the cube."""
+    return min(edge + 2 * reach, shape[0]) * min(edge + 2 * reach, shape[1])
+
+
 def fault_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callable[[int], float]]:
     """Return the bytes that a block of an edge takes, by stage of fault tracing."""
     step = settings.misfit.step
@@ -224,9 +230,7 @@ def fault_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callabl
     scan = plan_scan((max(shape[0], 2), max(shape[1], 2), thinned), 1.0, step, settings=settings.scan)
     across, along = scan.reach
     pad = len(scan.dip_taps) // 2
-
-    def square(edge: int, reach: int) -> int:
-        return min(edge + 2 * reach, shape[0]) * min(edge + 2 * reach, shape[1])
+    square = partial(_n_traces, shape)
 
     def wide(edge: int) -> int:
         return max(
@@ -272,10 +276,7 @@ def read_reach(settings: Any) -> int:
 
 def slope_bytes(shape: tuple[int, int, int], edge: int, settings: DipSettings) -> float:
     """Return the bytes that slopes of a block of an edge take."""
-
-    def square(reach: int) -> int:
-        return min(edge + 2 * reach, shape[0]) * min(edge + 2 * reach, shape[1])
-
+    square = partial(_n_traces, shape, edge)
     return (5 * square(dip_reach(settings)) + 24 * square(tensor_reach(settings)) + 28 * square(0)) * shape[2]
 
 
@@ -285,9 +286,7 @@ def layer_needs(shape: tuple[int, int, int], settings: Any) -> dict[str, Callabl
 
     n2, links = shape[2], -(-(max(settings.lengths) + settings.clear + 1) // 8) * 8
     wide = int(4.0 * settings.wide[0]) + 2
-
-    def square(edge: int, reach: int) -> int:
-        return min(edge + 2 * reach, shape[0]) * min(edge + 2 * reach, shape[1])
+    square = partial(_n_traces, shape)
 
     return {
         "dip": lambda edge: slope_bytes(shape, edge, settings.dip),

@@ -12,7 +12,7 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array, IntArray
 from seismo3d.seismic.blocks.cleaning import read_clean
 from seismo3d.seismic.blocks.plan import Box, read_reach
 from seismo3d.seismic.blocks.run import BlockRun
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import every_sample
 
 

@@ -19,10 +19,10 @@ from seismo3d.seismic.doubles import part_doubles
 from seismo3d.seismic.faults import find_candidates, finish_throws, largest_first, measure_moving
 from seismo3d.seismic.flanks import join_flanks
 from seismo3d.seismic.layer_strain import LayerSlopes, join_slopes, sample_slopes
-from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.placing import place_sheet, read_profile
 from seismo3d.seismic.rasterise import draw_sheets
 from seismo3d.seismic.sheet_tips import continue_sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import (
     SheetSides,
     SheetThrow,

@@ -1,4 +1,4 @@
-"""Traced faults and horizons beside an interpreter's: how far apart, what was missed, what is new."""
+"""Traced faults beside an interpreter's sticks: how far apart, what was missed, what is new."""
 
 from __future__ import annotations
 
@@ -12,23 +12,15 @@ from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d._validate import as_number
-from seismo3d.errors import GeometryError, ParameterError
-from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
+from seismo3d.errors import GeometryError
 from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.io.fault_sticks import FaultStick
-from seismo3d.io.horizons import HorizonPoints
 from seismo3d.seismic.cube_checks import placing_cube
 from seismo3d.seismic.faultset import FaultSet
-from seismo3d.seismic.picks import place_horizon, place_stick
+from seismo3d.seismic.picks import check_list, finite_percentile, place_stick
 
 # more than half of a picked fault, or of a traced one, decides
 _HALF = 0.5
-# line numbers, or indices, that differ by no more are of one trace
-_ONE_TRACE = 0.5
-# so are x and y, in metres, unless the traces lie closer
-_ONE_PLACE = 1.0
-# traces, about, from which their spacing is read
-_SOME_PLACES = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,44 +85,6 @@ class StickScore:
     elsewhere: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class HorizonScore:
-    """A picked horizon against the traced one that is nearest to it.
-
-    Attributes
-    ----------
-    name : str
-        The picked horizon.
-    track : str
-        The traced one; "" where none lies on a picked trace.
-    tolerance : float
-        Vertical distance up to which both agree, in the unit of the picks.
-    n_picks, n_common : int
-        Picks, and those of them at which the track was traced.
-    median, p90, bias : float
-        Median and 90th percentile of the vertical distance where both are known, and its signed median: positive where
-        the track is deeper.
-    within : float
-        Share of the common picks within the tolerance.
-    missed : float
-        Share of the picks where the track was not traced.
-    new : int
-        Number of places where the track was traced and nothing was picked.
-    """
-
-    name: str
-    track: str
-    tolerance: float
-    n_picks: int
-    n_common: int
-    median: float
-    p90: float
-    bias: float
-    within: float
-    missed: float
-    new: int
-
-
 def score_sticks(
     faults: FaultSet, sticks: Sequence[FaultStick], *, cube: Any = None, tolerance: float = 3.0
 ) -> StickScore:
@@ -164,7 +118,7 @@ def score_sticks(
         If `faults` is no FaultSet, or `sticks` no list of sticks.
     """
     home = placing_cube(cube, faults)
-    _check_list(sticks, "sticks", FaultStick)
+    check_list(sticks, "sticks", FaultStick)
     limit = as_number(tolerance, "tolerance", low=0.0)
     shape = np.array(np.shape(faults.labels))
     placed = {id(stick): place_stick(stick, home) for stick in sticks}
@@ -189,144 +143,12 @@ def score_sticks(
     area = np.array([surface.area for surface in faults.surfaces])
     every = np.concatenate(distances)
     return StickScore(
-        limit, _percentile(every, 50.0), _percentile(every, 90.0), float((every <= limit).mean()), tuple(rows),
+        limit, *_median_and_p90(every), float((every <= limit).mean()), tuple(rows),
         tuple(row.name for row in rows if row.within < _HALF),
         tuple(label for label, share in enumerate(near, start=1) if share < _HALF),
         float(np.average(near, weights=area)) if len(near) else float("nan"), outside,
         tuple(name for name in names if name not in lines),
     )  # fmt: skip
-
-
-def score_horizon(
-    tracks: Sequence[HorizonPoints],
-    picks: HorizonPoints,
-    *,
-    tolerance: float,
-    cube: Any = None,
-    apart: float | None = None,
-    extent: tuple[float, float] | None = None,
-) -> HorizonScore:
-    """Score traced horizons against a picked one; the traced one with the smallest median distance counts.
-
-    Parameters
-    ----------
-    tracks : sequence of HorizonPoints
-        What was traced.
-    picks : HorizonPoints
-        What was picked, in the same unit.
-    tolerance : float
-        Vertical distance up to which both agree, in that unit.
-    cube : DataArray, optional
-        The cube that both are of: then picks meet the nearest trace, half a bin off at most. By default line numbers
-        are compared where both files have them, else x and y to within `apart`, which a grid whose nodes are not on
-        the traces misses.
-    apart : float, optional
-        Largest distance in x and y at which two points are of one trace. [default: :func:`same_trace_distance`]
-    extent : (float, float), optional
-        Between which times or depths a pick lies in the cube. [default: those of `cube` where it is given]
-
-    Returns
-    -------
-    HorizonScore
-
-    Raises
-    ------
-    ParameterError
-        If there is no track, or `tracks` is no list of them.
-    GeometryError
-        If no pick lies on a place of any track, or none that does lies in the cube's times or depths: they are then of
-        another unit or sign.
-    """
-    _check_list(tracks, "tracks", HorizonPoints)
-    if not tracks:
-        raise ParameterError("tracks is empty; expected at least one. Trace horizons first.")
-    limit = as_number(tolerance, "tolerance", low=0.0)
-    reach = same_trace_distance(tracks) if apart is None else as_number(apart, "apart", low=0.0)
-    if extent is None:
-        extent = (-np.inf, np.inf) if cube is None else sample_extent(cube)
-    low, high = extent
-    is_inside = (picks.points[:, 2] > low) & (picks.points[:, 2] < high)
-    met = False
-    best: tuple[float, HorizonScore] | None = None
-    for track in tracks:
-        here, there, farthest = flat_places(picks, track, cube=cube, apart=reach)
-        distance, near = cKDTree(there).query(here, distance_upper_bound=farthest + 1e-9)
-        common: BoolArray = np.asarray(np.isfinite(distance))
-        met |= bool(common.any())
-        if not (common & is_inside).any():
-            continue
-        down = track.points[np.asarray(near)[common], 2] - picks.points[common, 2]
-        n_new = len(there) - len(np.unique(np.asarray(near)[common]))
-        size = np.abs(down)
-        score = HorizonScore(
-            picks.name, track.name, limit, len(here), int(common.sum()), _percentile(size, 50.0),
-            _percentile(size, 90.0), float(np.median(down)), float((size <= limit).mean()),
-            1.0 - float(common.mean()), n_new,
-        )  # fmt: skip
-        if best is None or score.median < best[0]:
-            best = score.median, score
-    if best is None and met:
-        z = picks.points[:, 2]
-        raise GeometryError(
-            f"{picks.name} has z from {z.min():g} to {z.max():g} and no pick on a trace of a track "
-            f"between {low:g} and {high:g}, where the cube lies; expected its own unit, growing downwards. "
-            "Check the export's unit and sign."
-        )
-    if best is None:
-        raise GeometryError(
-            f"no pick of {picks.name} lies on a trace of a track; expected the same survey in the same coordinates. "
-            "Check the export's coordinate system."
-        )
-    return best[1]
-
-
-def same_trace_distance(tracks: Sequence[HorizonPoints]) -> float:
-    """Return how far apart in x and y two points of one trace may lie: half the traces' spacing, but no more than 1.
-
-    Without map coordinates x and y are line numbers, so that one apart is the next trace.
-    """
-    spacing = np.inf
-    for track in tracks:
-        places = track.points[:, :2]
-        some = places[:: max(1, len(places) // _SOME_PLACES)]
-        distance = np.asarray(cKDTree(places).query(some, k=2)[0])[:, 1]
-        apart = distance[(distance > 0) & np.isfinite(distance)]
-        if len(apart):
-            # not the least: a crooked line may all but meet itself
-            spacing = min(spacing, float(np.percentile(apart, 5.0)))
-    return min(_ONE_PLACE, _ONE_TRACE * spacing)
-
-
-def sample_extent(cube: Any) -> tuple[float, float]:
-    """Return the times or depths between which points lie in a cube or section: half a sample beyond its ends."""
-    geometry = SectionGeometry if np.ndim(cube) == 2 else SurveyGeometry
-    axis = geometry.from_cube(cube).sample
-    ends = float(axis.coordinate(-0.5)), float(axis.coordinate(axis.n - 0.5))
-    return min(ends), max(ends)
-
-
-def have_lines(picks: HorizonPoints, track: HorizonPoints) -> bool:
-    """Tell whether all points of both have line numbers."""
-    return bool(np.isfinite(picks.lines).all() and np.isfinite(track.lines).all())
-
-
-def flat_places(
-    picks: HorizonPoints, track: HorizonPoints, *, apart: float, cube: Any = None
-) -> tuple[Float64Array, Float64Array, float]:
-    """Places of both on one plane, and how far the same place may lie apart: indices, line numbers, or x and y."""
-    if cube is not None:
-        return np.rint(place_horizon(picks, cube)[:, :2]), np.rint(place_horizon(track, cube)[:, :2]), _ONE_TRACE
-    if have_lines(picks, track):
-        return picks.lines, track.lines, _ONE_TRACE
-    return picks.points[:, :2], track.points[:, :2], apart
-
-
-def _check_list(values: Any, name: str, kind: type) -> None:
-    told = f"a {type(values).__name__}"
-    if isinstance(values, Sequence) and not isinstance(values, str):
-        told = next((f"a list with a {type(value).__name__}" for value in values if not isinstance(value, kind)), "")
-    if told:
-        raise ParameterError(f"{name} is {told}; expected a list of {kind.__name__}. Put one alone in a list.")
 
 
 def _inside(points: Float64Array, shape: Any) -> BoolArray:
@@ -427,7 +249,11 @@ def _picked(name: str, n_sticks: int, distance: Float64Array, label: IntArray, l
     near = distance <= limit
     share = float(near.mean())
     traced = int(np.bincount(label[near]).argmax()) if share >= _HALF else 0
-    return PickedFault(name, n_sticks, _percentile(distance, 50.0), _percentile(distance, 90.0), share, traced)
+    return PickedFault(name, n_sticks, *_median_and_p90(distance), share, traced)
+
+
+def _median_and_p90(distance: Float64Array) -> tuple[float, float]:
+    return finite_percentile(distance, 50.0), finite_percentile(distance, 90.0)
 
 
 def _shares_near(faults: FaultSet, picked: Float64Array, limit: float) -> Float64Array:
@@ -439,8 +265,3 @@ def _shares_near(faults: FaultSet, picked: Float64Array, limit: float) -> Float6
         near = np.isfinite(tree.query(vertices, distance_upper_bound=limit + 1e-9)[0])
         shares.append(float(np.average(near, weights=weigh_vertices(vertices, surface.cells))))
     return np.array(shares)
-
-
-def _percentile(values: Float64Array, percent: float) -> float:
-    finite = values[np.isfinite(values)]
-    return float(np.percentile(finite, percent)) if len(finite) else float("nan")

@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plane_motions import ALONG_CROSSLINES, ALONG_INLINES, beside, in_parts, places, plane_motion
+
+from seismo3d.seismic.fault_ages import HistorySettings
+from seismo3d.seismic.fault_families import are_one, find_families
+
+SETTINGS = HistorySettings()
+
+
+def families_of(motions, areas=None):
+    return find_families(motions, [places(m) for m in motions], areas or [5000.0] * len(motions), SETTINGS).tolist()
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_parts_that_a_heave_took_apart_are_of_one_family(turned):
+    parts = in_parts()[:: -1 if turned else 1]
+    others = beside(plane_motion(ALONG_INLINES), 25.0), plane_motion(ALONG_CROSSLINES)
+    assert families_of([*parts, *others]) == [0, 0, 1, 2]
+
+
+def test_what_covers_dips_otherwise_or_lies_far_off_is_of_another_family():
+    first, second = in_parts(heave=15.0)
+    assert families_of([first, second]) == [0, 1]
+    assert families_of([in_parts()[0], in_parts(cotangent=-0.4)[1]]) == [0, 1]
+    # side by side, however near
+    assert families_of([first, beside(first, 5.0)]) == [0, 1]
+    # found twice
+    assert families_of([first, replace(first, throw=first.throw + 1.0)]) == [0, 0]
+    assert find_families([], [], [], SETTINGS).tolist() == []
+
+
+def test_one_part_carries_on_but_one_of_two_side_by_side():
+    first, second = in_parts(heave=0.0)
+    # the nearer of the two goes with the part that carries both on
+    assert families_of([first, second, beside(first, 4.0)]) == [0, 0, 1]
+    assert families_of([beside(first, 4.0), second, first]) == [0, 1, 1]
+
+
+def test_parts_of_one_plane_are_one():
+    points = places(plane_motion(ALONG_INLINES))
+    one, other = points[points[:, 0] < 28.0], points[points[:, 0] > 36.0]
+    across = ALONG_INLINES.across
+    assert are_one(ALONG_INLINES, one, across, other, SETTINGS)
+    assert are_one(ALONG_INLINES, one, -across, other, SETTINGS)
+    assert not are_one(ALONG_INLINES, one, across, other + np.array([0.0, 5.0, 0.0]), SETTINGS)
+    assert not are_one(ALONG_INLINES, one, ALONG_CROSSLINES.across, other, SETTINGS)
+    assert not are_one(ALONG_INLINES, one, across, other + np.array([60.0, 0.0, 0.0]), SETTINGS)
+    assert not are_one(ALONG_INLINES, points, across, points, SETTINGS)
