@@ -51,6 +51,10 @@ class ChoiceSettings:
         throw that is read may be off by as much.
     still_fit : float
         Fit of the unmoved sides that this takes: a throw carried on from elsewhere says nothing of a place.
+    unbroken_score, unbroken_fit, unbroken_gain, unbroken_area : float
+        A part of a sheet of at least this area, at its rim, is unbroken ground if its support is below the score and
+        its sides fit unmoved by more than this, and by so much more than by its throw: one carried on over as large a
+        part, though nothing matches there, is of the fault that ends before it.
     layer_angle_deg : float
         Least angle, in the median, between a sheet and the layers beside it, across its strike: what runs along steep
         layers is one of them, whose neighbours do not fit where its dip is told wrongly.
@@ -125,6 +129,10 @@ class ChoiceSettings:
     still_score: float = 0.6
     still_throw: tuple[float, float] = (0.5, 1.0)
     still_fit: float = 0.7
+    unbroken_score: float = 0.4
+    unbroken_fit: float = 0.3
+    unbroken_gain: float = 0.2
+    unbroken_area: float = 300.0
     layer_angle_deg: float = 20.0
     leaning: float = 0.75
     leaning_deg: float = 45.0
@@ -174,6 +182,7 @@ class ChoiceSettings:
             least_strength=2.8,
             least_throw=0.5,
             still_score=0.0,
+            unbroken_score=0.0,
             leaning_score=0.0,
             tall_strength=2.8,
             low_fit=0.0,

@@ -374,7 +374,8 @@ def measure_moving(
     """
     measured = match_sides(sheet, sides.both, sides.known, settings=settings.throw)
     measured = replace(measured, runs_on=likeness_beyond(sheet, beyond))
-    moving, throw = end_where_still(end_in_mutes(sheet, sides, shape), measured, settings.choice, noise=noise)
+    within = end_in_mutes(sheet, sides, shape)
+    moving, throw = end_where_still(within, measured, sides, settings.choice, noise=noise)
     return end_along_layers(moving, sides, settings.choice), throw
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import AnyArray, BoolArray
+from seismo3d._typing import AnyArray, BoolArray, Float64Array
 from seismo3d.seismic.choosing import ChoiceSettings
 from seismo3d.seismic.misfit_settings import NOISES
 from seismo3d.seismic.sheet_measures import mean_support, strength
@@ -16,10 +16,14 @@ from seismo3d.seismic.throw import SheetSides, SheetThrow, every_sample
 
 # samples from the edge of a mute within which a sheet lies beside it, and how far off its sides are read
 _BESIDE, _WITHIN = 8, 16
+# widths of the Gaussian window, in traces and samples, over which unmoved sides are compared
+_WINDOW = (2.0, 6.0)
+# share of an unbroken part that lies at its sheet's rim, at least
+_AT_RIM = 0.08
 
 
 def end_where_still(
-    sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings, *, noise: float
+    sheet: Sheet, throw: SheetThrow, sides: SheetSides, settings: ChoiceSettings, *, noise: float
 ) -> tuple[Sheet, SheetThrow]:
     """End a sheet where its sides fit unmoved and its support is weak: it has run on into unbroken ground.
 
@@ -27,6 +31,8 @@ def end_where_still(
     ----------
     sheet, throw : Sheet, SheetThrow
         A sheet and its throw.
+    sides : SheetSides
+        What was read on its two sides.
     settings : ChoiceSettings
         Thresholds.
     noise : float
@@ -41,15 +47,41 @@ def end_where_still(
         sheet.score < settings.still_score
     )
     still &= throw.fit >= settings.still_fit
-    if not still.any():
+    unbroken = _find_unbroken(sheet, throw, sides, settings)
+    if not (still.any() or unbroken.any()):
         return sheet, throw
-    # a few places decide nothing, neither to end a sheet nor to go on with it
-    still = ndimage.median_filter(still, size=(5, 5), mode="nearest")
+    still = _without_specks(still) | unbroken
     inside = ndimage.binary_opening(sheet.inside & ~still, np.ones((min(3, sheet.w.shape[0]), 3), bool))
     parts, n_parts = ndimage.label(inside, np.ones((3, 3)))
     if n_parts > 1:
         inside &= are_large(parts, settings.company_area / sheet.step)
     return sheet.only(inside), replace(throw, throw=np.where(inside, throw.throw, np.float32(np.nan)))
+
+
+def _find_unbroken(sheet: Sheet, throw: SheetThrow, sides: SheetSides, settings: ChoiceSettings) -> BoolArray:
+    """Mark large parts at a sheet's rim whose sides fit better unmoved than by a throw that was carried on to them."""
+    unmoved = _fit_unmoved(sides)[:, :: sheet.step]
+    weak = sheet.inside & (sheet.score < settings.unbroken_score)
+    fits = (unmoved > settings.unbroken_fit) & (unmoved > throw.fit + settings.unbroken_gain)
+    parts, _ = ndimage.label(_without_specks(weak & fits) & sheet.inside, np.ones((3, 3)))
+    rim = sheet.inside & ~ndimage.binary_erosion(sheet.inside)
+    n_at_rim, n = (np.bincount(parts[places], minlength=parts.max() + 1) for places in (rim, sheet.inside))
+    return np.asarray(are_large(parts, settings.unbroken_area / sheet.step) & (n_at_rim > _AT_RIM * n)[parts])
+
+
+def _fit_unmoved(sides: SheetSides) -> Float64Array:
+    """Return how well the unmoved sides of a sheet fit in small windows, 1 where they are equal; 0 if not known."""
+    known = (sides.known > 0.0).all(axis=0)
+    one, other = np.where(known, sides.both, 0.0).astype(np.float64)
+    off, energy, told = (
+        ndimage.gaussian_filter(a, _WINDOW) for a in ((one - other) ** 2, one**2 + other**2, known.astype(np.float64))
+    )
+    return np.where((told > 0.5) & (energy > 0.0), 1.0 - off / np.where(energy > 0.0, energy, 1.0), 0.0)
+
+
+def _without_specks(places: BoolArray) -> BoolArray:
+    """Return what most places around each say: a few decide nothing, neither to end a sheet nor to go on with it."""
+    return np.asarray(ndimage.median_filter(places, size=(5, 5), mode="nearest"))
 
 
 def end_in_mutes(sheet: Sheet, sides: SheetSides, shape: tuple[int, ...]) -> Sheet:

@@ -50,11 +50,17 @@ def test_a_sheet_with_data_on_one_side_alone_is_none_but_at_the_border():
     np.testing.assert_array_equal(end_in_mutes(sheet, sides, (20, 20, 59)).inside, sheet.inside)
 
 
+def told_nothing(sheet):
+    """Sides of a sheet on which nothing is known."""
+    nothing = np.zeros((2, sheet.w.shape[0], 2 * sheet.w.shape[1] - 1), np.float32)
+    return SheetSides(nothing, nothing, nothing)
+
+
 def test_a_sheet_ends_where_its_sides_fit_unmoved():
     sheet, throw = candidate(score=0.3)
     values = throw.throw.copy()
     values[30:] = 0.2
-    ended, moved = end_where_still(sheet, replace(throw, throw=values), SETTINGS, noise=0.0)
+    ended, moved = end_where_still(sheet, replace(throw, throw=values), told_nothing(sheet), SETTINGS, noise=0.0)
     assert ended.inside[:29].all()
     assert not ended.inside[31:].any()
     assert np.array_equal(np.isfinite(moved.throw), ended.inside)
@@ -63,26 +69,73 @@ def test_a_sheet_ends_where_its_sides_fit_unmoved():
 
 def test_strong_support_goes_on_without_a_throw():
     sheet, throw = candidate(score=0.72, throw=0.2)
-    assert end_where_still(sheet, throw, SETTINGS, noise=0.0) == (sheet, throw)
+    assert end_where_still(sheet, throw, told_nothing(sheet), SETTINGS, noise=0.0) == (sheet, throw)
 
 
 def test_a_sheet_goes_on_where_its_unmoved_sides_do_not_fit():
     sheet, throw = candidate(score=0.3, throw=0.2, fit=0.3)
-    assert end_where_still(sheet, throw, SETTINGS, noise=0.0) == (sheet, throw)
+    assert end_where_still(sheet, throw, told_nothing(sheet), SETTINGS, noise=0.0) == (sheet, throw)
 
 
 @pytest.mark.parametrize(("noise", "goes_on"), [(0.0, True), (0.04, False), (0.08, False), (0.3, False)])
 def test_a_small_throw_is_one_where_there_is_no_noise(noise, goes_on):
-    ended, _ = end_where_still(*candidate(score=0.3, throw=0.7), SETTINGS, noise=noise)
+    sheet, throw = candidate(score=0.3, throw=0.7)
+    ended, _ = end_where_still(sheet, throw, told_nothing(sheet), SETTINGS, noise=noise)
     assert ended.inside.all() == goes_on
     assert ended.inside.any() == goes_on
 
 
 def test_a_sheet_without_any_throw_is_gone():
-    ended, moved = end_where_still(*candidate(score=0.3, throw=0.2), SETTINGS, noise=0.0)
+    sheet, throw = candidate(score=0.3, throw=0.2)
+    ended, moved = end_where_still(sheet, throw, told_nothing(sheet), SETTINGS, noise=0.0)
     assert not ended.inside.any()
     assert median_throw(moved) == 0.0
     assert choose_faults([(ended, moved)], SETTINGS) == []
+
+
+def run_on(rng, *, from_node, rows=slice(None), score=0.3, carried_fit=0.0, alike=1.0):
+    """End a weak sheet whose throw matches above a node; from there on the layers of some rows go on unmoved.
+
+    They are alike on both sides but for noise of which `alike` is what share of the energy is common.
+    """
+    sheet, throw = candidate(score=score)
+    both = rng.normal(size=(2, 60, 79))
+    common = np.sqrt(alike) * rng.normal(size=(60, 79)) + np.sqrt(1.0 - alike) * both
+    both[:, rows, 2 * from_node :] = common[:, rows, 2 * from_node :]
+    fit = throw.fit.copy()
+    fit[:, from_node:] = carried_fit
+    known = np.ones_like(both, np.float32)
+    sides = SheetSides(both.astype(np.float32), known, known)
+    return sheet, end_where_still(sheet, replace(throw, fit=fit), sides, SETTINGS, noise=0.1)[0]
+
+
+@pytest.mark.parametrize("alike", [1.0, 0.6])
+def test_a_sheet_ends_where_layers_go_on_unmoved_though_its_throw_was_carried_on(rng, alike):
+    _, ended = run_on(rng, from_node=25, alike=alike)
+    assert ended.inside[:, :23].all()
+    assert not ended.inside[:, 28:].any()
+
+
+@pytest.mark.parametrize(
+    "told",
+    [{"score": 0.5}, {"carried_fit": 0.9}, {"alike": 0.0}, {"rows": slice(20, 26)}],
+    ids=["well supported", "the throw fits as well", "unlike", "a few traces"],
+)
+def test_a_sheet_goes_on_where_that_is_not_sure(rng, told):
+    sheet, ended = run_on(rng, from_node=25, **told)
+    np.testing.assert_array_equal(ended.inside, sheet.inside)
+
+
+def test_what_goes_on_unmoved_within_a_sheet_does_not_end_it(rng):
+    """Layers a cycle apart look unmoved; a fault does not end above a part of it that is surely one."""
+    sheet, throw = candidate(score=0.3)
+    both, fit = rng.normal(size=(2, 60, 79)), throw.fit.copy()
+    both[1, 15:45, 20:60] = both[0, 15:45, 20:60]
+    fit[15:45, 10:30] = 0.0
+    known = np.ones_like(both, np.float32)
+    sides = SheetSides(both.astype(np.float32), known, known)
+    ended, _ = end_where_still(sheet, replace(throw, fit=fit), sides, SETTINGS, noise=0.1)
+    np.testing.assert_array_equal(ended.inside, sheet.inside)
 
 
 def between_layers(sheet, *tilts_deg, known=1.0):
