@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import ArrayLike, Float64Array
-from seismo3d._validate import as_number, as_points, as_real_array, freeze
+from seismo3d._validate import as_number, as_points, as_real_array, freeze, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.registration import quadratic
 from seismo3d.registration.certificate import Certificate
-from seismo3d.registration.constraints import Constraints, model_number
+from seismo3d.registration.constraints import Constraints, as_constraints, model_number
 from seismo3d.registration.observability import assess
 from seismo3d.registration.quadratic import Frame
 from seismo3d.registration.result import SIZE_IS_FREE, Registration
@@ -114,6 +114,8 @@ def align_pairs(
     q, p = _as_pairs(target, source, "target", "source")
     pairs = [(q, p, _as_normals(normals, q), _as_weights(weights, len(p), "weights"))]
     if features is not None:
+        if not isinstance(features, (tuple, list)) or len(features) != 2:
+            raise ParameterError(f"features is {told(features)}; expected two arrays of points, (target, source).")
         g, f = _as_pairs(features[0], features[1], "features[0]", "features[1]", dim=p.shape[1])
         pairs.append((g, f, None, _as_weights(feature_weights, len(f), "feature_weights")))
     if alpha is not None:
@@ -124,7 +126,7 @@ def align_pairs(
     _check_enough(all_source, model)
     frame = Frame.of(np.concatenate([pair[0] for pair in pairs]), all_source, size_is_free=model in SIZE_IS_FREE)
     start = _as_prior(prior, frame, p.shape[1], model)
-    limits = Limits(*(constraints or Constraints()).limits(model, p.shape[1], frame.size))
+    limits = Limits(*as_constraints(constraints).limits(model, p.shape[1], frame.size))
     terms = [_make_term(pair, frame) for pair in pairs]
     found, terms = _solve_terms(terms, alpha, model, start, limits, number)
     return _result(found, terms, pairs, frame, model, start, limits, number)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d._validate import as_kind, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.registration.result import MODELS
 
@@ -73,10 +74,17 @@ class Constraints:
         return np.ascontiguousarray(table[:, 0]), np.ascontiguousarray(table[:, 1])
 
 
+def as_constraints(constraints: Constraints | None) -> Constraints:
+    """Return constraints as they are, ones that bound nothing for none, or refuse what is of another kind."""
+    if constraints is None:
+        return Constraints()
+    return as_kind(constraints, Constraints, "constraints", remedy="Give Constraints(...), or leave it out.")
+
+
 def model_number(model: str) -> int:
     """Return the number of a model in the kernels, or refuse its name."""
-    if model not in MODELS:
-        raise ParameterError(f"model is {model!r}; expected one of {', '.join(MODELS)}.")
+    if not is_among(model, MODELS):
+        raise ParameterError(f"model is {told(model)}; expected one of {', '.join(MODELS)}.")
     return MODELS.index(model)
 
 

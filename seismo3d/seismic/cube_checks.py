@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d._validate import told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.axis import check_downwards
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry, usual_spacing
@@ -42,7 +43,7 @@ def check_cube(cube: Any, faults: Any) -> None:
 def check_faults(faults: Any) -> None:
     """Refuse what is no set of faults."""
     if not (hasattr(faults, "labels") and hasattr(faults, "surfaces")):
-        raise ParameterError(f"faults is {faults!r:.60}; expected a FaultSet. Give what trace_faults returned.")
+        raise ParameterError(f"faults is {told(faults)}; expected a FaultSet. Give what trace_faults returned.")
 
 
 def check_faults_of(cube: Any, faults: Any, name: str = "cube") -> None:

@@ -28,6 +28,7 @@ from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d._validate import freeze
 from seismo3d.errors import FileAccessError, FormatError, GeometryError
 from seismo3d.geometry.axis import METRES
+from seismo3d.io._files import as_path
 
 _FILE = "faultset.npz"
 _VERSION = 5
@@ -225,7 +226,7 @@ class FaultSet:
         from seismo3d.io.archive import write_archive
         from seismo3d.io.labelled import pack_labelled
 
-        directory = Path(directory)
+        directory = as_path(directory, "directory")
         try:
             directory.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -267,7 +268,7 @@ class FaultSet:
         from seismo3d.io.labelled import unpack_labelled
         from seismo3d.io.numpy_files import refuse_damage
 
-        path = Path(directory) / _FILE
+        path = as_path(directory, "directory") / _FILE
         if not path.is_file():
             raise FileAccessError(
                 f"{directory} holds no {_FILE}. Give the folder of a faults run, or of FaultSet.save."

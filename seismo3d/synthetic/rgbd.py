@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
-from seismo3d._validate import as_number, freeze
+from seismo3d._validate import as_number, freeze, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import exp_rotation
@@ -242,10 +242,10 @@ def rgbd_sequence(
     >>> sequence[0].depth.shape
     (60, 80)
     """
-    if kind not in ("room", "terrain"):
-        raise ParameterError(f"kind is {kind!r}; expected 'room' or 'terrain'.")
-    if moving not in (None, "sphere", "box"):
-        raise ParameterError(f"moving is {moving!r}; expected 'sphere', 'box' or None.")
+    if not is_among(kind, ("room", "terrain")):
+        raise ParameterError(f"kind is {told(kind)}; expected 'room' or 'terrain'.")
+    if moving is not None and not is_among(moving, ("sphere", "box")):
+        raise ParameterError(f"moving is {told(moving)}; expected 'sphere', 'box' or None.")
     n = int(as_number(frames, "frames", low=1, high=1e6))
     lens = _default_camera(size) if camera is None else camera
     if lens.depth_scale != 1.0 or lens.width < 2 or lens.height < 2:

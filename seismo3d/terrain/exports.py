@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.io._files import written_aside
+from seismo3d.io._files import as_path, written_aside
 from seismo3d.io.elevation import has_rasterio, raster_suffix, write_elevation
 from seismo3d.terrain.lineament_search import Lineament, LineamentSet
 from seismo3d.terrain.scarp_profiles import Scarp
@@ -59,7 +59,7 @@ def write_lineaments(directory: str | Path, found: LineamentSet, *, scarps: Sequ
     -------
     list of Path
     """
-    folder = Path(directory)
+    folder = as_path(directory, "directory")
     out = [folder / "lineaments.geojson", folder / "lineaments.csv"]
     with written_aside(out[0]) as aside:
         aside.write_text(json.dumps(to_geojson(found, scarps), indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,121 @@
+"""Arguments of a wrong kind at the doors of public functions: one short line that names what came."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_faults import make_cube, make_faults
+
+import seismo3d as s3
+from seismo3d._stages import as_progress
+from seismo3d._validate import told
+from seismo3d.errors import ParameterError
+
+CUBE = np.random.default_rng(1).normal(size=(24, 24, 48)).astype(np.float32)
+IMAGE = np.random.default_rng(2).integers(0, 255, (64, 64)).astype(np.uint8)
+POINTS = np.random.default_rng(2).normal(size=(200, 3))
+SEEDS = [(12, 12, 24.0)]
+MAP = np.random.default_rng(3).normal(size=(80, 80)).cumsum(0).cumsum(1)
+PLACED = make_cube()
+FAULTS = make_faults(PLACED)
+WRONG: dict[str, Any] = {
+    "array": np.zeros((4, 5)),
+    "cube": PLACED,
+    "faults": FAULTS,
+    "word": "nonsense",
+    "list": [object()],
+}
+CALLS: dict[str, Callable[[Any], Any]] = {
+    "trace_faults evidence": lambda wrong: s3.trace_faults(CUBE, evidence=wrong),
+    "trace_faults memory": lambda wrong: s3.trace_faults(CUBE, memory=wrong),
+    "trace_faults progress": lambda wrong: s3.trace_faults(CUBE, progress=wrong),
+    "trace_tracks event": lambda wrong: s3.trace_tracks(CUBE, SEEDS, event=wrong),
+    "trace_tracks layers": lambda wrong: s3.trace_tracks(CUBE, SEEDS, layers=wrong),
+    "trace_tracks progress": lambda wrong: s3.trace_tracks(CUBE, SEEDS, progress=wrong),
+    "find_horizons count": lambda wrong: s3.find_horizons(CUBE, wrong),
+    "find_horizons layers": lambda wrong: s3.find_horizons(CUBE, layers=wrong),
+    "find_horizons progress": lambda wrong: s3.find_horizons(CUBE, progress=wrong),
+    "loop_closure progress": lambda wrong: s3.loop_closure(CUBE, progress=wrong),
+    "align_cubes progress": lambda wrong: s3.align_cubes(CUBE, CUBE, progress=wrong),
+    "unfault progress": lambda wrong: s3.unfault(PLACED, FAULTS, progress=wrong),
+    "fracture_network progress": lambda wrong: s3.fracture_network(FAULTS, progress=wrong),
+    "fault_cube kind": s3.synthetic.fault_cube,
+    "fault_cube progress": lambda wrong: s3.synthetic.fault_cube(shape=(8, 8, 16), progress=wrong),
+    "rgbd_sequence kind": s3.synthetic.rgbd_sequence,
+    "rgbd_sequence moving": lambda wrong: s3.synthetic.rgbd_sequence(moving=wrong),
+    "align_pairs model": lambda wrong: s3.align_pairs(POINTS, POINTS, model=wrong),
+    "align_pairs features": lambda wrong: s3.align_pairs(POINTS, POINTS, features=wrong),
+    "align_pairs constraints": lambda wrong: s3.align_pairs(POINTS, POINTS, constraints=wrong),
+    "register model": lambda wrong: s3.register(POINTS, POINTS, model=wrong),
+    "register stages": lambda wrong: s3.register(POINTS, POINTS, stages=wrong),
+    "register constraints": lambda wrong: s3.register(POINTS, POINTS, constraints=wrong),
+    "register correspondences": lambda wrong: s3.register(POINTS, POINTS, correspondences=wrong),
+    "match tilts": lambda wrong: s3.match(IMAGE, IMAGE, tilts=wrong),
+    "terrain.register model": lambda wrong: s3.terrain.register(MAP, MAP, model=wrong),
+    "terrain.register vertical": lambda wrong: s3.terrain.register(MAP, MAP, vertical=wrong),
+    "lineaments progress": lambda wrong: s3.terrain.lineaments(MAP, progress=wrong),
+    "as_cube domain": lambda wrong: s3.as_cube(CUBE, domain=wrong),
+    "open_cube scan": lambda wrong: s3.open_cube("none.sgy", scan=wrong),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+@pytest.mark.parametrize("name", CALLS)
+def test_an_argument_of_a_wrong_kind_is_named_in_one_short_line(name: str, kind: str) -> None:
+    with pytest.raises(ParameterError, match=rf"^{name.split()[1]} ") as error:
+        CALLS[name](WRONG[kind])
+    assert "expected" in str(error.value)
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 300
+
+
+def test_layers_say_where_they_come_from() -> None:
+    words = r"layers is an array of shape \(24, 24, 48\); expected LayerModel\. Give what model_layers returned"
+    with pytest.raises(ParameterError, match=words):
+        s3.trace_tracks(CUBE, SEEDS, layers=s3.layer_time(CUBE))
+
+
+@pytest.mark.parametrize("wrong", [None, 7, object(), CUBE, ["a"]], ids=["none", "number", "object", "array", "list"])
+@pytest.mark.parametrize(
+    "take",
+    [
+        s3.open_cube,
+        s3.read_horizon,
+        s3.read_sticks,
+        s3.terrain.read_elevation,
+        s3.FaultSet.load,
+        FAULTS.save,
+        lambda wrong: s3.write_segy(wrong, PLACED, like=None),
+        lambda wrong: s3.terrain.write_elevation(wrong, MAP),
+    ],
+)
+def test_what_is_no_path_is_refused(take: Callable[[Any], Any], wrong: Any) -> None:
+    with pytest.raises(ParameterError, match=r"(path|directory) is .*; expected the name of a file or folder"):
+        take(wrong)
+
+
+@pytest.mark.parametrize("byte", ["inline_byte", "crossline_byte"])
+@pytest.mark.parametrize("wrong", ["189", 9.5, CUBE], ids=["text", "fraction", "array"])
+def test_a_header_byte_that_is_no_whole_number_is_refused(byte: str, wrong: Any, tmp_path: Path) -> None:
+    path = s3.write_segy(tmp_path / "cube.sgy", PLACED, like=None)
+    with pytest.raises(ParameterError, match=f"{byte} is .*; expected a (whole )?number"):
+        s3.open_cube(path, **{byte: wrong})
+    with pytest.raises(ParameterError, match=r"x_byte is .*; expected a (whole )?number"):
+        s3.open_cube(path, x_byte=wrong, y_byte=185)
+
+
+def test_values_are_told_in_one_short_line() -> None:
+    assert told("peek") == "'peek'"
+    assert told(np.float64(2.5)) == repr(np.float64(2.5))
+    assert told(CUBE) == told(s3.as_cube(CUBE)) == "an array of shape (24, 24, 48)"
+    assert told(list(range(1000))).endswith("...")
+    assert len(told(FAULTS)) < 100
+
+
+def test_no_progress_is_asked_for_by_none() -> None:
+    assert as_progress(None)("stage", 0.5) is None
+    assert as_progress(print) is print
