@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fake_faults import make_cube, make_faults
+from matplotlib.figure import Figure
 
 import seismo3d as s3
 from seismo3d._stages import as_progress
@@ -58,6 +59,30 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "terrain.register model": lambda wrong: s3.terrain.register(MAP, MAP, model=wrong),
     "terrain.register vertical": lambda wrong: s3.terrain.register(MAP, MAP, vertical=wrong),
     "lineaments progress": lambda wrong: s3.terrain.lineaments(MAP, progress=wrong),
+    "compare registration": lambda wrong: s3.terrain.compare(MAP, MAP, registration=wrong),
+    "compare least_patch": lambda wrong: s3.terrain.compare(MAP, MAP, least_patch=wrong),
+    "scarps found": lambda wrong: s3.terrain.scarps(MAP, wrong),
+    "to_geojson found": s3.terrain.to_geojson,
+    "section inline": lambda wrong: s3.plot.section(PLACED, inline=wrong),
+    "section colour": lambda wrong: s3.plot.section(PLACED, colour=wrong),
+    "section cmap": lambda wrong: s3.plot.section(PLACED, cmap=wrong, ax=Figure().subplots()),
+    "section ax": lambda wrong: s3.plot.section(PLACED, ax=wrong),
+    "time_slice time": lambda wrong: s3.plot.time_slice(PLACED, time=wrong),
+    "throw_map ax": lambda wrong: s3.plot.throw_map(FAULTS, PLACED, ax=wrong),
+    "strike_rose ax": lambda wrong: s3.plot.strike_rose(FAULTS, from_north=True, ax=wrong),
+    "throw_histogram ax": lambda wrong: s3.plot.throw_histogram(FAULTS, ax=wrong),
+    "network_map network": lambda wrong: s3.plot.network_map(wrong, FAULTS, PLACED),
+    "density_map network": lambda wrong: s3.plot.density_map(wrong, PLACED),
+    "stereonet network": lambda wrong: s3.plot.stereonet(wrong, from_north=True),
+    "flow_path_views path": lambda wrong: s3.plot.flow_path_views(wrong, FAULTS, PLACED),
+    "track_map track": lambda wrong: s3.plot.track_map(wrong, PLACED),
+    "loop_map closure": lambda wrong: s3.plot.loop_map(wrong, PLACED),
+    "unfaulted_section axes": lambda wrong: s3.plot.unfaulted_section(PLACED, PLACED, axes=wrong),
+    "plot.cube inline": lambda wrong: s3.plot.cube(PLACED, inline=wrong, off_screen=True),
+    "plot.terrain lines": lambda wrong: s3.plot.terrain(MAP, lines=wrong),
+    "lineament_rose lines": s3.plot.lineament_rose,
+    "change_map change": s3.plot.change_map,
+    "scarp_profile scarp": s3.plot.scarp_profile,
     "as_cube domain": lambda wrong: s3.as_cube(CUBE, domain=wrong),
     "open_cube scan": lambda wrong: s3.open_cube("none.sgy", scan=wrong),
 }
@@ -71,6 +96,33 @@ def test_an_argument_of_a_wrong_kind_is_named_in_one_short_line(name: str, kind:
     assert "expected" in str(error.value)
     assert "\n" not in str(error.value)
     assert len(str(error.value)) < 300
+
+
+@pytest.mark.parametrize("draw", [s3.plot.throw_histogram, lambda wrong: s3.plot.strike_rose(wrong, from_north=True)])
+@pytest.mark.parametrize("wrong", [None, PLACED, "faults"], ids=["none", "cube", "word"])
+def test_what_draws_faults_alone_needs_some(draw: Callable[[Any], Any], wrong: Any) -> None:
+    with pytest.raises(ParameterError, match=r"faults is .*; expected a FaultSet"):
+        draw(wrong)
+
+
+@pytest.mark.parametrize(
+    "draw", [lambda none: s3.plot.throw_map(none, PLACED), lambda none: s3.plot.likelihood(PLACED, faults=none)]
+)
+def test_what_draws_faults_on_a_cube_needs_some(draw: Callable[[Any], Any]) -> None:
+    with pytest.raises(ParameterError, match="faults is None; expected a FaultSet"):
+        draw(None)
+
+
+def test_one_track_in_place_of_a_list_is_refused() -> None:
+    track = s3.Track(np.full(PLACED.shape[:2], 1100.0, np.float32), np.ones(PLACED.shape[:2], np.float32), POINTS)
+    for draw in (s3.plot.track_section, lambda cube, tracks: s3.plot.cube(cube, tracks=tracks, off_screen=True)):
+        with pytest.raises(ParameterError, match=r"tracks is .*; expected a list of Track\. Give a list, be it of one"):
+            draw(PLACED, track)
+
+
+def test_a_rose_wants_polar_axes() -> None:
+    with pytest.raises(ParameterError, match="expected PolarAxes"):
+        s3.plot.strike_rose(FAULTS, from_north=True, ax=Figure().subplots())
 
 
 def test_layers_say_where_they_come_from() -> None:

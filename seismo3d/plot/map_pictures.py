@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d.plot.drawing import new_axes
+from seismo3d.plot.drawing import check_axes, new_axes
 
 
 def trajectory_plot(trajectory: Any, *, ax: Any = None) -> Any:
@@ -27,6 +27,7 @@ def trajectory_plot(trajectory: Any, *, ax: Any = None) -> Any:
     """
     if ax is None:
         ax = new_axes(9.0, 4.5)
+    check_axes(ax)
     times = trajectory.times - trajectory.times[0]
     at = trajectory.T_world_camera
     for axis, (name, colour) in enumerate((("x right", "#c0392b"), ("y down", "#2e8b57"), ("z forward", "#1f5f99"))):

@@ -9,7 +9,7 @@ import numpy as np
 
 from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.geometry.axis import unit_of
-from seismo3d.plot.drawing import NO_DATA, amplitude_limits, draw_amplitudes, label_axes
+from seismo3d.plot.drawing import NO_DATA, amplitude_limits, bar_ends, check_all_axes, draw_amplitudes, label_axes
 from seismo3d.plot.pictures import Picture, take_picture
 from seismo3d.seismic.preparing import find_level
 
@@ -40,6 +40,7 @@ def time_lapse_section(
         import matplotlib.pyplot as plt
 
         axes = plt.subplots(1, 4, figsize=(19.0, 5.0), layout="constrained", sharex=True, sharey=True)[1]
+    axes = check_all_axes(axes, 4)
     first, raw, carried, shift = (take_picture(c, **where) for c in (base, monitor, alignment.aligned, alignment.shift))
     pictures = (first, raw, carried)
     seen, changed, moved = (_about_zero(picture) for picture in pictures)
@@ -56,7 +57,7 @@ def time_lapse_section(
         ax.set_title(title, loc="left", fontsize="medium")
         label_axes(ax, first.column_name, first.row_name if ax is axes[0] else "")
     _draw_shift(axes[3], shift, unit_of(base))
-    return list(axes)
+    return axes
 
 
 def _draw_shift(ax: Any, picture: Picture, unit: str) -> None:
@@ -70,7 +71,8 @@ def _draw_shift(ax: Any, picture: Picture, unit: str) -> None:
     else:
         drawn.set_cmap("viridis")
     drawn.set_clim(low, high)
-    ax.figure.colorbar(drawn, ax=ax, label=f"Monitor deeper by ({unit})", pad=0.02, shrink=0.8)
+    beyond = bar_ends(finite, low, high)
+    ax.figure.colorbar(drawn, ax=ax, label=f"Monitor deeper by ({unit})", pad=0.02, shrink=0.8, extend=beyond)
     ax.set_title("Shift", loc="left", fontsize="medium")
     ax.set_ylabel("")
 

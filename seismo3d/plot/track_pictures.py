@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray
+from seismo3d._validate import as_kind
 from seismo3d.errors import ShapeError
-from seismo3d.plot.drawing import NO_DATA, new_axes
+from seismo3d.plot.drawing import NO_DATA, check_axes, check_colour_map, new_axes
 from seismo3d.plot.map_frame import MapFrame
 from seismo3d.plot.picture_set import PictureFile
-from seismo3d.plot.pictures import axis_coordinates, axis_labels, take_picture
+from seismo3d.plot.pictures import as_tracks, axis_coordinates, axis_labels, take_picture
 from seismo3d.plot.sections import section
+from seismo3d.seismic.loop_closure import LoopClosure
 from seismo3d.seismic.track_pieces import LARGEST_STEP, are_joined
+from seismo3d.seismic.tracks import Track
 
 _COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8", "#4db6ac", "#f06292", "#fff9c4")
 
@@ -51,7 +54,8 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
         raise ShapeError(f"track has shape {track.depth.shape}: one of a section has no map. Use plot.track_section.")
     frame = MapFrame.from_cube(cube)
     rows, columns = frame.rows, frame.columns
-    ax = new_axes(8.0, 6.0) if ax is None else ax
+    ax = new_axes(8.0, 6.0) if ax is None else check_axes(ax)
+    check_colour_map(cmap)
     depth = np.ma.masked_invalid(track.depth)
     ax.set_facecolor(NO_DATA)
     drawn = ax.pcolormesh(columns, rows, depth, cmap=cmap, shading="nearest")
@@ -90,17 +94,19 @@ def loop_map(closure: Any, cube: Any, *, cmap: str = "magma_r", most: float = 1.
     ShapeError
         If the loops are of another cube.
     """
-    if closure.error.shape != tuple(cube.shape[:-1]):
+    as_kind(closure, LoopClosure, "closure", remedy="Give what loop_closure returned.")
+    if closure.error.shape != np.shape(cube)[:-1]:
         raise ShapeError(
-            f"closure has shape {closure.error.shape}; expected {tuple(cube.shape[:-1])}. Give the cube it is of."
+            f"closure has shape {closure.error.shape}; expected {np.shape(cube)[:-1]}. Give the cube it is of."
         )
     frame = MapFrame.from_cube(cube)
-    ax = new_axes(8.0, 6.0) if ax is None else ax
+    ax = new_axes(8.0, 6.0) if ax is None else check_axes(ax)
     ax.set_facecolor(NO_DATA)
+    check_colour_map(cmap)
     error = np.ma.masked_invalid(closure.error)
     drawn = ax.pcolormesh(frame.columns, frame.rows, error, cmap=cmap, vmin=0.0, vmax=most, shading="nearest")
     frame.lay_out(ax)
-    ax.figure.colorbar(drawn, ax=ax, label="median loop error (samples)", pad=0.02, shrink=0.8, extend="max")
+    ax.figure.colorbar(drawn, ax=ax, label="Median loop error (samples)", pad=0.02, shrink=0.8, extend="max")
     return ax
 
 
@@ -128,7 +134,7 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
     ShapeError
         If a track is of another cube.
     """
-    for track in tracks:
+    for track in as_tracks(tracks):
         _check(track, cube)
     ax = section(cube, ax=ax, **where)
     picture = take_picture(cube, inline=where.get("inline"), crossline=where.get("crossline"))
@@ -201,7 +207,8 @@ def save_track_pictures(
 
 
 def _check(track: Any, cube: Any) -> None:
-    if track.depth.shape != tuple(cube.shape[:-1]):
+    as_kind(track, Track, "track", remedy="Give what trace_tracks returned, one by one.")
+    if track.depth.shape != np.shape(cube)[:-1]:
         raise ShapeError(
-            f"track has shape {track.depth.shape}; expected {tuple(cube.shape[:-1])}. Give the cube it was traced in."
+            f"track has shape {track.depth.shape}; expected {np.shape(cube)[:-1]}. Give the cube it was traced in."
         )
