@@ -79,7 +79,7 @@ def run(
     with folder as aside, shown_progress() as show:
         aside.mkdir(exist_ok=in_blocks)
         clock = StageClock(show)
-        if opened.chunks is not None:
+        if opened.chunks is not None and "live" in opened.coords:
             clock("live traces", 0.0)
             opened = opened.assign_coords(live=opened["live"].compute())
         if "live" in opened.coords and not opened["live"].values.any():
