@@ -40,6 +40,17 @@ def check_cube(cube: Any, faults: Any) -> None:
     check_faults_of(cube, faults)
 
 
+def tell_extent(cube: Any) -> str:
+    """Say from which coordinate to which each axis of a cube or section runs, of a bare array by index."""
+    usual = ("inline", "crossline", "sample") if np.ndim(cube) == 3 else ("trace", "sample")
+    words = []
+    for name, n in zip(getattr(cube, "dims", usual), np.shape(cube), strict=True):
+        has_own = hasattr(cube, "dims") and name in cube.coords
+        ends = (float(cube[name][0]), float(cube[name][-1])) if has_own else (0.0, n - 1.0)
+        words.append(f"{name} {ends[0]:.8g} to {ends[1]:.8g}")
+    return ", ".join(words)
+
+
 def check_faults(faults: Any) -> None:
     """Refuse what is no set of faults."""
     if not (hasattr(faults, "labels") and hasattr(faults, "surfaces")):

@@ -16,7 +16,7 @@ from seismo3d._validate import as_kind, as_settings, freeze
 from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.seismic._kernels_tracks import lies_in_data
-from seismo3d.seismic.cube_checks import check_order
+from seismo3d.seismic.cube_checks import check_order, tell_extent
 from seismo3d.seismic.layer_time import LayerModel, model_layers
 from seismo3d.seismic.preparing import describe_volume
 from seismo3d.seismic.track_events import check_event, seed_events, snap_to_events
@@ -249,7 +249,8 @@ def read_seeds(cube: Any, seeds: Sequence[Any]) -> list[tuple[Float64Array, Floa
         if outside.any():
             name = "cube" if len(axes) == 3 else "section"
             raise ParameterError(
-                f"seeds[{number}] {_named(group[outside.argmax()])} lies outside the {name}. Give its coordinates."
+                f"seeds[{number}] {_named(group[outside.argmax()])} lies outside the {name}: {tell_extent(cube)}. "
+                "Give a point in it, in this order."
             )
         groups.append((group, index))
     return groups
