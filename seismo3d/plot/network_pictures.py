@@ -155,8 +155,9 @@ def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | 
         ax.set_ylim(max(y), min(y))
         ax.locator_params(axis="x", nbins=6)
     MapFrame.from_cube(cube).lay_out(axes[0])
+    unit = "bins" if path.unit == "bin" else path.unit
     axes[0].set_title(
-        f"Length {path.length:.0f} {path.unit}, {100 * path.share_on_faults:.0f} % on faults",
+        f"Length {path.length:,.0f} {unit}, {100 * path.share_on_faults:.0f} % on faults",
         loc="left",
         fontsize="medium",
     )

@@ -109,6 +109,8 @@ def pick_distance_map(
     beyond = bar_ends(down, -limit, limit)
     ax.figure.colorbar(drawn, ax=ax, label=f"Track below picks ({unit})", pad=0.02, shrink=0.8, extend=beyond)
     label_axes(ax, *("Crossline", "Inline") if by_lines else ("x", "y"))
+    if not by_lines:
+        ax.set_aspect("equal")
     if cube is not None and by_lines:
         MapFrame.from_cube(cube).turn(ax)
     elif by_lines:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray
-from seismo3d._validate import as_kind
+from seismo3d._validate import as_kind, as_whole_number
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import NO_DATA, check_axes, check_colour_map, new_axes
 from seismo3d.plot.map_frame import MapFrame
@@ -17,9 +17,11 @@ from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.pictures import as_tracks, axis_coordinates, axis_labels, take_picture
 from seismo3d.plot.sections import section
 from seismo3d.seismic.loop_closure import LoopClosure
-from seismo3d.seismic.track_pieces import LARGEST_STEP, are_joined
+from seismo3d.seismic.track_pieces import LARGEST_STEP, are_joined, label_pieces
 from seismo3d.seismic.tracks import Track
 
+# fewest traces of a piece of a track that gets contours; entries of a legend in a row
+_LEAST_CONTOURED, _LEGEND_COLUMNS = 16, 8
 _COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8", "#4db6ac", "#f06292", "#fff9c4")
 
 
@@ -42,7 +44,7 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
     Returns
     -------
     matplotlib Axes
-        As of :func:`seismo3d.plot.time_slice`; seeds as stars.
+        As of :func:`seismo3d.plot.time_slice`; seeds as stars. Contours end where the track jumps, as at a fault.
 
     Raises
     ------
@@ -59,13 +61,38 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
     depth = np.ma.masked_invalid(track.depth)
     ax.set_facecolor(NO_DATA)
     drawn = ax.pcolormesh(columns, rows, depth, cmap=cmap, shading="nearest")
-    if depth.count() and min(depth.shape) > 1 and np.ptp(depth.compressed()) > 0:
-        lines = ax.contour(columns, rows, depth, levels=contours, colors="black", linewidths=0.6)
-        ax.clabel(lines, fontsize="x-small", fmt="%g")
+    _draw_contours(ax, track.depth, frame, _largest_step(cube), as_whole_number(contours, "contours", low=1, high=1000))
     ax.plot(track.seeds[:, 1], track.seeds[:, 0], "*", color="red", markeredgecolor="white", markersize=12)
     frame.lay_out(ax)
     ax.figure.colorbar(drawn, ax=ax, label=axis_labels(cube)[2], pad=0.02, shrink=0.8).ax.invert_yaxis()
     return ax
+
+
+def _draw_contours(ax: Any, depth: AnyArray, frame: MapFrame, step: float, count: int) -> None:
+    """Draw some contours, each within a piece of the track: across a fault they would pile up."""
+    from matplotlib.ticker import MaxNLocator
+    from scipy.ndimage import find_objects
+
+    if not np.isfinite(depth).any() or min(depth.shape) < 2:
+        return
+    levels = MaxNLocator(count + 1, min_n_ticks=1).tick_values(np.nanmin(depth), np.nanmax(depth))
+    pieces = label_pieces(depth, step)
+    large = np.bincount(pieces.ravel()) >= _LEAST_CONTOURED
+    labels = np.where(large, np.cumsum(large), 0)[pieces]
+    for number, (rows, columns) in enumerate(find_objects(labels), start=1):
+        part = np.ma.masked_array(depth[rows, columns], labels[rows, columns] != number)
+        within = levels[(levels > part.min()) & (levels < part.max())]
+        if min(part.shape) > 1 and len(within):
+            lines = ax.contour(
+                frame.columns[columns], frame.rows[rows], part, levels=within, colors="k", linewidths=0.6
+            )
+            ax.clabel(lines, fontsize="x-small", fmt="%g")
+
+
+def _largest_step(cube: Any) -> float:
+    """Return the step from a trace to the next beyond which a track jumps, in the cube's unit."""
+    samples = axis_coordinates(cube, -1)
+    return LARGEST_STEP * float(np.median(np.abs(np.diff(samples)))) if len(samples) > 1 else np.inf
 
 
 def loop_map(closure: Any, cube: Any, *, cmap: str = "magma_r", most: float = 1.0, ax: Any = None) -> Any:
@@ -127,7 +154,7 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
     Returns
     -------
     matplotlib Axes
-        The axes.
+        The axes; a legend above names the tracks where there are several.
 
     Raises
     ------
@@ -138,14 +165,19 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
         _check(track, cube)
     ax = section(cube, ax=ax, **where)
     picture = take_picture(cube, inline=where.get("inline"), crossline=where.get("crossline"))
-    samples = axis_coordinates(cube, -1)
-    step = LARGEST_STEP * float(np.median(np.abs(np.diff(samples)))) if len(samples) > 1 else np.inf
+    step = _largest_step(cube)
     for number, track in enumerate(tracks):
         depth = np.asarray(track.depth)
         line = depth if picture.axis < 0 else np.take(depth, int(picture.index), axis=picture.axis)
         columns, line = _broken(np.asarray(picture.columns), line, step)
         ax.plot(columns, line, color="black", linewidth=3.0)
-        ax.plot(columns, line, color=_COLOURS[number % len(_COLOURS)], linewidth=1.6)
+        ax.plot(columns, line, color=_COLOURS[number % len(_COLOURS)], linewidth=1.6, label=f"track {number + 1}")
+    if len(tracks) > 1:
+        # above the picture, where it hides nothing
+        ax.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=_LEGEND_COLUMNS, fontsize="small",
+            frameon=False, handlelength=1.2, columnspacing=1.0,
+        )  # fmt: skip
     return ax
 
 
