@@ -38,7 +38,11 @@ def trajectory_plot(trajectory: Any, *, ax: Any = None) -> Any:
     right.set_ylabel("Turn from the first frame (°)")
     ax.set(xlabel="Time (s)", ylabel="Position (m)")
     lines = [*ax.get_lines(), *right.get_lines()]
-    ax.legend(lines, [line.get_label() for line in lines], loc="upper left", fontsize="small", ncols=4)
+    # above the picture, where it hides nothing
+    ax.legend(
+        lines, [line.get_label() for line in lines], loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4,
+        fontsize="small", frameon=False,
+    )  # fmt: skip
     ax.margins(x=0.01)
     return ax
 
