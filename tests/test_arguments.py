@@ -15,6 +15,7 @@ import seismo3d as s3
 from seismo3d._stages import as_progress
 from seismo3d._validate import told
 from seismo3d.errors import ParameterError
+from seismo3d.io.horizons import HorizonPoints
 
 CUBE = np.random.default_rng(1).normal(size=(24, 24, 48)).astype(np.float32)
 IMAGE = np.random.default_rng(2).integers(0, 255, (64, 64)).astype(np.uint8)
@@ -23,6 +24,9 @@ SEEDS = [(12, 12, 24.0)]
 MAP = np.random.default_rng(3).normal(size=(80, 80)).cumsum(0).cumsum(1)
 PLACED = make_cube()
 FAULTS = make_faults(PLACED)
+OPEN = s3.robot.Occupancy(np.zeros((60, 60)), np.zeros((60, 60)), 0.05)
+CAMERA = s3.robot.Camera(s3.synthetic.rgbd_sequence(frames=1, size=(32, 24)).camera)
+PICKS = HorizonPoints("top", POINTS, np.full((200, 2), np.nan))
 WRONG: dict[str, Any] = {
     "array": np.zeros((4, 5)),
     "cube": PLACED,
@@ -48,6 +52,22 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "fault_cube progress": lambda wrong: s3.synthetic.fault_cube(shape=(8, 8, 16), progress=wrong),
     "rgbd_sequence kind": s3.synthetic.rgbd_sequence,
     "rgbd_sequence moving": lambda wrong: s3.synthetic.rgbd_sequence(moving=wrong),
+    "rgbd_sequence seed": lambda wrong: s3.synthetic.rgbd_sequence(seed=wrong),
+    "rgbd_sequence size": lambda wrong: s3.synthetic.rgbd_sequence(size=wrong),
+    "rgbd_sequence blackout": lambda wrong: s3.synthetic.rgbd_sequence(frames=2, size=(32, 24), blackout=wrong),
+    "rgbd_sequence camera": lambda wrong: s3.synthetic.rgbd_sequence(frames=2, camera=wrong),
+    "rgbd_sequence noise": lambda wrong: s3.synthetic.rgbd_sequence(frames=2, noise=wrong),
+    "fault_cube seed": lambda wrong: s3.synthetic.fault_cube(shape=(8, 8, 16), seed=wrong),
+    "Mapper.add frame": lambda wrong: s3.robot.Mapper(CAMERA).add(wrong),
+    "calibrate_timing frame": lambda wrong: s3.robot.calibrate_timing([wrong], CAMERA),
+    "calibrate_timing camera": lambda wrong: s3.robot.calibrate_timing([], wrong),
+    "plan_path occupancy": lambda wrong: s3.robot.plan_path(wrong, (1.0, 1.0), (2.0, 2.0)),
+    "plan_path start": lambda wrong: s3.robot.plan_path(OPEN, wrong, (2.0, 2.0)),
+    "plan_path robot": lambda wrong: s3.robot.plan_path(OPEN, (1.0, 1.0), (2.0, 2.0), robot=wrong),
+    "plan_path unknown": lambda wrong: s3.robot.plan_path(OPEN, (1.0, 1.0), (2.0, 2.0), unknown=wrong),
+    "occupancy_map occupancy": s3.plot.occupancy_map,
+    "score_horizon picks": lambda wrong: s3.score_horizon([PICKS], wrong, tolerance=4.0),
+    "score_horizon extent": lambda wrong: s3.score_horizon([PICKS], PICKS, tolerance=4.0, extent=wrong),
     "align_pairs model": lambda wrong: s3.align_pairs(POINTS, POINTS, model=wrong),
     "align_pairs features": lambda wrong: s3.align_pairs(POINTS, POINTS, features=wrong),
     "align_pairs constraints": lambda wrong: s3.align_pairs(POINTS, POINTS, constraints=wrong),
@@ -115,9 +135,19 @@ def test_what_draws_faults_on_a_cube_needs_some(draw: Callable[[Any], Any]) -> N
 
 def test_one_track_in_place_of_a_list_is_refused() -> None:
     track = s3.Track(np.full(PLACED.shape[:2], 1100.0, np.float32), np.ones(PLACED.shape[:2], np.float32), POINTS)
-    for draw in (s3.plot.track_section, lambda cube, tracks: s3.plot.cube(cube, tracks=tracks, off_screen=True)):
+    for draw in (
+        s3.plot.track_section,
+        lambda cube, tracks: s3.plot.cube(cube, tracks=tracks, off_screen=True),
+        lambda cube, tracks: s3.viewer.Session(cube, tracks=tracks),
+    ):
         with pytest.raises(ParameterError, match=r"tracks is .*; expected a list of Track\. Give a list, be it of one"):
             draw(PLACED, track)
+
+
+def test_a_rendered_frame_is_told_from_a_camera_s() -> None:
+    rendered = s3.synthetic.rgbd_sequence(frames=1, size=(32, 24))[0]
+    with pytest.raises(ParameterError, match=r"expected RgbdFrame\. Give seismo3d\.robot\.RgbdFrame\(time"):
+        s3.robot.Mapper(CAMERA).add(rendered)  # type: ignore[arg-type]
 
 
 def test_a_rose_wants_polar_axes() -> None:
@@ -139,6 +169,7 @@ def test_layers_say_where_they_come_from() -> None:
         s3.read_horizon,
         s3.read_sticks,
         s3.terrain.read_elevation,
+        s3.robot.read_sequence,
         s3.FaultSet.load,
         FAULTS.save,
         lambda wrong: s3.write_segy(wrong, PLACED, like=None),

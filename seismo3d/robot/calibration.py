@@ -14,6 +14,8 @@ import numpy as np
 
 from seismo3d._stages import as_progress
 from seismo3d._typing import Progress
+from seismo3d._validate import as_kind, told
+from seismo3d.errors import ParameterError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot.camera import Camera, RgbdFrame
 from seismo3d.robot.frames import check_frame
@@ -71,9 +73,15 @@ def calibrate_timing(frames: Sequence[RgbdFrame], camera: Camera, *, progress: P
     ------
     ShapeError
         If depth and colour of a frame do not fit each other or the camera.
+    ParameterError
+        If `frames` is no list of frames, or `camera` no camera.
     """
     report = as_progress(progress)
+    as_kind(camera, Camera, "camera", remedy="Give one of a sequence's cameras, or seismo3d.robot.Camera(lens).")
+    if not isinstance(frames, (list, tuple)):
+        raise ParameterError(f"frames is {told(frames)}; expected a list of RgbdFrame. Give list(sequence)[:90].")
     for frame in frames:
+        as_kind(frame, RgbdFrame, "frame", remedy="Give what a sequence yields.")
         check_frame(frame, camera.lens)
     small = [halve_frame(frame) for frame in frames]
     stamps = np.array([frame.depth_time for frame in frames])
