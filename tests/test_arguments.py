@@ -146,7 +146,7 @@ def test_one_track_in_place_of_a_list_is_refused() -> None:
 
 def test_a_rendered_frame_is_told_from_a_camera_s() -> None:
     rendered = s3.synthetic.rgbd_sequence(frames=1, size=(32, 24))[0]
-    with pytest.raises(ParameterError, match=r"expected RgbdFrame\. Give seismo3d\.robot\.RgbdFrame\(time"):
+    with pytest.raises(ParameterError, match=r"expected RgbdFrame\. Give seismo3d\.robot\.RgbdFrame\.of\(rgb, depth"):
         s3.robot.Mapper(CAMERA).add(rendered)  # type: ignore[arg-type]
 
 

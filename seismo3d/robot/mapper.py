@@ -83,7 +83,7 @@ class Mapper:
         ParameterError
             If there is no such camera, or `frame` is no :class:`~seismo3d.robot.RgbdFrame`.
         """
-        as_kind(frame, RgbdFrame, "frame", remedy="Give seismo3d.robot.RgbdFrame(time, depth_time, rgb, depth).")
+        as_kind(frame, RgbdFrame, "frame", remedy="Give seismo3d.robot.RgbdFrame.of(rgb, depth, time).")
         if not 0 <= frame.camera < len(self.cameras):
             raise ParameterError(
                 f"frame.camera is {frame.camera}; the mapper has cameras 0 to {len(self.cameras) - 1}. "
