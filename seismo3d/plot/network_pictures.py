@@ -62,7 +62,9 @@ def network_map(network: Any, faults: Any, cube: Any, *, ax: Any = None) -> Any:
             places = frame.place(surface.vertices)
             corners = list(places[surface.cells])
             ax.add_collection(PolyCollection(corners, facecolors=colour, edgecolors="none", alpha=0.35))
-            ax.annotate(str(label), places.mean(axis=0), fontsize="small", ha="center")
+            # where the fault is shallowest: the middles of faults that cross lie on each other
+            top = places[surface.vertices[:, 2] <= np.quantile(surface.vertices[:, 2], 0.1)].mean(axis=0)
+            ax.annotate(str(label), top, fontsize="small", ha="center", va="center", path_effects=_halo())
     for line in network.intersections:
         ends = frame.place(line.points)[line.segments]
         ax.add_collection(LineCollection(list(ends), colors="black", linewidths=1.6, linestyles=_LINES[line.kind]))
@@ -77,6 +79,13 @@ def network_map(network: Any, faults: Any, cube: Any, *, ax: Any = None) -> Any:
     few = ("no faults", "all faults connected")
     ax.set_title(few[n] if n < 2 else f"{n} connected zones, one colour each", loc="left", fontsize="medium")
     return ax
+
+
+def _halo() -> list[Any]:
+    """Return what keeps a number readable on lines and colours."""
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=2.0, foreground="white")]
 
 
 def density_map(network: Any, cube: Any, *, ax: Any = None) -> Any:
@@ -155,6 +164,7 @@ def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | 
         ax.set_ylim(max(y), min(y))
         ax.locator_params(axis="x", nbins=6)
     MapFrame.from_cube(cube).lay_out(axes[0])
+    axes[0].locator_params(axis="x", nbins=3)  # a map may be narrow
     unit = "bins" if path.unit == "bin" else path.unit
     axes[0].set_title(
         f"Length {path.length:,.0f} {unit}, {100 * path.share_on_faults:.0f} % on faults",

@@ -14,6 +14,7 @@ from seismo3d.terrain.change import Change
 from seismo3d.terrain.lineament_search import LineamentSet
 from seismo3d.terrain.scarp_profiles import Scarp
 
+_KINDS = {"both": "step and trough"}
 _COLOURS = {"step": "#d62728", "trough": "#1f9bcf", "both": "#c218c2", "valley": "#1fa35c"}
 _NO_CHANGE = "#d8d8d8"
 
@@ -42,7 +43,7 @@ def terrain(elevation: Any, *, lines: Any = None, outcrops: Any = (), ax: Any = 
     _draw_grid(ax, grid, np.ma.masked_invalid(_hillshade(z, grid)), cmap="gray", vmin=0.0, vmax=1.0)
     shown = set()
     for line in lines.lines if lines is not None else ():
-        label = None if line.kind in shown else line.kind
+        label = None if line.kind in shown else _KINDS.get(line.kind, line.kind)
         shown.add(line.kind)
         ax.plot(line.points[:, 0], line.points[:, 1], color=_COLOURS[line.kind], linewidth=1.6, label=label)
     for number, outcrop in enumerate(outcrops):
