@@ -10,8 +10,11 @@ import numpy as np
 from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.geometry.axis import unit_of
 from seismo3d.plot.drawing import NO_DATA, amplitude_limits, bar_ends, check_all_axes, draw_amplitudes, label_axes
-from seismo3d.plot.pictures import Picture, take_picture
+from seismo3d.plot.pictures import Picture, axis_coordinates, take_picture
 from seismo3d.seismic.preparing import find_level
+
+# share of a sample that the colours of shifts reach at least
+_LEAST_SHIFT = 0.01
 
 
 def time_lapse_section(
@@ -56,14 +59,19 @@ def time_lapse_section(
         ax.imshow(shown, cmap="gray", vmin=low, vmax=high, extent=first.extent, aspect="auto")
         ax.set_title(title, loc="left", fontsize="medium")
         label_axes(ax, first.column_name, first.row_name if ax is axes[0] else "")
-    _draw_shift(axes[3], shift, unit_of(base))
+    samples = axis_coordinates(base, -1)
+    least = _LEAST_SHIFT * float(np.abs(samples[1] - samples[0])) if len(samples) > 1 else _LEAST_SHIFT
+    _draw_shift(axes[3], shift, unit_of(base), least)
     return axes
 
 
-def _draw_shift(ax: Any, picture: Picture, unit: str) -> None:
+def _draw_shift(ax: Any, picture: Picture, unit: str, least: float) -> None:
     drawn = draw_amplitudes(ax, picture, cmap="RdBu_r", clip=99.5)
     finite = picture.values[np.isfinite(picture.values)]
     low, high = np.percentile(finite, [0.5, 99.5]) if len(finite) else (0.0, 0.0)
+    if max(-low, high) < least:
+        # nothing has moved: what rounding leaves gets no colours
+        low, high = -least, least
     if low < 0.0 < high:
         # white is no shift, and red and blue are its signs
         high = max(-low, high)
