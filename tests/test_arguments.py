@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -197,6 +198,13 @@ def test_values_are_told_in_one_short_line() -> None:
     assert told(CUBE) == told(s3.as_cube(CUBE)) == "an array of shape (24, 24, 48)"
     assert told(list(range(1000))).endswith("...")
     assert len(told(FAULTS)) < 100
+
+
+def test_results_name_themselves_in_one_line_and_not_by_all_their_numbers() -> None:
+    assert repr(FAULTS) == "<FaultSet: 2 surfaces, volumes of shape (30, 40, 50)>"
+    assert re.fullmatch(r"<FaultSurface: 280 vertices, area \d+, confidence 0\.80>", repr(FAULTS.surfaces[0]))
+    depth = np.where(np.arange(40) < 10, np.nan, np.float32(1100.0)) * np.ones((30, 1), np.float32)
+    assert repr(s3.Track(depth, depth, POINTS[:2], "ms")) == "<Track: 2 seeds, on 75% of 1200 traces, in ms>"
 
 
 def test_no_progress_is_asked_for_by_none() -> None:

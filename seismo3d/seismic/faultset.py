@@ -101,6 +101,9 @@ class FaultSurface:
     family: int = -1
     generation: int = 0
 
+    def __repr__(self) -> str:
+        return f"<FaultSurface: {len(self.vertices)} vertices, area {self.area:.0f}, confidence {self.confidence:.2f}>"
+
     @property
     def throw_ms(self) -> Float32Array:
         """Throw in ms at each vertex, where the cube is in time."""
@@ -196,6 +199,9 @@ class FaultSet:
     labels: Any
     throw: Any
     settings: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"<FaultSet: {len(self.surfaces)} surfaces, volumes of shape {np.shape(self.labels)}>"
 
     def save(self, directory: str | Path) -> Path:
         """Write everything to ``faultset.npz`` in a folder, to be read back with :meth:`load`.

@@ -47,6 +47,11 @@ class Track:
     seeds: Float64Array
     sample_unit: str = "samples"
 
+    def __repr__(self) -> str:
+        return (
+            f"<Track: {len(self.seeds)} seeds, on {self.share:.0%} of {self.depth.size} traces, in {self.sample_unit}>"
+        )
+
     @property
     def share(self) -> float:
         """Share of the cube's traces on which the horizon was traced."""
