@@ -5,6 +5,26 @@ from __future__ import annotations
 import time
 
 from seismo3d._typing import Progress
+from seismo3d._validate import told
+from seismo3d.errors import ParameterError
+
+
+def as_progress(progress: Progress | None) -> Progress:
+    """Return a callback as it is, one that does nothing for none, or refuse what cannot be called.
+
+    Raises
+    ------
+    ParameterError
+        If it is no function.
+    """
+    if progress is None:
+        return no_progress
+    if not callable(progress):
+        raise ParameterError(
+            f"progress is {told(progress)}; expected a function of a stage's name and the share of it that is done. "
+            "Give one, or leave it out."
+        )
+    return progress
 
 
 def no_progress(stage: str, share: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,9 +12,33 @@ from seismo3d._typing import AnyArray, ArrayLike, Float32Array, Float64Array
 from seismo3d.errors import ParameterError, ShapeError
 
 _Settings = TypeVar("_Settings")
+_Kind = TypeVar("_Kind")
 
+# characters of a value that an error shows
+_SHOWN = 80
 # a thousand times the least number that single precision holds to all its digits
 _WEAKEST = 1e-35
+
+
+def told(value: Any) -> str:
+    """Name a value in an error, in one short line: an array by its shape, anything else by how it begins."""
+    shape = getattr(value, "shape", None)
+    if isinstance(shape, tuple) and shape:
+        return f"an array of shape {shape}"
+    words = " ".join(repr(value).split())
+    return words if len(words) <= _SHOWN else f"{words[:_SHOWN]}..."
+
+
+def is_among(value: Any, choices: Iterable[str]) -> bool:
+    """Tell whether a value is one of some words; what is no word, such as an array, is none of them."""
+    return isinstance(value, str) and value in choices
+
+
+def as_kind(value: Any, kind: type[_Kind], name: str, *, remedy: str) -> _Kind:
+    """Return a value as it is, or refuse what is of another kind."""
+    if not isinstance(value, kind):
+        raise ParameterError(f"{name} is {told(value)}; expected {kind.__name__}. {remedy}")
+    return value
 
 
 def as_settings(settings: _Settings | None, kind: type[_Settings], name: str = "settings") -> _Settings:
@@ -21,7 +46,7 @@ def as_settings(settings: _Settings | None, kind: type[_Settings], name: str = "
     if settings is None:
         return kind()
     if not isinstance(settings, kind):
-        names = f"**{settings!r}" if isinstance(settings, dict) else "..."
+        names = f"**{told(settings)}" if isinstance(settings, dict) else "..."
         raise ParameterError(
             f"{name} is of type {type(settings).__name__}; expected {kind.__name__}. "
             f"Give {kind.__name__}({names}), or leave it out."
@@ -70,7 +95,7 @@ def as_number(value: Any, name: str, *, low: float = -math.inf, high: float = ma
     try:
         number = float(value)
     except (TypeError, ValueError) as error:
-        raise ParameterError(f"{name} is {value!r}; expected a number.") from error
+        raise ParameterError(f"{name} is {told(value)}; expected a number.") from error
     inside = low < number < high if strict else low <= number <= high
     if not math.isfinite(number) or not inside:
         raise ParameterError(f"{name} is {number:g}; expected a finite number{_bounds(low, high, strict=strict)}.")
@@ -91,7 +116,7 @@ def _bounds(low: float, high: float, *, strict: bool) -> str:
 def as_whole_number(value: Any, name: str, *, low: float = -math.inf, high: float = math.inf) -> int:
     """Return a whole number within bounds, or refuse it by name."""
     if isinstance(value, (str, bytes)):
-        raise ParameterError(f"{name} is {value!r}; expected a whole number.")
+        raise ParameterError(f"{name} is {told(value)}; expected a whole number.")
     number = as_number(value, name, low=low, high=high)
     if number != int(number):
         raise ParameterError(f"{name} is {number:g}; expected a whole number.")

@@ -144,7 +144,7 @@ def open_told(path: Path, **reading: Any) -> Any:
 
 def settle_live(cube: Any, clock: Callable[[str, float], None]) -> Any:
     """Find out once which traces of a cube are live: a lazy one would look for them wherever they are asked for."""
-    if cube.chunks is None:
+    if cube.chunks is None or "live" not in cube.coords:
         return cube
     clock("live traces", 0.0)
     return cube.assign_coords(live=cube["live"].compute())

@@ -43,6 +43,7 @@ def run(
     from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
+    from seismo3d.geometry.map_grid import MapGrid, refuse_apart, refuse_other_systems
     from seismo3d.io._files import written_aside
     from seismo3d.io.elevation import raster_suffix, read_elevation, write_elevation
     from seismo3d.io.records import write_json
@@ -56,6 +57,9 @@ def run(
         vertical = "offset"
     check_run_folder(out, command="compare", inputs=[before, after], overwrite=overwrite)
     first, second = read_elevation(before), read_elevation(after)
+    grids = MapGrid.from_elevation(first), MapGrid.from_elevation(second)
+    refuse_other_systems(*grids, ("before", "after"))
+    refuse_apart(*grids, ("before", "after"))
     with written_aside(out, folder=True) as aside, shown_progress() as show:
         aside.mkdir()
         clock = StageClock(show)

@@ -24,13 +24,13 @@ def run(
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import FileAccessError
+    from seismo3d.io._files import check_output
     from seismo3d.io.segy import write_segy
     from seismo3d.synthetic import fault_cube
 
+    check_output(out, endings=(".sgy", ".segy"))
     if out.exists() and not overwrite:
         raise FileAccessError(f"{out} exists already. Choose another name, or replace it with --overwrite.")
-    if not out.parent.is_dir():
-        raise FileAccessError(f"{out.parent} is not a folder; expected one to write {out.name} into. Make it first.")
     with shown_progress() as show:
         clock = StageClock(show)
         clock("cube", 0.0)

@@ -39,7 +39,7 @@ def run(
     up: str = typer.Option("0,-1,0", help="Up, nearly, in the first camera's axes: right, down, ahead."),
     max_difference: float = typer.Option(0.02, help="Stamps of colour and depth farther apart are no pair, seconds."),
     close_loops: bool = typer.Option(True, help="Find places seen twice, and make the map anew from corrected poses."),
-    threads: int = typer.Option(0, help="[default: one a core]", show_default=False),
+    threads: int = typer.Option(0, help="Threads to work on. [default: one a core]", show_default=False),
     json: Json = False,
     overwrite: Overwrite = False,
 ) -> None:

@@ -146,9 +146,10 @@ def _say(out: Path, network: Any, path: Any) -> None:
             f"spread {entry.spread_deg:2.0f}  {words}, {100 * entry.share:.0f} % of the area"
         )
     if path is not None:
+        unit = "bins" if path.unit == "bin" else path.unit
         on_its_way = ", ".join(str(label) for label in path.surfaces) or "none"
         typer.echo(
-            f"flow path: length {path.length:,.0f} {path.unit}, {100 * path.share_on_faults:.0f} % on faults "
+            f"flow path: length {path.length:,.0f} {unit}, {100 * path.share_on_faults:.0f} % on faults "
             f"({on_its_way}), {path.straight:.1f} times easier than straight through rock"
         )
     typer.echo(str(out))

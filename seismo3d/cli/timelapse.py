@@ -81,11 +81,17 @@ def run(
 
 
 def _say(out: Path, facts: dict[str, Any], unit: str) -> None:
+    middle, low, high = (_told(facts[f"shift_{name}"]) for name in ("median", "5_percent", "95_percent"))
     typer.echo(
-        f"monitor deeper by {facts['shift_median']:.3g} {unit} (median; 90 % between {facts['shift_5_percent']:.3g} "
-        f"and {facts['shift_95_percent']:.3g}), standard deviation {facts['shift_std_median']:.2g} {unit}"
+        f"monitor deeper by {middle} {unit} (median; 90 % between {low} and {high}), "
+        f"standard deviation {facts['shift_std_median']:.2g} {unit}"
     )
     typer.echo(str(out))
+
+
+def _told(shift: float) -> str:
+    """Return a shift in three digits, or as nothing where it is less than half a thousandth."""
+    return f"{shift:.3g}" if abs(shift) >= 0.0005 else "0"
 
 
 def _draw(base: Any, monitor: Any, found: Any, folder: Path) -> None:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
-from seismo3d._validate import freeze
+from seismo3d._validate import freeze, is_among, told
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.features.describing import Features, as_count, described
 from seismo3d.features.inputs import as_grid
@@ -121,8 +121,8 @@ def match(
     """
     if n_points is not None:
         as_count(n_points)
-    if tilts not in ("auto", "always", "never"):
-        raise ParameterError(f"tilts is {tilts!r}; expected 'auto', 'always' or 'never'.")
+    if not is_among(tilts, ("auto", "always", "never")):
+        raise ParameterError(f"tilts is {told(tilts)}; expected 'auto', 'always' or 'never'.")
     first, second = _both_described(target, source, mask_target, mask_source, n_points)
     one, other = first.described, second.described
     if isinstance(one, ImageFeatures) and isinstance(other, ImageFeatures):

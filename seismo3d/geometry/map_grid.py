@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
-from seismo3d._validate import as_points, as_real_array, freeze
+from seismo3d._validate import as_points, as_real_array, freeze, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.reference_systems import WEB_MERCATOR, same_system, short_name, unit_of
 
@@ -120,8 +120,8 @@ def as_six(transform: Any) -> tuple[float, float, float, float, float, float]:
     """Return a transform as six numbers, or refuse one that has another length or no area."""
     try:
         numbers = [float(value) for value in (transform if isinstance(transform, Sequence) else list(transform))][:6]
-    except TypeError as error:
-        raise ParameterError(f"transform is {transform!r}; expected six numbers (a, b, c, d, e, f).") from error
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f"transform is {told(transform)}; expected six numbers (a, b, c, d, e, f).") from error
     if len(numbers) != 6 or not np.isfinite(numbers).all() or numbers[0] * numbers[4] == numbers[1] * numbers[3]:
         raise ParameterError(f"transform is {numbers}; expected six finite numbers whose cells have an area.")
     a, b, c, d, e, f = numbers

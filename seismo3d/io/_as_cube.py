@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._validate import as_number
+from seismo3d._validate import as_number, is_among, told
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.axis import USUAL_UNITS, unit_of
 
@@ -50,8 +50,8 @@ def as_cube(
         raise ShapeError(f"{name} is a Dataset; expected a DataArray. Select one of {list(values.data_vars)}.")
     if isinstance(values, xr.DataArray):
         return _ordered(values, name)
-    if domain not in USUAL_UNITS:
-        raise ParameterError(f"domain is {domain!r}; expected 'time' or 'depth'.")
+    if not is_among(domain, USUAL_UNITS):
+        raise ParameterError(f"domain is {told(domain)}; expected 'time' or 'depth'.")
     data = values if _is_lazy(values) else np.asarray(values)
     _refuse_elements(data, name)
     if data.ndim not in (2, 3):

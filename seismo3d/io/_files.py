@@ -9,7 +9,9 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+from seismo3d._validate import told
 from seismo3d.errors import FileAccessError, ParameterError
 
 _ASIDE = ".part"
@@ -18,9 +20,16 @@ _PARTICIPLE = {"read": "read", "write": "written"}
 _LOOKS, _SECONDS_BETWEEN_LOOKS = 20, 0.25
 
 
+def as_path(path: Any, name: str = "path") -> Path:
+    """Return the path that a name tells, or refuse what is none."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise ParameterError(f"{name} is {told(path)}; expected the name of a file or folder, as text or a Path.")
+    return Path(path)
+
+
 def as_readable_file(path: str | os.PathLike[str]) -> Path:
     """Return the path of an ordinary file that can be opened for reading, or refuse it."""
-    file = Path(path)
+    file = as_path(path)
     with refuse_os_errors(file, "read"):
         if file.is_dir():
             raise FileAccessError(f"{file} is a directory; expected a file.")
@@ -68,7 +77,7 @@ def written_aside(path: str | os.PathLike[str], *, folder: bool = False) -> Iter
         If it cannot be written: no such folder, no permission, no space left; or if it is a folder that another process
         is writing, or has made meanwhile.
     """
-    final = Path(path)
+    final = as_path(path)
     _check_place(final, folder=folder)
     _clear_beside(final, alone=folder)
     aside = final.parent / f"{_aside_of(final)}{os.getpid()}{_ASIDE}"
@@ -162,7 +171,7 @@ def check_output(
     FileAccessError
         If there is no such folder, or it is a folder.
     """
-    final = Path(path)
+    final = as_path(path)
     if final.suffix.lower() not in endings:
         listed = f"{', '.join(endings[:-1])} or {endings[-1]}" if len(endings) > 1 else endings[0]
         raise ParameterError(f"{final} ends in {final.suffix!r}; expected {listed}. Choose another name.")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from seismo3d._typing import AnyArray, IntArray
-from seismo3d._validate import as_number
+from seismo3d._validate import as_number, is_among, told
 from seismo3d.errors import FormatError, ParameterError
 from seismo3d.geometry.survey import Axis
 from seismo3d.io._segy_layout import SegyLayout, read_fields
@@ -86,8 +86,8 @@ def sample_axis(
     interval, start : float, optional
         Sample interval and first sample, in ms, m or ft.
     """
-    if domain not in (None, "time", "depth"):
-        raise ParameterError(f"domain is {domain!r}; expected 'time' or 'depth'.")
+    if domain is not None and not is_among(domain, ("time", "depth")):
+        raise ParameterError(f"domain is {told(domain)}; expected 'time' or 'depth'.")
     notes: list[str] = []
     step = as_number(interval, "interval", low=0, strict=True) if interval is not None else _interval(layout, notes)
     first = as_number(start, "start") if start is not None else _start(layout, notes)

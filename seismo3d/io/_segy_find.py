@@ -8,6 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from seismo3d._typing import Int64Array, IntArray
+from seismo3d._validate import as_whole_number, told
 from seismo3d.errors import FormatError, ParameterError
 from seismo3d.geometry.survey import fit_map
 from seismo3d.io._segy_grid import TraceGrid, line_axis, line_grid, padding, regular_grid, scanned_grid, take_live
@@ -80,9 +81,7 @@ def find_grid(
         STANDARD[0] if inline_byte is None else inline_byte,
         STANDARD[1] if crossline_byte is None else crossline_byte,
     )
-    for name, byte in zip(("inline_byte", "crossline_byte"), pair):
-        if not 1 <= byte <= 237:
-            raise ParameterError(f"{name} is {byte}; expected 1 to 237, the first byte of a field in a trace header.")
+    pair = (_as_byte(pair[0], "inline_byte"), _as_byte(pair[1], "crossline_byte"))
     how = "as given" if given else "the standard ones"
     if not scan_all and (grid := regular_grid(layout, *pair)) is not None:
         return Found(grid, False, how, pair, is_sampled=True)
@@ -115,17 +114,19 @@ def find_grid(
     return Found(take_live(grid, layout), False, how, pair, notes=_grid_notes(grid))
 
 
+def _as_byte(byte: int, name: str) -> int:
+    number = as_whole_number(byte, name)
+    if not 1 <= number <= 237:
+        raise ParameterError(f"{name} is {number}; expected 1 to 237, the first byte of a field in a trace header.")
+    return number
+
+
 def find_coordinates(layout: SegyLayout, *, x_byte: int | None, y_byte: int | None) -> tuple[int, int] | None:
     """Find the bytes of the map coordinates: the given ones, else 181/185, 73/77 or 81/85; None where none vary."""
     if (x_byte is None) != (y_byte is None):
-        raise ParameterError(f"x_byte is {x_byte} and y_byte {y_byte}; expected both or neither.")
+        raise ParameterError(f"x_byte is {told(x_byte)} and y_byte {told(y_byte)}; expected both or neither.")
     if x_byte is not None and y_byte is not None:
-        for name, byte in (("x_byte", x_byte), ("y_byte", y_byte)):
-            if not 1 <= byte <= 237:
-                raise ParameterError(
-                    f"{name} is {byte}; expected 1 to 237, the first byte of a field in a trace header."
-                )
-        return (x_byte, y_byte)
+        return _as_byte(x_byte, "x_byte"), _as_byte(y_byte, "y_byte")
     rows = np.unique(np.linspace(0, layout.n_traces - 1, min(layout.n_traces, 512)).astype(np.int64))
     for pair in XY_PAIRS:
         values = read_fields(layout, rows, list(pair))

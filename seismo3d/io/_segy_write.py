@@ -7,12 +7,13 @@ from typing import IO, Any
 
 import numpy as np
 
-from seismo3d._stages import no_progress
+from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, Int64Array, Progress
+from seismo3d._validate import as_whole_number
 from seismo3d.errors import FileAccessError, GeometryError, ParameterError, Seismo3dError
 from seismo3d.geometry.survey import Axis
 from seismo3d.io._as_cube import as_cube
-from seismo3d.io._files import written_aside
+from seismo3d.io._files import as_path, written_aside
 from seismo3d.io._segy_axis import judge_domain, sample_axis
 from seismo3d.io._segy_encode import check_fresh, encode, fresh_file_header, fresh_heads, sample_fields
 from seismo3d.io._segy_find import find_grid
@@ -71,17 +72,17 @@ def write_segy(
     FileAccessError
         If the file cannot be written, or the cube was opened from a SEG-Y file that is not there any more.
     """
-    if sample_format not in (1, 5):
+    if as_whole_number(sample_format, "sample_format") not in (1, 5):
         raise ParameterError(f"sample_format is {sample_format}; expected 5 (IEEE float) or 1 (IBM float).")
     volume = as_cube(cube)
-    out = Path(path)
+    out = as_path(path)
     template = _template(volume, cube, like)
     for other in (volume.attrs.get("path"), template.layout.path if template else None):
         if other and out.exists() and Path(other).exists() and out.samefile(other):
             raise ParameterError(
                 f"{out} is the file that the cube was read from; expected another name for the result."
             )
-    step = progress or no_progress
+    step = as_progress(progress)
     with written_aside(out) as aside, aside.open("wb") as stream:
         if template is not None:
             _write_like(stream, volume, template, sample_format, fill, step)

@@ -8,13 +8,14 @@ from uuid import uuid4
 
 import numpy as np
 
+from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, Progress
-from seismo3d._validate import as_number
+from seismo3d._validate import as_number, is_among, told
 from seismo3d.errors import FileAccessError, FormatError, ParameterError
 from seismo3d.geometry.axis import USUAL_UNITS, length_unit_of, unit_of
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io._as_cube import as_cube
-from seismo3d.io._files import refuse_os_errors, refuse_rival, written_aside
+from seismo3d.io._files import as_path, refuse_os_errors, refuse_rival, written_aside
 from seismo3d.io.numpy_files import list_npz, read_npy, read_npz
 
 __all__ = ["as_cube", "convert_cube", "open_cube", "write_npy"]
@@ -84,9 +85,9 @@ def open_cube(
     ParameterError
         If an option has a value that cannot be, or does not serve files of this kind, such as header bytes for Zarr.
     """
-    if scan not in ("auto", "full"):
-        raise ParameterError(f"scan is {scan!r}; expected 'auto' or 'full'.")
-    file = Path(path)
+    if not is_among(scan, ("auto", "full")):
+        raise ParameterError(f"scan is {told(scan)}; expected 'auto' or 'full'.")
+    file = as_path(path)
     limit = LAZY_ABOVE if lazy is None else (-1 if lazy else 2**63)
     with refuse_os_errors(file, "read"):
         is_zarr = is_zarr_store(file)
@@ -129,7 +130,7 @@ def refuse_unused(given: dict[str, Any], file: Path, served: str) -> None:
 def _on_axis(cube: Any, *, domain: str | None, interval: float | None, start: float | None) -> Any:
     """Return a stored cube with another sample axis: what the caller gives wins."""
     if domain not in (None, *USUAL_UNITS):
-        raise ParameterError(f"domain is {domain!r}; expected 'time' or 'depth'.")
+        raise ParameterError(f"domain is {told(domain)}; expected 'time' or 'depth'.")
     held, unit = str(cube.dims[-1]), unit_of(cube)
     name = domain or held
     if name == held and interval is None and start is None:
@@ -249,15 +250,15 @@ def _check_apart(source: Path, out: Path) -> None:
 def write_npy(path: Any, cube: Any, *, progress: Progress | None = None) -> Path:
     """Write the samples alone as NPY, a block of inlines at a time; NPY has no room for geometry."""
     volume = as_cube(cube)
-    out = Path(path)
+    out = as_path(path)
+    report = as_progress(progress)
     block = max(1, 64 * 2**20 // max(1, int(np.prod(volume.shape[1:], dtype=np.int64)) * volume.dtype.itemsize))
     with written_aside(out) as aside, aside.open("wb") as stream:
         header = {"descr": np.lib.format.dtype_to_descr(volume.dtype), "fortran_order": False, "shape": volume.shape}
         np.lib.format.write_array_header_1_0(stream, header)
         for first in range(0, volume.shape[0], block):
             stream.write(np.ascontiguousarray(volume[first : first + block].data).tobytes())
-            if progress is not None:
-                progress("write", min(1.0, (first + block) / volume.shape[0]))
+            report("write", min(1.0, (first + block) / volume.shape[0]))
     return out
 
 

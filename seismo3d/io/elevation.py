@@ -19,7 +19,7 @@ from seismo3d.errors import (
 )
 from seismo3d.geometry.map_grid import MapGrid, as_six, elevation_values
 from seismo3d.geometry.reference_systems import unit_of
-from seismo3d.io._files import as_readable_file, check_output, refuse_os_errors, written_aside
+from seismo3d.io._files import as_path, as_readable_file, check_output, refuse_os_errors, written_aside
 from seismo3d.io.numpy_files import check_declared, list_npz, read_npy, read_npz
 
 RASTERS = (".tif", ".tiff", ".asc", ".agr", ".img", ".vrt", ".bil", ".hgt")
@@ -172,7 +172,7 @@ def make_elevation(
 
 def holds_elevation(path: str | Path) -> bool:
     """Whether a file is an elevation map by its ending, or, of ``.npz``, by an array named for it."""
-    path = Path(path)
+    path = as_path(path)
     if path.suffix.lower() in RASTERS:
         return True
     if path.suffix.lower() != ".npz" or not path.is_file():

@@ -9,10 +9,11 @@ from uuid import uuid4
 
 import numpy as np
 
+from seismo3d._stages import as_progress
 from seismo3d._typing import Progress
 from seismo3d.errors import FileAccessError, FormatError, ParameterError
 from seismo3d.io._as_cube import as_cube
-from seismo3d.io._files import written_aside
+from seismo3d.io._files import as_path, written_aside
 from seismo3d.io.numpy_files import check_declared, refuse_damage
 
 _BRICK = 64
@@ -39,11 +40,12 @@ def write_zarr(path: Any, cube: Any, *, brick: int = _BRICK, progress: Progress 
         If the folder cannot be written, or is there and is no Zarr group.
     """
     volume = as_cube(cube)
-    out = Path(path)
+    out = as_path(path)
     if brick < 1:
         raise ParameterError(f"brick is {brick}; expected at least 1.")
     if out.is_file() or (out.is_dir() and not (out / "zarr.json").is_file()):
         raise FileAccessError(f"{out} is there and is no Zarr group; expected a free name. Remove it, or name another.")
+    report = as_progress(progress)
     name = str(volume.name or "amplitude")
     volume = volume.rename(name)
     slab_bytes = int(np.prod(volume.shape[1:], dtype=np.int64)) * volume.dtype.itemsize
@@ -55,8 +57,7 @@ def write_zarr(path: Any, cube: Any, *, brick: int = _BRICK, progress: Progress 
         for start in range(0, volume.shape[0], edge):
             part = volume[start : start + edge].compute()
             _write_slab(aside, part, name, first_dim, start)
-            if progress is not None:
-                progress("write", min(1.0, (start + edge) / volume.shape[0]))
+            report("write", min(1.0, (start + edge) / volume.shape[0]))
     return out
 
 
@@ -70,7 +71,7 @@ def read_zarr(path: Any, *, variable: str | None = None, lazy_above: int = 2 * 2
     """
     import xarray as xr
 
-    store = Path(path)
+    store = as_path(path)
     if not store.exists():
         raise FileAccessError(f"{store} does not exist. Check the path.")
     if not store.is_dir():

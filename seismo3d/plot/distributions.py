@@ -9,8 +9,9 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.geometry.triangles import weigh_vertices
-from seismo3d.plot.drawing import BLUE, draw_rose, new_axes
+from seismo3d.plot.drawing import BLUE, check_axes, draw_rose, new_axes
 from seismo3d.plot.traces_of_faults import display_throw
+from seismo3d.seismic.cube_checks import check_faults
 
 
 def strike_rose(faults: Any, *, from_north: bool, bin_deg: float = 10.0, ax: Any = None) -> Any:
@@ -37,6 +38,7 @@ def strike_rose(faults: Any, *, from_north: bool, bin_deg: float = 10.0, ax: Any
     ParameterError
         If `bin_deg` is not 1 to 90.
     """
+    check_faults(faults)
     strikes = [np.asarray(s.strike_deg, dtype=np.float64) for s in faults.surfaces]
     weights = [weigh_vertices(s.vertices, s.cells) for s in faults.surfaces]
     strike, weight = (np.concatenate(x) if x else np.zeros(0) for x in (strikes, weights))
@@ -58,9 +60,11 @@ def throw_histogram(faults: Any, *, ax: Any = None) -> Any:
     Returns
     -------
     matplotlib Axes
-        Shares of the area of known throw; the share of unknown throw is written on it.
+        Shares of the area of known throw; the outermost bars hold what little lies beyond them, too. The share of
+        unknown throw is written on it.
     """
-    ax = new_axes(5.5, 4.0) if ax is None else ax
+    ax = new_axes(5.5, 4.0) if ax is None else check_axes(ax)
+    check_faults(faults)
     throws = [display_throw(surface) for surface in faults.surfaces]
     weights = [weigh_vertices(surface.vertices, surface.cells) for surface in faults.surfaces]
     unit = throws[0][1] if throws else "samples"

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d._validate import as_number
+from seismo3d._validate import as_kind, as_number, is_among, told
+from seismo3d.errors import ParameterError
 from seismo3d.plot.pictures import Picture
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS, FaultLines, value_colours
 from seismo3d.seismic.preparing import find_level
@@ -27,6 +28,48 @@ def new_axes(width: float, height: float) -> Any:
     import matplotlib.pyplot as plt
 
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
+
+
+def check_axes(ax: Any, *, polar: bool = False) -> Any:
+    """Return axes as they are, or refuse what is none, or none of the kind that is drawn on."""
+    from matplotlib.axes import Axes
+    from matplotlib.projections.polar import PolarAxes
+
+    if polar:
+        return as_kind(ax, PolarAxes, "ax", remedy="Give plt.subplot(projection='polar'), or leave it out.")
+    return as_kind(ax, Axes, "ax", remedy="Give what plt.subplots()[1] is, or leave it out.")
+
+
+def check_all_axes(axes: Any, count: int) -> list[Any]:
+    """Return so many axes side by side, or refuse others."""
+    from matplotlib.axes import Axes
+
+    found = list(np.ravel(axes)) if isinstance(axes, (list, tuple, np.ndarray)) else []
+    if len(found) != count or not all(isinstance(ax, Axes) for ax in found):
+        raise ParameterError(
+            f"axes is {told(axes)}; expected {count} Axes. Give plt.subplots(1, {count})[1], or leave them out."
+        )
+    return found
+
+
+def check_colour_map(cmap: Any) -> None:
+    """Refuse what is no colour map, nor the name of one."""
+    from matplotlib import colormaps
+    from matplotlib.colors import Colormap
+
+    if cmap is not None and not isinstance(cmap, Colormap) and not is_among(cmap, colormaps):
+        raise ParameterError(
+            f"cmap is {told(cmap)}; expected a colour map of matplotlib or its name, such as 'gray' or 'seismic'."
+        )
+
+
+def bar_ends(values: Any, low: float, high: float) -> str:
+    """Which ends of a colour bar hold what lies beyond them too, for ``extend``: matplotlib draws these pointed."""
+    known = np.asarray(values)[np.isfinite(values)]
+    below, above = bool((known < low).any()), bool((known > high).any())
+    if below and above:
+        return "both"
+    return "min" if below else "max" if above else "neither"
 
 
 def label_axes(ax: Any, x: str, y: str) -> None:
@@ -67,6 +110,7 @@ def draw_rose(
         import matplotlib.pyplot as plt
 
         ax = plt.subplots(figsize=(4.5, 4.5), layout="constrained", subplot_kw={"projection": "polar"})[1]
+    check_axes(ax, polar=True)
     counts, edges = np.histogram(strike % 180.0, bins=n, range=(0.0, 180.0), weights=weight)
     length = np.sqrt(counts / counts.sum()) if counts.sum() > 0 else counts
     centres = np.radians(np.concatenate([edges[:-1], edges[:-1] + 180.0]) + 90.0 / n)
@@ -101,6 +145,7 @@ def draw_amplitudes(ax: Any, picture: Picture, *, cmap: str, clip: float) -> Any
     AxesImage
         The drawn picture.
     """
+    check_colour_map(cmap)
     low, high = amplitude_limits(picture.values[picture.live], clip)
     masked = np.ma.masked_array(picture.values, mask=~picture.live)
     ax.set_facecolor(NO_DATA)
@@ -170,7 +215,7 @@ def draw_faults(ax: Any, lines: FaultLines, *, colour: str) -> Any:
     ax.set_ylim(*limits[1])
     if values is not None:
         name = f"Throw ({lines.throw_unit})" if colour == "throw" else "Fault likelihood"
-        ax.figure.colorbar(top, ax=ax, label=name, pad=0.02, shrink=0.8)
+        ax.figure.colorbar(top, ax=ax, label=name, pad=0.02, shrink=0.8, extend=bar_ends(values, *top.get_clim()))
     return top
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d.plot.drawing import new_axes
+from seismo3d.plot.drawing import check_axes, new_axes
 
 
 def trajectory_plot(trajectory: Any, *, ax: Any = None) -> Any:
@@ -27,6 +27,7 @@ def trajectory_plot(trajectory: Any, *, ax: Any = None) -> Any:
     """
     if ax is None:
         ax = new_axes(9.0, 4.5)
+    check_axes(ax)
     times = trajectory.times - trajectory.times[0]
     at = trajectory.T_world_camera
     for axis, (name, colour) in enumerate((("x right", "#c0392b"), ("y down", "#2e8b57"), ("z forward", "#1f5f99"))):
@@ -37,7 +38,11 @@ def trajectory_plot(trajectory: Any, *, ax: Any = None) -> Any:
     right.set_ylabel("Turn from the first frame (°)")
     ax.set(xlabel="Time (s)", ylabel="Position (m)")
     lines = [*ax.get_lines(), *right.get_lines()]
-    ax.legend(lines, [line.get_label() for line in lines], loc="upper left", fontsize="small", ncols=4)
+    # above the picture, where it hides nothing
+    ax.legend(
+        lines, [line.get_label() for line in lines], loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4,
+        fontsize="small", frameon=False,
+    )  # fmt: skip
     ax.margins(x=0.01)
     return ax
 

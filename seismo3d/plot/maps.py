@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from seismo3d.errors import ParameterError, ShapeError
-from seismo3d.plot.drawing import NO_DATA, draw_amplitudes, draw_faults, new_axes
+from seismo3d.plot.drawing import NO_DATA, bar_ends, check_axes, draw_amplitudes, draw_faults, new_axes
 from seismo3d.plot.map_frame import MapFrame
 from seismo3d.plot.pictures import live_traces, name_axes, take_picture
 from seismo3d.plot.traces_of_faults import check_colour, cut_faults, display_throw, value_colours
-from seismo3d.seismic.cube_checks import check_faults_of
+from seismo3d.seismic.cube_checks import check_faults, check_faults_of
 
 
 def time_slice(
@@ -69,7 +69,7 @@ def time_slice(
                 )
         where["sample"] = cube.shape[2] // 2
     picture = take_picture(cube, **where, inline=inline, crossline=crossline)
-    ax = new_axes(7.5, 7.0) if ax is None else ax
+    ax = new_axes(7.5, 7.0) if ax is None else check_axes(ax)
     draw_amplitudes(ax, picture, cmap=cmap, clip=clip)
     MapFrame.from_cube(cube).lay_out(ax)
     if faults is not None:
@@ -104,9 +104,10 @@ def throw_map(faults: Any, cube: Any, *, ax: Any = None) -> Any:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import Normalize
 
+    check_faults(faults)
     check_faults_of(cube, faults)
     frame = MapFrame.from_cube(cube)
-    ax = new_axes(7.5, 7.0) if ax is None else ax
+    ax = new_axes(7.5, 7.0) if ax is None else check_axes(ax)
     ax.contourf(frame.columns, frame.rows, ~live_traces(cube), levels=[0.5, 1.5], hatches=["///"], colors=NO_DATA)
     everything = [display_throw(surface)[0] for surface in faults.surfaces]
     name, low, high = value_colours(np.concatenate(everything) if everything else np.zeros(0), "throw")
@@ -123,7 +124,8 @@ def throw_map(faults: Any, cube: Any, *, ax: Any = None) -> Any:
             PolyCollection(list(np.concatenate(triangles)[order]), facecolors=shades, edgecolors=shades, linewidths=0.3)
         )
     unit = display_throw(faults.surfaces[0])[1] if faults.surfaces else "samples"
-    ax.figure.colorbar(colours, ax=ax, label=f"Throw ({unit})", pad=0.02, shrink=0.8)
+    beyond = bar_ends(np.concatenate(values) if values else np.zeros(0), low, high)
+    ax.figure.colorbar(colours, ax=ax, label=f"Throw ({unit})", pad=0.02, shrink=0.8, extend=beyond)
     frame.lay_out(ax)
     ax.set_title("Throw, seen from above", loc="left", fontsize="medium")
     return ax

@@ -11,6 +11,7 @@ from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import as_real_array, as_whole_number
 from seismo3d.errors import ShapeError
 from seismo3d.io._files import check_output
+from seismo3d.plot.drawing import bar_ends, check_axes
 from seismo3d.plot.picture_files import PICTURES, save_figure
 
 _GAP = 12
@@ -47,6 +48,7 @@ def matches(target: Any, source: Any, found: Any, *, n_shown: int = 200, ax: Any
         import matplotlib.pyplot as plt
 
         ax = plt.subplots(figsize=(12.0, 6.0), layout="constrained")[1]
+    check_axes(ax)
     offset = first.shape[1] + _GAP
     canvas = np.full((max(first.shape[0], second.shape[0]), offset + second.shape[1]), np.nan, dtype=np.float32)
     canvas[: first.shape[0], : first.shape[1]] = first
@@ -69,7 +71,7 @@ def _draw_lines(ax: Any, first: Float64Array, second: Float64Array, score: Float
     ax.add_collection(lines)
     both = np.concatenate([first, second])
     ax.scatter(both[:, 0], both[:, 1], s=6.0, c=np.tile(score, 2), cmap="viridis", vmin=0.5, vmax=1.0, linewidths=0.0)
-    ax.figure.colorbar(lines, ax=ax, label="score", shrink=0.8)
+    ax.figure.colorbar(lines, ax=ax, label="Score", shrink=0.8, extend=bar_ends(score, 0.5, 1.0))
 
 
 def _picture(values: Any, points: Float64Array, name: str) -> tuple[AnyArray, Float64Array]:

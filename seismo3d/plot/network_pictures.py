@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d._validate import as_kind
 from seismo3d.errors import ShapeError
-from seismo3d.plot.drawing import label_axes, new_axes
+from seismo3d.plot.drawing import check_all_axes, check_axes, label_axes, new_axes
 from seismo3d.plot.map_frame import MapFrame
 from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.pictures import at_index, axis_coordinates, axis_labels
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS
-from seismo3d.seismic.cube_checks import check_faults_of
+from seismo3d.seismic.cube_checks import check_faults, check_faults_of
+from seismo3d.seismic.flow_paths import FlowPath
+from seismo3d.seismic.network import FractureNetwork
 
 # voxels from a flow path within which the likelihood is drawn
 _NEAR_PATH = 8.0
@@ -51,8 +54,9 @@ def network_map(network: Any, faults: Any, cube: Any, *, ax: Any = None) -> Any:
     from matplotlib.lines import Line2D
 
     _check(faults, cube)
+    as_kind(network, FractureNetwork, "network", remedy="Give what fracture_network returned.")
     frame = MapFrame.from_cube(cube)
-    ax = new_axes(7.5, 7.0) if ax is None else ax
+    ax = new_axes(7.5, 7.0) if ax is None else check_axes(ax)
     for number, zone in enumerate(network.zones):
         colour = SURFACE_COLOURS[number % len(SURFACE_COLOURS)]
         for label in zone.surfaces:
@@ -60,7 +64,9 @@ def network_map(network: Any, faults: Any, cube: Any, *, ax: Any = None) -> Any:
             places = frame.place(surface.vertices)
             corners = list(places[surface.cells])
             ax.add_collection(PolyCollection(corners, facecolors=colour, edgecolors="none", alpha=0.35))
-            ax.annotate(str(label), places.mean(axis=0), fontsize="small", ha="center")
+            # where the fault is shallowest: the middles of faults that cross lie on each other
+            top = places[surface.vertices[:, 2] <= np.quantile(surface.vertices[:, 2], 0.1)].mean(axis=0)
+            ax.annotate(str(label), top, fontsize="small", ha="center", va="center", path_effects=_halo())
     for line in network.intersections:
         ends = frame.place(line.points)[line.segments]
         ax.add_collection(LineCollection(list(ends), colors="black", linewidths=1.6, linestyles=_LINES[line.kind]))
@@ -75,6 +81,13 @@ def network_map(network: Any, faults: Any, cube: Any, *, ax: Any = None) -> Any:
     few = ("no faults", "all faults connected")
     ax.set_title(few[n] if n < 2 else f"{n} connected zones, one colour each", loc="left", fontsize="medium")
     return ax
+
+
+def _halo() -> list[Any]:
+    """Return what keeps a number readable on lines and colours."""
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=2.0, foreground="white")]
 
 
 def density_map(network: Any, cube: Any, *, ax: Any = None) -> Any:
@@ -94,8 +107,9 @@ def density_map(network: Any, cube: Any, *, ax: Any = None) -> Any:
     matplotlib Axes
         As of :func:`seismo3d.plot.time_slice`.
     """
+    as_kind(network, FractureNetwork, "network", remedy="Give what fracture_network returned.")
     frame = MapFrame.from_cube(cube)
-    ax = new_axes(7.5, 6.5) if ax is None else ax
+    ax = new_axes(7.5, 6.5) if ax is None else check_axes(ax)
     n = np.shape(cube)[2]
     thick = np.diff(np.minimum(np.arange(network.density.shape[2] + 1) * network.cell[2], n))
     mean = network.density @ (thick / thick.sum())
@@ -131,6 +145,7 @@ def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | 
     ShapeError
         If the faults are of another cube.
     """
+    as_kind(path, FlowPath, "path", remedy="Give what flow_path returned.")
     _check(faults, cube)
     if axes is None:
         import matplotlib.pyplot as plt
@@ -138,7 +153,7 @@ def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | 
         axes = plt.subplots(1, 3, figsize=(14.0, 4.8), layout="constrained")[1]
     labels = axis_labels(cube)
     at, likelihood = _likelihood_near(path, faults)
-    for ax, (across, down) in zip(axes, ((1, 0), (1, 2), (0, 2)), strict=True):
+    for ax, (across, down) in zip(check_all_axes(axes, 3), ((1, 0), (1, 2), (0, 2)), strict=True):
         x, y = axis_coordinates(cube, across), axis_coordinates(cube, down)
         behind = np.zeros((len(x), len(y)))
         np.maximum.at(behind, (at[:, across], at[:, down]), likelihood)
@@ -151,8 +166,10 @@ def flow_path_views(path: Any, faults: Any, cube: Any, *, axes: Sequence[Any] | 
         ax.set_ylim(max(y), min(y))
         ax.locator_params(axis="x", nbins=6)
     MapFrame.from_cube(cube).lay_out(axes[0])
+    axes[0].locator_params(axis="x", nbins=3)  # a map may be narrow
+    unit = "bins" if path.unit == "bin" else path.unit
     axes[0].set_title(
-        f"Length {path.length:.0f} {path.unit}, {100 * path.share_on_faults:.0f} % on faults",
+        f"Length {path.length:,.0f} {unit}, {100 * path.share_on_faults:.0f} % on faults",
         loc="left",
         fontsize="medium",
     )
@@ -232,6 +249,7 @@ def _cell_edges(lines: Float64Array, cell: int) -> Float64Array:
 
 
 def _check(faults: Any, cube: Any) -> None:
+    check_faults(faults)
     check_faults_of(cube, faults)
     if np.ndim(cube) != 3:
         raise ShapeError(f"cube has shape {np.shape(cube)}: a section has no fracture network. Give a cube.")

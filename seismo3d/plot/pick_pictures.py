@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.plot.drawing import label_axes, new_axes
+from seismo3d.plot.drawing import bar_ends, check_axes, label_axes, new_axes
 from seismo3d.plot.map_frame import MapFrame
 
 
@@ -38,7 +38,7 @@ def picked_faults_map(faults: Any, sticks: Sequence[Any], score: Any, *, ax: Any
     from seismo3d.seismic.picks import place_stick
 
     frame = MapFrame.from_cube(faults.labels)
-    ax = new_axes(7.5, 7.0) if ax is None else ax
+    ax = new_axes(7.5, 7.0) if ax is None else check_axes(ax)
     for label, surface in enumerate(faults.surfaces, start=1):
         places = frame.place(surface.vertices)
         colour = "#56b4e9" if label in score.new else "0.55"
@@ -93,7 +93,7 @@ def pick_distance_map(
 
     from seismo3d.seismic.horizon_scores import flat_places, have_lines, same_trace_distance
 
-    ax = new_axes(7.5, 6.5) if ax is None else ax
+    ax = new_axes(7.5, 6.5) if ax is None else check_axes(ax)
     by_lines = have_lines(picks, track)
     apart = same_trace_distance([track]) if apart is None else apart
     here, there, reach = flat_places(picks, track, apart=apart, cube=cube)
@@ -106,8 +106,11 @@ def pick_distance_map(
     ax.set_facecolor("0.7")  # what agrees is white
     ax.plot(*here[~common][:, across].T, ",", color="black")
     drawn = ax.scatter(*here[common][:, across].T, c=down, s=4, cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
-    ax.figure.colorbar(drawn, ax=ax, label=f"Track below picks ({unit})", pad=0.02, shrink=0.8)
+    beyond = bar_ends(down, -limit, limit)
+    ax.figure.colorbar(drawn, ax=ax, label=f"Track below picks ({unit})", pad=0.02, shrink=0.8, extend=beyond)
     label_axes(ax, *("Crossline", "Inline") if by_lines else ("x", "y"))
+    if not by_lines:
+        ax.set_aspect("equal")
     if cube is not None and by_lines:
         MapFrame.from_cube(cube).turn(ax)
     elif by_lines:

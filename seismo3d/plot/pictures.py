@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array
+from seismo3d._validate import as_number, told
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.axis import unit_of
 
@@ -94,7 +95,11 @@ def take_picture(cube: Any, **chosen: float | None) -> Picture:
         raise ParameterError(f"{' and '.join(given)} are given; expected one of them. A picture holds one axis.")
     name, value = next(iter(given.items()), ("inline", None))
     axis = _find_axis(name, names)
-    index = cube.shape[axis] // 2 if value is None else find_index(cube, axis, float(value), as_index=name == "sample")
+    index = (
+        cube.shape[axis] // 2
+        if value is None
+        else find_index(cube, axis, as_number(value, name), as_index=name == "sample")
+    )
     return _picture(cube, names, axis=axis, index=index)
 
 
@@ -107,6 +112,15 @@ def name_axes(cube: Any) -> tuple[str, ...]:
     if len(names) not in (2, 3):
         raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample) or (trace, sample).")
     return names
+
+
+def as_tracks(tracks: Any) -> list[Any]:
+    """Return tracks as a list, none for none, or refuse what is no list of them."""
+    if tracks is None:
+        return []
+    if not isinstance(tracks, (list, tuple)):
+        raise ParameterError(f"tracks is {told(tracks)}; expected a list of Track. Give a list, be it of one.")
+    return list(tracks)
 
 
 def axis_coordinates(cube: Any, axis: int) -> Float64Array:

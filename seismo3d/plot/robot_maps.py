@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.plot.drawing import new_axes
+from seismo3d._validate import as_kind
+from seismo3d.plot.drawing import check_axes, new_axes
+from seismo3d.robot.occupancy import Occupancy
 
 _FREE, _OCCUPIED, _UNKNOWN, _KEPT_OFF = "#f7f7f2", "#30343b", "#b9bfc9", "#e3a79b"
 
@@ -32,10 +34,12 @@ def occupancy_map(occupancy: Any, *, path: Any = None, traversability: Any = Non
     from matplotlib.colors import to_rgb
     from matplotlib.patches import Patch
 
+    as_kind(occupancy, Occupancy, "occupancy", remedy="Give Occupancy(...), or what Mapper.occupancy returns.")
     left, right, low, high = occupancy.extent
     if ax is None:
         ratio = float(np.clip((high - low) / (right - left), 0.4, 2.0))
         ax = new_axes(7.5, 7.5 * ratio)
+    check_axes(ax)
     image = np.empty((*occupancy.shape, 3))
     for value, colour in ((0, _FREE), (1, _OCCUPIED), (2, _UNKNOWN)):
         image[occupancy.cells == value] = to_rgb(colour)

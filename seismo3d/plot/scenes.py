@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
+from seismo3d._validate import as_number
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import amplitude_limits
-from seismo3d.plot.pictures import axis_coordinates, find_index, live_on_slice
+from seismo3d.plot.pictures import as_tracks, axis_coordinates, find_index, live_on_slice
 from seismo3d.plot.rendering import has_screen, windowless
 from seismo3d.plot.scene_frame import SceneFrame, far_slices, slice_points
 from seismo3d.plot.scene_view import add_axes, aim_camera
@@ -83,7 +84,7 @@ def cube(
     check_faults_of(cube, faults)
     frame = SceneFrame.from_cube(cube, height=height)
     walls = choose_slices(cube, inline=inline, crossline=crossline, sample=sample)
-    maps = [_index_map(track, cube) for track in tracks or ()]
+    maps = [_index_map(track, cube) for track in as_tracks(tracks)]
     off_screen = not has_screen() if off_screen is None else off_screen
     size = list(window_size) if window_size else None
     with windowless() if off_screen else nullcontext():
@@ -108,9 +109,9 @@ def choose_slices(
     """Choose the indices of the scene's three slices: those asked for, else the back walls and the floor."""
     far = far_slices(cube)
     return (
-        far[0] if inline is None else find_index(cube, 0, float(inline)),
-        far[1] if crossline is None else find_index(cube, 1, float(crossline)),
-        far[2] if sample is None else find_index(cube, 2, float(sample), as_index=True),
+        far[0] if inline is None else find_index(cube, 0, as_number(inline, "inline")),
+        far[1] if crossline is None else find_index(cube, 1, as_number(crossline, "crossline")),
+        far[2] if sample is None else find_index(cube, 2, as_number(sample, "sample"), as_index=True),
     )
 
 

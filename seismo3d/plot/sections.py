@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d.plot.drawing import draw_amplitudes, draw_faults, new_axes
+from seismo3d.plot.drawing import check_axes, draw_amplitudes, draw_faults, new_axes
 from seismo3d.plot.map_frame import MapFrame
 from seismo3d.plot.pictures import Picture, axis_coordinates, live_traces, name_axes, take_picture
 from seismo3d.plot.traces_of_faults import check_colour, cut_faults
-from seismo3d.seismic.cube_checks import check_faults_of
+from seismo3d.seismic.cube_checks import check_faults, check_faults_of
 
 
 def section(
@@ -71,7 +71,7 @@ def section(
     check_colour(colour)
     check_faults_of(cube, faults)
     picture = take_picture(cube, inline=inline, crossline=crossline)
-    ax = _axes_for(picture) if ax is None else ax
+    ax = _axes_for(picture) if ax is None else check_axes(ax)
     draw_amplitudes(ax, picture, cmap=cmap, clip=clip)
     if faults is not None:
         draw_faults(ax, cut_faults(faults, picture), colour=colour)
@@ -117,12 +117,13 @@ def likelihood(
     ShapeError
         If the faults are of another cube.
     """
+    check_faults(faults)
     check_faults_of(cube, faults)
     where = {"inline": inline, "crossline": crossline, "time": time, "depth": depth, "sample": sample}
     picture = take_picture(cube, **where)
     same_coordinates = cube.copy(data=faults.likelihood) if hasattr(cube, "dims") else faults.likelihood
     over = take_picture(same_coordinates, **where).values
-    ax = _axes_for(picture) if ax is None else ax
+    ax = _axes_for(picture) if ax is None else check_axes(ax)
     draw_amplitudes(ax, picture, cmap="gray", clip=clip)
     shown = np.ma.masked_array(over, mask=~(over > 0))
     drawn = ax.imshow(

@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d.geometry.triangles import merge_vertices
-from seismo3d.plot.drawing import amplitude_limits
+from seismo3d.plot.drawing import amplitude_limits, bar_ends
 from seismo3d.plot.scene_frame import SceneFrame, slice_points
 from seismo3d.plot.scenes import choose_slices, fault_values, join_surfaces, read_slice
 from seismo3d.plot.traces_of_faults import value_colours
@@ -100,7 +100,7 @@ def _draw_surfaces(ax: Any, faults: Any, frame: SceneFrame) -> None:
     ax.add_collection3d(
         Poly3DCollection(list(triangles), facecolors=shades, edgecolors=shades, linewidths=0.2, zsort="min")
     )
-    ax.figure.colorbar(scale, ax=ax, label=title, shrink=0.6, pad=0.06)
+    ax.figure.colorbar(scale, ax=ax, label=title, shrink=0.6, pad=0.06, extend=bar_ends(values, low, high))
 
 
 def _average(values: AnyArray, merged: AnyArray) -> Float64Array:

@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
+from seismo3d._validate import as_kind, as_number
 from seismo3d.geometry.bearings import whole_deg
+from seismo3d.plot.drawing import check_axes
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS
+from seismo3d.seismic.network import FractureNetwork
 from seismo3d.seismic.orientations import kamb_density, mean_pole
 
 
@@ -32,12 +35,15 @@ def stereonet(network: Any, *, from_north: bool, sigma: float = 3.0, ax: Any = N
         A dot for the mean pole of each fault, in the colour of its set and the size of its area; the mean plane of each
         set as a great circle; contours every two standard deviations above an even spread. Without faults the bare net.
     """
+    as_kind(network, FractureNetwork, "network", remedy="Give what fracture_network returned.")
+    width = as_number(sigma, "sigma", low=0.1, high=100.0)
     if ax is None:
         import matplotlib.pyplot as plt
 
         ax = plt.subplots(figsize=(5.0, 5.0), layout="constrained")[1]
+    check_axes(ax)
     if len(network.poles.directions):
-        _draw_density(ax, network, sigma)
+        _draw_density(ax, network, width)
     _draw_net(ax, from_north)
     _draw_sets(ax, network)
     return ax

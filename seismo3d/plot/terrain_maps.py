@@ -7,9 +7,14 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d._validate import as_kind
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
-from seismo3d.plot.drawing import NO_DATA, draw_rose, label_axes, new_axes
+from seismo3d.plot.drawing import NO_DATA, bar_ends, check_axes, draw_rose, label_axes, new_axes
+from seismo3d.terrain.change import Change
+from seismo3d.terrain.lineament_search import LineamentSet
+from seismo3d.terrain.scarp_profiles import Scarp
 
+_KINDS = {"both": "step and trough"}
 _COLOURS = {"step": "#d62728", "trough": "#1f9bcf", "both": "#c218c2", "valley": "#1fa35c"}
 _NO_CHANGE = "#d8d8d8"
 
@@ -32,11 +37,13 @@ def terrain(elevation: Any, *, lines: Any = None, outcrops: Any = (), ax: Any = 
         In map coordinates; (column, row) without a georeference.
     """
     grid, z = MapGrid.from_elevation(elevation), elevation_values(elevation, least=2)
-    ax = _map_axes(grid) if ax is None else ax
+    if lines is not None:
+        as_kind(lines, LineamentSet, "lines", remedy="Give what lineaments returned.")
+    ax = _map_axes(grid) if ax is None else check_axes(ax)
     _draw_grid(ax, grid, np.ma.masked_invalid(_hillshade(z, grid)), cmap="gray", vmin=0.0, vmax=1.0)
     shown = set()
     for line in lines.lines if lines is not None else ():
-        label = None if line.kind in shown else line.kind
+        label = None if line.kind in shown else _KINDS.get(line.kind, line.kind)
         shown.add(line.kind)
         ax.plot(line.points[:, 0], line.points[:, 1], color=_COLOURS[line.kind], linewidth=1.6, label=label)
     for number, outcrop in enumerate(outcrops):
@@ -63,17 +70,19 @@ def change_map(change: Any, *, ax: Any = None) -> Any:
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
+    as_kind(change, Change, "change", remedy="Give what compare returned.")
     grid = MapGrid.from_elevation(change.difference)
     d, significant = np.asarray(change.difference), np.asarray(change.significant)
     known = np.isfinite(d)
-    ax = _map_axes(grid) if ax is None else ax
+    ax = _map_axes(grid) if ax is None else check_axes(ax)
     # what is not drawn over shows through; white is a change of about nothing
     unknown: dict[str, Any] = {"facecolor": NO_DATA, "edgecolor": "0.6", "hatch": "///"}
     ax.patch.set(**unknown)
     _draw_grid(ax, grid, np.ma.masked_array(np.zeros(d.shape), ~known), cmap=ListedColormap([_NO_CHANGE]))
     limit = float(np.percentile(np.abs(d[significant]), 98.0)) if significant.any() else 1.0
     drawn = _draw_grid(ax, grid, np.ma.masked_array(d, ~significant), cmap="RdBu", vmin=-limit, vmax=limit)
-    ax.figure.colorbar(drawn, ax=ax, label="Elevation gained (m)", pad=0.02, shrink=0.8)
+    beyond = bar_ends(d[significant], -limit, limit)
+    ax.figure.colorbar(drawn, ax=ax, label="Elevation gained (m)", pad=0.02, shrink=0.8, extend=beyond)
     key = [Patch(facecolor=_NO_CHANGE, label=f"not significant at {100 * change.confidence:g} %")]
     key += [] if known.all() else [Patch(**unknown, label="no data")]
     ax.legend(handles=key, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize="small", frameon=False)
@@ -99,6 +108,7 @@ def lineament_rose(lines: Any, *, bin_deg: float = 10.0, ax: Any = None) -> Any:
     ParameterError
         If `bin_deg` is not 1 to 90.
     """
+    as_kind(lines, LineamentSet, "lines", remedy="Give what lineaments returned.")
     names = ["N", "E", "S", "W"] if lines.grid.has_place else ["up", "right", "", ""]
     strike, length = strikes_by_length(lines)
     return draw_rose(strike, length, bin_deg=bin_deg, names=names, title="Strike of lineaments, by length", ax=ax)
@@ -117,7 +127,8 @@ def scarp_profile(scarp: Any, *, ax: Any = None) -> Any:
     matplotlib Axes
         Elevation; the slope is on a second axis.
     """
-    ax = new_axes(6.0, 3.5) if ax is None else ax
+    as_kind(scarp, Scarp, "scarp", remedy="Give one of those that scarps returned.")
+    ax = new_axes(6.0, 3.5) if ax is None else check_axes(ax)
     ax.plot(scarp.offset, scarp.profile, color="black")
     ax.set(xlabel="Towards the lower side (m)", ylabel="Elevation (m)")
     ax.set_title(f"Height {scarp.height_m:.2f} m, faces {scarp.facing_deg:.0f} deg", loc="left", fontsize="medium")

@@ -9,9 +9,12 @@ import numpy as np
 
 from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.geometry.axis import unit_of
-from seismo3d.plot.drawing import NO_DATA, amplitude_limits, draw_amplitudes, label_axes
-from seismo3d.plot.pictures import Picture, take_picture
+from seismo3d.plot.drawing import NO_DATA, amplitude_limits, bar_ends, check_all_axes, draw_amplitudes, label_axes
+from seismo3d.plot.pictures import Picture, axis_coordinates, take_picture
 from seismo3d.seismic.preparing import find_level
+
+# share of a sample that the colours of shifts reach at least
+_LEAST_SHIFT = 0.01
 
 
 def time_lapse_section(
@@ -40,6 +43,7 @@ def time_lapse_section(
         import matplotlib.pyplot as plt
 
         axes = plt.subplots(1, 4, figsize=(19.0, 5.0), layout="constrained", sharex=True, sharey=True)[1]
+    axes = check_all_axes(axes, 4)
     first, raw, carried, shift = (take_picture(c, **where) for c in (base, monitor, alignment.aligned, alignment.shift))
     pictures = (first, raw, carried)
     seen, changed, moved = (_about_zero(picture) for picture in pictures)
@@ -55,14 +59,19 @@ def time_lapse_section(
         ax.imshow(shown, cmap="gray", vmin=low, vmax=high, extent=first.extent, aspect="auto")
         ax.set_title(title, loc="left", fontsize="medium")
         label_axes(ax, first.column_name, first.row_name if ax is axes[0] else "")
-    _draw_shift(axes[3], shift, unit_of(base))
-    return list(axes)
+    samples = axis_coordinates(base, -1)
+    least = _LEAST_SHIFT * float(np.abs(samples[1] - samples[0])) if len(samples) > 1 else _LEAST_SHIFT
+    _draw_shift(axes[3], shift, unit_of(base), least)
+    return axes
 
 
-def _draw_shift(ax: Any, picture: Picture, unit: str) -> None:
+def _draw_shift(ax: Any, picture: Picture, unit: str, least: float) -> None:
     drawn = draw_amplitudes(ax, picture, cmap="RdBu_r", clip=99.5)
     finite = picture.values[np.isfinite(picture.values)]
     low, high = np.percentile(finite, [0.5, 99.5]) if len(finite) else (0.0, 0.0)
+    if max(-low, high) < least:
+        # nothing has moved: what rounding leaves gets no colours
+        low, high = -least, least
     if low < 0.0 < high:
         # white is no shift, and red and blue are its signs
         high = max(-low, high)
@@ -70,7 +79,8 @@ def _draw_shift(ax: Any, picture: Picture, unit: str) -> None:
     else:
         drawn.set_cmap("viridis")
     drawn.set_clim(low, high)
-    ax.figure.colorbar(drawn, ax=ax, label=f"Monitor deeper by ({unit})", pad=0.02, shrink=0.8)
+    beyond = bar_ends(finite, low, high)
+    ax.figure.colorbar(drawn, ax=ax, label=f"Monitor deeper by ({unit})", pad=0.02, shrink=0.8, extend=beyond)
     ax.set_title("Shift", loc="left", fontsize="medium")
     ax.set_ylabel("")
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array, IntArray
+from seismo3d._validate import is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.triangles import cut_mesh
 from seismo3d.plot.pictures import Picture
@@ -59,8 +60,8 @@ class FaultLines:
 
 def check_colour(colour: str) -> None:
     """Refuse a colouring that there is not."""
-    if colour not in ("surface", "throw", "likelihood"):
-        raise ParameterError(f"colour is {colour!r}; expected 'surface', 'throw' or 'likelihood'.")
+    if not is_among(colour, ("surface", "throw", "likelihood")):
+        raise ParameterError(f"colour is {told(colour)}; expected 'surface', 'throw' or 'likelihood'.")
 
 
 def display_throw(surface: Any) -> tuple[AnyArray, str]:

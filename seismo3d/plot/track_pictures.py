@@ -9,14 +9,19 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray
+from seismo3d._validate import as_kind, as_whole_number
 from seismo3d.errors import ShapeError
-from seismo3d.plot.drawing import NO_DATA, new_axes
+from seismo3d.plot.drawing import NO_DATA, check_axes, check_colour_map, new_axes
 from seismo3d.plot.map_frame import MapFrame
 from seismo3d.plot.picture_set import PictureFile
-from seismo3d.plot.pictures import axis_coordinates, axis_labels, take_picture
+from seismo3d.plot.pictures import as_tracks, axis_coordinates, axis_labels, take_picture
 from seismo3d.plot.sections import section
-from seismo3d.seismic.track_pieces import LARGEST_STEP, are_joined
+from seismo3d.seismic.loop_closure import LoopClosure
+from seismo3d.seismic.track_pieces import LARGEST_STEP, are_joined, label_pieces
+from seismo3d.seismic.tracks import Track
 
+# fewest traces of a piece of a track that gets contours; entries of a legend in a row
+_LEAST_CONTOURED, _LEGEND_COLUMNS = 16, 8
 _COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8", "#4db6ac", "#f06292", "#fff9c4")
 
 
@@ -39,7 +44,7 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
     Returns
     -------
     matplotlib Axes
-        As of :func:`seismo3d.plot.time_slice`; seeds as stars.
+        As of :func:`seismo3d.plot.time_slice`; seeds as stars. Contours end where the track jumps, as at a fault.
 
     Raises
     ------
@@ -51,17 +56,43 @@ def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis
         raise ShapeError(f"track has shape {track.depth.shape}: one of a section has no map. Use plot.track_section.")
     frame = MapFrame.from_cube(cube)
     rows, columns = frame.rows, frame.columns
-    ax = new_axes(8.0, 6.0) if ax is None else ax
+    ax = new_axes(8.0, 6.0) if ax is None else check_axes(ax)
+    check_colour_map(cmap)
     depth = np.ma.masked_invalid(track.depth)
     ax.set_facecolor(NO_DATA)
     drawn = ax.pcolormesh(columns, rows, depth, cmap=cmap, shading="nearest")
-    if depth.count() and min(depth.shape) > 1 and np.ptp(depth.compressed()) > 0:
-        lines = ax.contour(columns, rows, depth, levels=contours, colors="black", linewidths=0.6)
-        ax.clabel(lines, fontsize="x-small", fmt="%g")
+    _draw_contours(ax, track.depth, frame, _largest_step(cube), as_whole_number(contours, "contours", low=1, high=1000))
     ax.plot(track.seeds[:, 1], track.seeds[:, 0], "*", color="red", markeredgecolor="white", markersize=12)
     frame.lay_out(ax)
     ax.figure.colorbar(drawn, ax=ax, label=axis_labels(cube)[2], pad=0.02, shrink=0.8).ax.invert_yaxis()
     return ax
+
+
+def _draw_contours(ax: Any, depth: AnyArray, frame: MapFrame, step: float, count: int) -> None:
+    """Draw some contours, each within a piece of the track: across a fault they would pile up."""
+    from matplotlib.ticker import MaxNLocator
+    from scipy.ndimage import find_objects
+
+    if not np.isfinite(depth).any() or min(depth.shape) < 2:
+        return
+    levels = MaxNLocator(count + 1, min_n_ticks=1).tick_values(np.nanmin(depth), np.nanmax(depth))
+    pieces = label_pieces(depth, step)
+    large = np.bincount(pieces.ravel()) >= _LEAST_CONTOURED
+    labels = np.where(large, np.cumsum(large), 0)[pieces]
+    for number, (rows, columns) in enumerate(find_objects(labels), start=1):
+        part = np.ma.masked_array(depth[rows, columns], labels[rows, columns] != number)
+        within = levels[(levels > part.min()) & (levels < part.max())]
+        if min(part.shape) > 1 and len(within):
+            lines = ax.contour(
+                frame.columns[columns], frame.rows[rows], part, levels=within, colors="k", linewidths=0.6
+            )
+            ax.clabel(lines, fontsize="x-small", fmt="%g")
+
+
+def _largest_step(cube: Any) -> float:
+    """Return the step from a trace to the next beyond which a track jumps, in the cube's unit."""
+    samples = axis_coordinates(cube, -1)
+    return LARGEST_STEP * float(np.median(np.abs(np.diff(samples)))) if len(samples) > 1 else np.inf
 
 
 def loop_map(closure: Any, cube: Any, *, cmap: str = "magma_r", most: float = 1.0, ax: Any = None) -> Any:
@@ -90,17 +121,19 @@ def loop_map(closure: Any, cube: Any, *, cmap: str = "magma_r", most: float = 1.
     ShapeError
         If the loops are of another cube.
     """
-    if closure.error.shape != tuple(cube.shape[:-1]):
+    as_kind(closure, LoopClosure, "closure", remedy="Give what loop_closure returned.")
+    if closure.error.shape != np.shape(cube)[:-1]:
         raise ShapeError(
-            f"closure has shape {closure.error.shape}; expected {tuple(cube.shape[:-1])}. Give the cube it is of."
+            f"closure has shape {closure.error.shape}; expected {np.shape(cube)[:-1]}. Give the cube it is of."
         )
     frame = MapFrame.from_cube(cube)
-    ax = new_axes(8.0, 6.0) if ax is None else ax
+    ax = new_axes(8.0, 6.0) if ax is None else check_axes(ax)
     ax.set_facecolor(NO_DATA)
+    check_colour_map(cmap)
     error = np.ma.masked_invalid(closure.error)
     drawn = ax.pcolormesh(frame.columns, frame.rows, error, cmap=cmap, vmin=0.0, vmax=most, shading="nearest")
     frame.lay_out(ax)
-    ax.figure.colorbar(drawn, ax=ax, label="median loop error (samples)", pad=0.02, shrink=0.8, extend="max")
+    ax.figure.colorbar(drawn, ax=ax, label="Median loop error (samples)", pad=0.02, shrink=0.8, extend="max")
     return ax
 
 
@@ -121,25 +154,30 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
     Returns
     -------
     matplotlib Axes
-        The axes.
+        The axes; a legend above names the tracks where there are several.
 
     Raises
     ------
     ShapeError
         If a track is of another cube.
     """
-    for track in tracks:
+    for track in as_tracks(tracks):
         _check(track, cube)
     ax = section(cube, ax=ax, **where)
     picture = take_picture(cube, inline=where.get("inline"), crossline=where.get("crossline"))
-    samples = axis_coordinates(cube, -1)
-    step = LARGEST_STEP * float(np.median(np.abs(np.diff(samples)))) if len(samples) > 1 else np.inf
+    step = _largest_step(cube)
     for number, track in enumerate(tracks):
         depth = np.asarray(track.depth)
         line = depth if picture.axis < 0 else np.take(depth, int(picture.index), axis=picture.axis)
         columns, line = _broken(np.asarray(picture.columns), line, step)
         ax.plot(columns, line, color="black", linewidth=3.0)
-        ax.plot(columns, line, color=_COLOURS[number % len(_COLOURS)], linewidth=1.6)
+        ax.plot(columns, line, color=_COLOURS[number % len(_COLOURS)], linewidth=1.6, label=f"track {number + 1}")
+    if len(tracks) > 1:
+        # above the picture, where it hides nothing
+        ax.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=_LEGEND_COLUMNS, fontsize="small",
+            frameon=False, handlelength=1.2, columnspacing=1.0,
+        )  # fmt: skip
     return ax
 
 
@@ -201,7 +239,8 @@ def save_track_pictures(
 
 
 def _check(track: Any, cube: Any) -> None:
-    if track.depth.shape != tuple(cube.shape[:-1]):
+    as_kind(track, Track, "track", remedy="Give what trace_tracks returned, one by one.")
+    if track.depth.shape != np.shape(cube)[:-1]:
         raise ShapeError(
-            f"track has shape {track.depth.shape}; expected {tuple(cube.shape[:-1])}. Give the cube it was traced in."
+            f"track has shape {track.depth.shape}; expected {np.shape(cube)[:-1]}. Give the cube it was traced in."
         )

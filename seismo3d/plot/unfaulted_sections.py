@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d.errors import ShapeError
+from seismo3d.plot.drawing import check_all_axes
 from seismo3d.plot.sections import section
 
 
@@ -44,7 +45,7 @@ def unfaulted_section(
         import matplotlib.pyplot as plt
 
         axes = plt.subplots(1, 2, figsize=(14.0, 5.6), layout="constrained", sharex=True, sharey=True)[1]
-    today, before = axes
+    today, before = check_all_axes(axes, 2)
     section(cube, ax=today, faults=faults, **({"colour": "throw"} if faults is not None else {}) | where)
     section(unfaulted, ax=before, **where)
     before.set_title("with the slip taken out", loc="left", fontsize="medium")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import ArrayLike, Float64Array
-from seismo3d._validate import as_number, as_points, as_real_array, as_settings, freeze
+from seismo3d._validate import as_number, as_points, as_real_array, as_settings, freeze, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.registration import quadratic
 from seismo3d.registration.certificate import Certificate
@@ -115,6 +115,8 @@ def align_pairs(
     q, p = _as_pairs(target, source, "target", "source")
     pairs = [(q, p, _as_normals(normals, q), _as_weights(weights, len(p), "weights"))]
     if features is not None:
+        if not isinstance(features, (tuple, list)) or len(features) != 2:
+            raise ParameterError(f"features is {told(features)}; expected two arrays of points, (target, source).")
         g, f = _as_pairs(features[0], features[1], "features[0]", "features[1]", dim=p.shape[1])
         pairs.append((g, f, None, _as_weights(feature_weights, len(f), "feature_weights")))
     if alpha is not None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d._validate import is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.registration.result import MODELS
 
@@ -75,8 +76,8 @@ class Constraints:
 
 def model_number(model: str) -> int:
     """Return the number of a model in the kernels, or refuse its name."""
-    if model not in MODELS:
-        raise ParameterError(f"model is {model!r}; expected one of {', '.join(MODELS)}.")
+    if not is_among(model, MODELS):
+        raise ParameterError(f"model is {told(model)}; expected one of {', '.join(MODELS)}.")
     return MODELS.index(model)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import ArrayLike
-from seismo3d._validate import as_number, as_settings, as_whole_number
+from seismo3d._validate import as_number, as_settings, as_whole_number, is_among, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.registration.conclusion import assemble
 from seismo3d.registration.constraints import Constraints, model_number
@@ -192,10 +192,10 @@ def _prepare(
 
 
 def _check_stages(stages: tuple[str, ...]) -> None:
-    unknown = [stage for stage in stages if stage not in STAGES]
-    if isinstance(stages, str) or unknown or not {"local", "global"} & set(stages):
+    known = isinstance(stages, (tuple, list)) and all(is_among(stage, STAGES) for stage in stages)
+    if not known or not {"local", "global"} & set(stages):
         raise ParameterError(
-            f"stages is {stages!r}; expected a tuple of {', '.join(STAGES)}, with local or global in it."
+            f"stages is {told(stages)}; expected a tuple of {', '.join(STAGES)}, with local or global in it."
         )
 
 
@@ -222,8 +222,10 @@ def _check_spread(pair: DensePair, d: int) -> None:
 
 def _tables(task: Task, correspondences: str) -> list[PixelTable] | None:
     """Return what the target's pixels show, by level, where partners are to come from them."""
-    if correspondences not in CORRESPONDENCES:
-        raise ParameterError(f"correspondences is {correspondences!r}; expected one of {', '.join(CORRESPONDENCES)}.")
+    if not is_among(correspondences, CORRESPONDENCES):
+        raise ParameterError(
+            f"correspondences is {told(correspondences)}; expected one of {', '.join(CORRESPONDENCES)}."
+        )
     if correspondences == "nearest":
         return None
     raster = task.target.raster

@@ -12,7 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from seismo3d._stages import as_progress
 from seismo3d._typing import Progress
+from seismo3d._validate import as_kind, told
+from seismo3d.errors import ParameterError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.robot.camera import Camera, RgbdFrame
 from seismo3d.robot.frames import check_frame
@@ -70,8 +73,15 @@ def calibrate_timing(frames: Sequence[RgbdFrame], camera: Camera, *, progress: P
     ------
     ShapeError
         If depth and colour of a frame do not fit each other or the camera.
+    ParameterError
+        If `frames` is no list of frames, or `camera` no camera.
     """
+    report = as_progress(progress)
+    as_kind(camera, Camera, "camera", remedy="Give one of a sequence's cameras, or seismo3d.robot.Camera(lens).")
+    if not isinstance(frames, (list, tuple)):
+        raise ParameterError(f"frames is {told(frames)}; expected a list of RgbdFrame. Give list(sequence)[:90].")
     for frame in frames:
+        as_kind(frame, RgbdFrame, "frame", remedy="Give what a sequence yields.")
         check_frame(frame, camera.lens)
     small = [halve_frame(frame) for frame in frames]
     stamps = np.array([frame.depth_time for frame in frames])
@@ -83,8 +93,7 @@ def calibrate_timing(frames: Sequence[RgbdFrame], camera: Camera, *, progress: P
         if timing not in misfits:
             rehearsed = replace(_halve_camera(camera), readout=timing[0], depth_delay=timing[1])
             misfits[timing] = _rehearse(small, rehearsed) - _LEAST_GAIN * (timing == first)
-            if progress is not None:
-                progress("timing", min(0.95, len(misfits) / 10))
+            report("timing", min(0.95, len(misfits) / 10))
         return misfits[timing]
 
     best = first
@@ -103,8 +112,7 @@ def calibrate_timing(frames: Sequence[RgbdFrame], camera: Camera, *, progress: P
             best = (best[0], _vertex([k[1] for k in tried], [misfit(k) for k in tried]))
         if camera.readout is not None and abs(best[1] - delay) < 0.5 * _DELAY_STEP:
             break
-    if progress is not None:
-        progress("timing", 1.0)
+    report("timing", 1.0)
     before = misfit(first) + _LEAST_GAIN
     return Calibration(best[0], best[1], before if best == first else misfit(best), before)
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import ArrayLike, Float64Array
-from seismo3d._validate import as_settings, freeze
+from seismo3d._validate import as_kind, as_settings, freeze
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.rotations import invert_transform
 from seismo3d.graph.poses import PoseGraph, solve_poses
@@ -81,8 +81,9 @@ class Mapper:
         ShapeError
             If the images do not fit each other or the camera.
         ParameterError
-            If there is no such camera.
+            If there is no such camera, or `frame` is no :class:`~seismo3d.robot.RgbdFrame`.
         """
+        as_kind(frame, RgbdFrame, "frame", remedy="Give seismo3d.robot.RgbdFrame.of(rgb, depth, time).")
         if not 0 <= frame.camera < len(self.cameras):
             raise ParameterError(
                 f"frame.camera is {frame.camera}; the mapper has cameras 0 to {len(self.cameras) - 1}. "

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike
-from seismo3d._validate import as_real_array, as_settings, freeze
+from seismo3d._validate import as_kind, as_real_array, as_settings, freeze, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.robot.dstar import DStarLite, Repair
 from seismo3d.robot.lattice import lattice_motions
@@ -73,6 +73,7 @@ class Planner:
         unknown: str = "blocked",
     ) -> None:
         self.robot = as_settings(robot, RobotLimits, "robot")
+        as_kind(occupancy, Occupancy, "occupancy", remedy="Give Occupancy(...), or what Mapper.occupancy returns.")
         self.occupancy = occupancy
         self._blocks = check_unknown(unknown)
         self._cells, self._height = np.array(occupancy.cells), np.array(occupancy.height)
@@ -233,9 +234,12 @@ class Planner:
         return sum(len(each) for each in places)
 
     def _as_place(self, pose: Sequence[float], name: str, *, must_stand: bool = True) -> tuple[int, int, int]:
-        values = np.asarray(pose, dtype=np.float64).ravel()
+        try:
+            values = np.asarray(pose, dtype=np.float64).ravel()
+        except (TypeError, ValueError):
+            values = np.empty(0)
         if len(values) not in (2, 3) or not np.isfinite(values).all():
-            raise ParameterError(f"{name} is {pose!r}; expected (x, y) or (x, y, heading), finite.")
+            raise ParameterError(f"{name} is {told(pose)}; expected (x, y) or (x, y, heading), finite.")
         said = f"{name} ({values[0]:g}, {values[1]:g})"
         row, column = (int(v) for v in self.occupancy.rows_columns(values[None, :2])[0])
         rows, columns = self._cells.shape

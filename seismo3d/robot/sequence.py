@@ -29,6 +29,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import as_number
 from seismo3d.errors import FileAccessError, FormatError, Seismo3dError, Seismo3dWarning
+from seismo3d.io._files import as_path
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
 from seismo3d.robot.sequence_files import (
     as_rgb,
@@ -131,7 +132,7 @@ def read_sequence(path: str | Path, *, camera: object = None, max_difference: fl
     Seismo3dWarning
         If a list has rows twice, or pairs that are too far apart in time.
     """
-    folder = Path(path)
+    folder = as_path(path)
     as_number(max_difference, "max_difference", low=0.0)
     if not folder.is_dir():
         raise FileAccessError(f"{folder} is not a folder; expected one with a sequence of colour and depth images.")

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, Float32Array
-from seismo3d._validate import as_number, freeze
+from seismo3d._validate import as_number, freeze, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.robot._kernels_ground import find_steps, fit_slopes
 from seismo3d.robot.motions import UNIT
@@ -127,8 +127,8 @@ def find_traversability(occupancy: Occupancy, robot: RobotLimits, *, unknown: st
 
 def check_unknown(unknown: str) -> bool:
     """Return whether unknown ground blocks."""
-    if unknown not in ("blocked", "passable"):
-        raise ParameterError(f"unknown is {unknown!r}; expected 'blocked' or 'passable'.")
+    if not is_among(unknown, ("blocked", "passable")):
+        raise ParameterError(f"unknown is {told(unknown)}; expected 'blocked' or 'passable'.")
     return unknown == "blocked"
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._stages import no_progress
+from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Progress
 from seismo3d._validate import as_number
 from seismo3d.errors import ShapeError
@@ -72,7 +72,7 @@ def compute_attributes(
     weight = None if smooth_tv is None else as_number(smooth_tv, "smooth_tv", low=0.0, high=1e6, strict=True)
     if np.ndim(cube) not in (2, 3):
         raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample) or (trace, sample).")
-    report = progress or no_progress
+    report = as_progress(progress)
     volume, valid = _fill(cube)
     report("dips", 0.0)
     slopes = np.stack(estimate_slopes(volume, valid, settings=_DIP))

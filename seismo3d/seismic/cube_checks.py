@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d._validate import told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.axis import check_downwards
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry, usual_spacing
@@ -39,10 +40,21 @@ def check_cube(cube: Any, faults: Any) -> None:
     check_faults_of(cube, faults)
 
 
+def tell_extent(cube: Any) -> str:
+    """Say from which coordinate to which each axis of a cube or section runs, of a bare array by index."""
+    usual = ("inline", "crossline", "sample") if np.ndim(cube) == 3 else ("trace", "sample")
+    words = []
+    for name, n in zip(getattr(cube, "dims", usual), np.shape(cube), strict=True):
+        has_own = hasattr(cube, "dims") and name in cube.coords
+        ends = (float(cube[name][0]), float(cube[name][-1])) if has_own else (0.0, n - 1.0)
+        words.append(f"{name} {ends[0]:.8g} to {ends[1]:.8g}")
+    return ", ".join(words)
+
+
 def check_faults(faults: Any) -> None:
     """Refuse what is no set of faults."""
     if not (hasattr(faults, "labels") and hasattr(faults, "surfaces")):
-        raise ParameterError(f"faults is {faults!r:.60}; expected a FaultSet. Give what trace_faults returned.")
+        raise ParameterError(f"faults is {told(faults)}; expected a FaultSet. Give what trace_faults returned.")
 
 
 def check_faults_of(cube: Any, faults: Any, name: str = "cube") -> None:

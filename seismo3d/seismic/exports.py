@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
+from seismo3d.io._files import as_path
 from seismo3d.io.fault_sticks import write_charisma_sticks, write_opendtect_sticks
 from seismo3d.io.gocad import write_gocad
 from seismo3d.io.surface_mesh import SurfaceMesh
@@ -55,7 +56,7 @@ def write_faults(faults: FaultSet, cube: Any, *, directory: str | Path) -> list[
         If the folder cannot be written to.
     """
     check_faults_of(cube, faults)
-    directory = Path(directory)
+    directory = as_path(directory, "directory")
     meshes = mesh_faults(faults, cube)
     (unit, length_unit), notes = _describe(cube)
     gocad = directory / ("surfaces.ts" if np.ndim(faults.labels) == 3 else "surfaces.pl")

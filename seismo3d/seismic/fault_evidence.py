@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from seismo3d._typing import BoolArray, Float32Array
+from seismo3d._validate import is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.seismic._kernels_registration import registered_misfit
 from seismo3d.seismic.misfit import Compare, Evidence, compare_along, fuse_misfits
@@ -22,8 +23,8 @@ def check_evidence(kind: str) -> None:
     ParameterError
         If `kind` is none of :data:`EVIDENCE`.
     """
-    if kind not in EVIDENCE:
-        raise ParameterError(f"evidence is {kind!r}; expected one of {', '.join(map(repr, EVIDENCE))}. Choose one.")
+    if not is_among(kind, EVIDENCE):
+        raise ParameterError(f"evidence is {told(kind)}; expected one of {', '.join(map(repr, EVIDENCE))}. Choose one.")
 
 
 def measure_evidence(

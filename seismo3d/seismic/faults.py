@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._stages import no_progress
+from seismo3d._stages import as_progress
 from seismo3d._typing import BoolArray, Float32Array, Progress
 from seismo3d._validate import as_settings, freeze
 from seismo3d.geometry.survey import SurveyGeometry
@@ -196,7 +196,7 @@ def trace_faults(
     ----------
     .. [1] D. Hale, Geophysics 78(2), O33-O43, 2013. :doi:`10.1190/geo2012-0331.1`
     """
-    report = progress or no_progress
+    report = as_progress(progress)
     if memory is not None or folder is not None or scheduler is not None:
         from seismo3d.seismic.blocks.tracing import asks_for_blocks, trace_larger
 

@@ -28,6 +28,7 @@ from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d._validate import freeze
 from seismo3d.errors import FileAccessError, FormatError, GeometryError
 from seismo3d.geometry.axis import METRES
+from seismo3d.io._files import as_path
 
 _FILE = "faultset.npz"
 _VERSION = 5
@@ -99,6 +100,9 @@ class FaultSurface:
     slip_certainty: float = 0.0
     family: int = -1
     generation: int = 0
+
+    def __repr__(self) -> str:
+        return f"<FaultSurface: {len(self.vertices)} vertices, area {self.area:.0f}, confidence {self.confidence:.2f}>"
 
     @property
     def throw_ms(self) -> Float32Array:
@@ -196,6 +200,9 @@ class FaultSet:
     throw: Any
     settings: dict[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        return f"<FaultSet: {len(self.surfaces)} surfaces, volumes of shape {np.shape(self.labels)}>"
+
     def save(self, directory: str | Path) -> Path:
         """Write everything to ``faultset.npz`` in a folder, to be read back with :meth:`load`.
 
@@ -225,7 +232,7 @@ class FaultSet:
         from seismo3d.io.archive import write_archive
         from seismo3d.io.labelled import pack_labelled
 
-        directory = Path(directory)
+        directory = as_path(directory, "directory")
         try:
             directory.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -267,7 +274,7 @@ class FaultSet:
         from seismo3d.io.labelled import unpack_labelled
         from seismo3d.io.numpy_files import refuse_damage
 
-        path = Path(directory) / _FILE
+        path = as_path(directory, "directory") / _FILE
         if not path.is_file():
             raise FileAccessError(
                 f"{directory} holds no {_FILE}. Give the folder of a faults run, or of FaultSet.save."

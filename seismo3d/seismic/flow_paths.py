@@ -11,7 +11,7 @@ from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int64Array
 from seismo3d._validate import as_number, freeze
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
-from seismo3d.seismic.cube_checks import placing_cube
+from seismo3d.seismic.cube_checks import placing_cube, tell_extent
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.index_frame import IndexFrame
 
@@ -89,8 +89,7 @@ def flow_path(faults: FaultSet, start: Any, end: Any, *, cube: Any = None, contr
     home = placing_cube(cube, faults)
     factor = as_number(contrast, "contrast", low=1.0, high=1e9)
     frame, geometry = IndexFrame.of(home), SurveyGeometry.from_cube(home)
-    shape = np.shape(faults.labels)
-    starts, ends = (_as_voxels(entry, name, geometry, shape) for entry, name in ((start, "start"), (end, "end")))
+    starts, ends = (_as_voxels(entry, name, geometry, home) for entry, name in ((start, "start"), (end, "end")))
     if len(starts) + len(ends) != len(np.unique(np.concatenate([starts, ends]), axis=0)):
         raise GeometryError(
             "start and end share a voxel; expected two places. Choose points or horizons farther apart."
@@ -133,8 +132,9 @@ def _resistance(likelihood: AnyArray, labels: AnyArray, contrast: float) -> Floa
     return (1.0 / (1.0 + (contrast - 1.0) * np.clip(conducting, 0.0, 1.0))).astype(np.float32)
 
 
-def _as_voxels(entry: Any, name: str, geometry: SurveyGeometry, shape: tuple[int, ...]) -> Int64Array:
-    """Voxels of a point or a horizon."""
+def _as_voxels(entry: Any, name: str, geometry: SurveyGeometry, home: Any) -> Int64Array:
+    """Voxels of a point or a horizon in the cube `home`."""
+    shape = np.shape(home)
     try:
         values = np.asarray(entry, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -146,7 +146,10 @@ def _as_voxels(entry: Any, name: str, geometry: SurveyGeometry, shape: tuple[int
             raise ParameterError(f"{name} is {tuple(values.tolist())}; expected finite numbers.")
         at = np.rint(geometry.lines_to_index(values[None]))
         if not ((at >= 0) & (at < shape)).all():
-            raise ParameterError(f"{name} {tuple(values.tolist())} lies outside the cube. Give its coordinates.")
+            raise ParameterError(
+                f"{name} {tuple(values.tolist())} lies outside the cube: {tell_extent(home)}. "
+                "Give a point in it, in this order."
+            )
         return at.astype(np.int64)
     if values.shape != tuple(shape[:2]):
         raise ShapeError(

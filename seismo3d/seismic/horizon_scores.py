@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
-from seismo3d._validate import as_number
+from seismo3d._validate import as_kind, as_number, told
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.io.horizons import HorizonPoints
@@ -105,10 +105,13 @@ def score_horizon(
     check_list(tracks, "tracks", HorizonPoints)
     if not tracks:
         raise ParameterError("tracks is empty; expected at least one. Trace horizons first.")
+    as_kind(picks, HorizonPoints, "picks", remedy="Give what read_horizon returned.")
     limit = as_number(tolerance, "tolerance", low=0.0)
     reach = same_trace_distance(tracks) if apart is None else as_number(apart, "apart", low=0.0)
     if extent is None:
         extent = (-np.inf, np.inf) if cube is None else sample_extent(cube)
+    if not isinstance(extent, (tuple, list)) or len(extent) != 2:
+        raise ParameterError(f"extent is {told(extent)}; expected (shallowest, deepest).")
     low, high = extent
     is_inside = (picks.points[:, 2] > low) & (picks.points[:, 2] < high)
     met = False

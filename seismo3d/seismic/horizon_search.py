@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._stages import as_progress
 from seismo3d._typing import Float64Array, Progress
-from seismo3d._validate import as_settings, as_whole_number, freeze
+from seismo3d._validate import as_kind, as_settings, as_whole_number, freeze
 from seismo3d.errors import ParameterError, Seismo3dWarning
 from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
 from seismo3d.seismic.layer_pieces import layer_pieces
@@ -68,17 +69,21 @@ def find_horizons(
     ShapeError
         If the cube has neither two nor three axes, or the faults are of another cube.
     ParameterError
-        If `count` is not a whole number from 1 on, `layers` is given for a section, or `settings` are no
-        TrackSettings.
+        If `count` is not a whole number from 1 on, `layers` is given for a section or is no LayerModel, `settings` are
+        no TrackSettings, or `progress` is no function.
     """
     wanted = as_whole_number(count, "count", low=1)
     check_event(event)
+    as_progress(progress)
     settings = as_settings(settings, TrackSettings)
     is_section = np.ndim(cube) == 2
     if is_section and layers is not None:
         raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")
+    if layers is not None:
+        as_kind(layers, LayerModel, "layers", remedy="Give what model_layers returned, or leave it out.")
     thick, surfaces = thicken(cube, faults) if is_section else (cube, faults)
-    layers = layers or model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
+    if layers is None:
+        layers = model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
     gap = _SEED_GAP * np.shape(thick)[2] / wanted
     seeds, strengths = _rank_seeds(layers, _CANDIDATES * wanted, gap=gap, event=event)
     if event is not None and len(seeds):

@@ -13,7 +13,7 @@ from seismo3d.registration.robust import robust_scale
 from seismo3d.seismic._kernels_strain import sum_products
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.fault_motion import FaultMotion, nearest_parts, slip_left
-from seismo3d.seismic.linking import Sheet
+from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetSides, SheetThrow, mask_sheets
 
 # traces, traces and samples from one place to the next at which the layers' slopes are kept, and traces clear of faults

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._stages import no_progress
+from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
 from seismo3d._validate import as_settings
 from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_increasing, make_runs_increasing
@@ -120,7 +120,8 @@ def layer_time(
         If the cube has not three axes, is too small, or the faults are of another cube.
     ParameterError
         If the memory is too little, there is no folder for work in blocks, or the folder holds a run of another input,
-        of other faults or with other settings, `faults` is no FaultSet, or `settings` are no LayerTimeSettings.
+        of other faults or with other settings, `faults` is no FaultSet, `settings` are no LayerTimeSettings, or
+        `progress` is no function.
     GeometryError
         If the faults are of a cube elsewhere.
     FileAccessError
@@ -130,6 +131,7 @@ def layer_time(
     ----------
     .. [1] X. Wu, D. Hale, Geophysics 80(2), IM21-IM33, 2015. :doi:`10.1190/geo2014-0220.1`
     """
+    report = as_progress(progress)
     check_cube(cube, faults)
     if memory is not None or folder is not None or scheduler is not None:
         from seismo3d.seismic.blocks.layering import layer_larger, open_layer_time, whole_layers_bytes
@@ -137,11 +139,11 @@ def layer_time(
 
         if asks_for_blocks(cube, memory, folder=folder, scheduler=scheduler, whole_bytes=whole_layers_bytes):
             run = layer_larger(
-                cube, faults, memory, folder=folder, scheduler=scheduler, progress=progress or no_progress,
+                cube, faults, memory, folder=folder, scheduler=scheduler, progress=report,
                 settings=as_settings(settings, LayerTimeSettings),
             )  # fmt: skip
             return open_layer_time(run, cube)
-    layers = model_layers(cube, faults=faults, settings=settings, progress=progress)
+    layers = model_layers(cube, faults=faults, settings=settings, progress=report)
     times = layers.increasing(settings)
     times[~layers.live] = np.nan
     times.flags.writeable = False
@@ -153,7 +155,7 @@ def model_layers(
 ) -> LayerModel:
     """Do what :func:`layer_time` does, and keep what tracks need; parameters and errors as there."""
     settings = as_settings(settings, LayerTimeSettings)
-    report = progress or no_progress
+    report = as_progress(progress)
     check_cube(cube, faults)
     amplitudes, _, (_, unit) = as_volume(cube)
     volume, valid, spectrum, level = clean_volume(amplitudes, carried=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, Float32Array, Progress
 from seismo3d._validate import as_settings, freeze
 from seismo3d.seismic._kernels_closure import close_loops
@@ -77,6 +78,7 @@ def loop_closure(
         If the faults are of a cube elsewhere.
     """
     settings = as_settings(settings, LayerTimeSettings)
+    report = as_progress(progress)
     check_cube(cube, faults)
     volume, valid, *_ = clean_volume(as_volume(cube)[0], carried=True)
     refuse_dead(valid)
@@ -84,11 +86,9 @@ def loop_closure(
     for surface in faults.surfaces if faults is not None else ():
         cut_grid(grid_surface(surface, beyond=settings.links.beyond), cuts)
     step = settings.shifts.step
-    if progress is not None:
-        progress("dip", 0.0)
+    report("dip", 0.0)
     p, q = (np.ascontiguousarray(s[:, :, ::step]) for s in estimate_slopes(volume, valid, settings=settings.dip))
-    if progress is not None:
-        progress("shifts", 0.0)
+    report("shifts", 0.0)
     fields = measure_shifts(volume, valid, (p, q), cuts=cuts, lengths=settings.lengths, settings=settings.shifts)
     return close_fields(fields, cuts, settings=settings)
 

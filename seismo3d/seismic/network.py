@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._stages import no_progress
+from seismo3d._stages import as_progress
 from seismo3d._typing import Float32Array, Float64Array, Progress
 from seismo3d._validate import as_whole_number, freeze
 from seismo3d.errors import ShapeError
@@ -156,7 +156,7 @@ def fracture_network(
     .. [1] W. S. Dershowitz, H. H. Herda, Proc. 33rd U.S. Symposium on Rock Mechanics, 757-766, 1992.
     """
     home = placing_cube(cube, faults)
-    report = progress or no_progress
+    report = as_progress(progress)
     size = _as_cell(cell)
     frame = IndexFrame.of(home)
     report("intersections", 0.0)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d.geometry.survey import SurveyGeometry
+from seismo3d.io._files import as_path
 from seismo3d.io.tables import write_csv
 from seismo3d.seismic.flow_paths import FlowPath
 from seismo3d.seismic.network import FractureNetwork
@@ -40,7 +41,7 @@ def write_network(network: FractureNetwork, cube: Any, *, directory: str | Path)
     FileAccessError
         If the folder cannot be written to.
     """
-    directory = Path(directory)
+    directory = as_path(directory, "directory")
     geometry = SurveyGeometry.from_cube(cube)
     network.write_graphml(directory / "network.graphml")
     files = [directory / "network.graphml"]

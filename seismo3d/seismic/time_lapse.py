@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import fft, ndimage
 
-from seismo3d._stages import no_progress
+from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
 from seismo3d._validate import as_settings, as_strong, freeze
 from seismo3d.errors import GeometryError, ParameterError, Seismo3dWarning, ShapeError
@@ -143,7 +143,7 @@ def align_cubes(
     .. [1] B. D. Lucas, T. Kanade, Proc. 7th IJCAI, 674-679, 1981.
     """
     settings = as_settings(settings, TimeLapseSettings)
-    report = progress or no_progress
+    report = as_progress(progress)
     _check(base, monitor)
     report("register", 0.0)
     target, known_target = _prepare(base, "base")

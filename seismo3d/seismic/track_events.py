@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array
+from seismo3d._validate import is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.seismic._kernels_tracks import read_finely, read_known
 from seismo3d.seismic.layer_pieces import layer_pieces
@@ -23,9 +24,9 @@ _OFF_MIDDLE = 0.1
 
 def check_event(event: str | None) -> None:
     """Refuse an event that is not known."""
-    if event is not None and event not in EVENTS:
+    if event is not None and not is_among(event, EVENTS):
         raise ParameterError(
-            f"event is {event!r}; expected one of {', '.join(EVENTS)}, or None for the seed's own phase."
+            f"event is {told(event)}; expected one of {', '.join(EVENTS)}, or None for the seed's own phase."
         )
 
 

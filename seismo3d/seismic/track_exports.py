@@ -11,6 +11,7 @@ import numpy as np
 
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
+from seismo3d.io._files import as_path
 from seismo3d.io.horizons import (
     HorizonGrid,
     why_no_irap,
@@ -52,7 +53,7 @@ def write_tracks(tracks: Sequence[Track], cube: Any, *, directory: str | Path) -
     FileAccessError
         If the folder cannot be written to.
     """
-    directory = Path(directory)
+    directory = as_path(directory, "directory")
     files = []
     forms, traces = [("xyz", write_xyz_horizon)], _lay_out(cube)
     if np.ndim(cube) == 3:

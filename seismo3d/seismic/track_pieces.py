@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from seismo3d._typing import AnyArray, BoolArray, Float64Array
+from seismo3d._typing import AnyArray, BoolArray, Float64Array, IntArray
 
 LARGEST_STEP = 4.0
 """Samples from a trace to the next beyond which a track jumps, unless it goes on alike."""
@@ -66,6 +66,28 @@ def keep_pieces(depth: Float64Array, index: Float64Array, *, step: float, least:
     -------
     ndarray of the same shape, bool
     """
+    labels = label_pieces(depth, step)
+    large = np.bincount(labels.ravel()) >= least
+    seeds = np.rint(index[:, :2]).astype(int)
+    large[labels[seeds[:, 0], seeds[:, 1]]] = True
+    return np.asarray(large[labels] & np.isfinite(depth), np.bool_)
+
+
+def label_pieces(depth: AnyArray, step: float) -> IntArray:
+    """Give a number to each of the pieces that a map of depths falls into where it jumps from a trace to the next.
+
+    Parameters
+    ----------
+    depth : ndarray of shape (inline, crossline)
+        Depths; NaN where the horizon was not traced.
+    step : float
+        As for :func:`are_joined`, in the unit of the depths.
+
+    Returns
+    -------
+    ndarray of the same shape, int
+        From 0; each trace without the horizon is a piece of its own.
+    """
     numbers = np.arange(depth.size).reshape(depth.shape)
     ends = []
     for axis in (0, 1):
@@ -74,8 +96,5 @@ def keep_pieces(depth: Float64Array, index: Float64Array, *, step: float, least:
         ends.append(np.stack([after[joined], before[joined]]))
     one, other = np.concatenate(ends, axis=1)
     links = coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(depth.size, depth.size))
-    labels = connected_components(links, directed=False)[1]
-    large = np.bincount(labels) >= least
-    seeds = np.rint(index[:, :2]).astype(int)
-    large[labels[numbers[seeds[:, 0], seeds[:, 1]]]] = True
-    return np.asarray(large[labels].reshape(depth.shape) & np.isfinite(depth), np.bool_)
+    labels: IntArray = connected_components(links, directed=False)[1].reshape(depth.shape)
+    return labels

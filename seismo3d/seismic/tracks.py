@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._stages import no_progress
+from seismo3d._stages import as_progress
 from seismo3d._typing import Float32Array, Float64Array, Progress
-from seismo3d._validate import as_settings, freeze
+from seismo3d._validate import as_kind, as_settings, freeze
 from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.seismic._kernels_tracks import lies_in_data
-from seismo3d.seismic.cube_checks import check_order
+from seismo3d.seismic.cube_checks import check_order, tell_extent
 from seismo3d.seismic.layer_time import LayerModel, model_layers
 from seismo3d.seismic.preparing import describe_volume
 from seismo3d.seismic.track_events import check_event, seed_events, snap_to_events
@@ -46,6 +46,11 @@ class Track:
     confidence: Float32Array
     seeds: Float64Array
     sample_unit: str = "samples"
+
+    def __repr__(self) -> str:
+        return (
+            f"<Track: {len(self.seeds)} seeds, on {self.share:.0%} of {self.depth.size} traces, in {self.sample_unit}>"
+        )
 
     @property
     def share(self) -> float:
@@ -121,15 +126,18 @@ def trace_tracks(
     ParameterError
         If a seed lies outside the cube, on a trace without data, in a mute or a gap, or far from any `event`, `event`
         is not known, seeds of one track lie on one trace, apart, `layers` is given for a section or beside what it
-        takes the place of, work in blocks is refused as by :func:`~seismo3d.layer_time`, `faults` is no FaultSet,
-        or `settings` are no TrackSettings.
+        takes the place of, or is no LayerModel, work in blocks is refused as by :func:`~seismo3d.layer_time`, `faults`
+        is no FaultSet, `settings` are no TrackSettings, or `progress` is no function.
     GeometryError
         If the faults are of a cube or section elsewhere.
     """
     settings = as_settings(settings, TrackSettings)
     check_event(event)
+    report = as_progress(progress)
     describe_volume(cube if hasattr(cube, "dtype") else np.asarray(cube))
     is_volume = np.ndim(cube) == 3
+    if is_volume and layers is not None:
+        as_kind(layers, LayerModel, "layers", remedy="Give what model_layers returned, or leave it out.")
     groups = index_seeds(cube, seeds) if is_volume and seeds is not None else []
     is_bounded = memory is not None or folder is not None or scheduler is not None
     if is_bounded and not is_volume:
@@ -142,7 +150,6 @@ def trace_tracks(
             raise ParameterError("layers is given with memory, folder or scheduler; it takes their place. Give either.")
         from seismo3d.seismic.blocks.stored_layers import layers_within
 
-        report = progress or no_progress
         layers = layers_within(
             cube, faults, memory=memory, folder=folder, scheduler=scheduler, settings=settings.layers, progress=report
         )
@@ -161,9 +168,10 @@ def trace_tracks(
         groups = [(group, put_on_middle(index)) for group, index in read_seeds(cube, seeds)]
         _check_groups(groups)
         layers = model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
-        return [cut_middle(track) for track in _follow(thick, groups, layers, event, settings, progress)]
-    layers = layers or model_layers(cube, faults=faults, settings=settings.layers, progress=progress)
-    return _follow(cube, groups, layers, event, settings, progress)
+        return [cut_middle(track) for track in _follow(thick, groups, layers, event, settings, report)]
+    if layers is None:
+        layers = model_layers(cube, faults=faults, settings=settings.layers, progress=progress)
+    return _follow(cube, groups, layers, event, settings, report)
 
 
 def _follow(
@@ -172,7 +180,7 @@ def _follow(
     layers: LayerModel,
     event: str | None,
     settings: TrackSettings,
-    progress: Progress | None,
+    report: Progress,
 ) -> list[Track]:
     """Return the tracks through seeds, which are given as the user gave them and as fractional indices of the cube."""
     axis = axes_of(cube)[2]
@@ -180,8 +188,7 @@ def _follow(
         _check_told(index, group, layers, number, settings.near)
     tracks = []
     for number, (group, index) in enumerate(groups):
-        if progress is not None:
-            progress("tracks", number / len(groups))
+        report("tracks", number / len(groups))
         slope = 0.0
         if event is not None:
             index, slope = _on_events(cube, layers, index, group, event, number)
@@ -247,7 +254,8 @@ def read_seeds(cube: Any, seeds: Sequence[Any]) -> list[tuple[Float64Array, Floa
         if outside.any():
             name = "cube" if len(axes) == 3 else "section"
             raise ParameterError(
-                f"seeds[{number}] {_named(group[outside.argmax()])} lies outside the {name}. Give its coordinates."
+                f"seeds[{number}] {_named(group[outside.argmax()])} lies outside the {name}: {tell_extent(cube)}. "
+                "Give a point in it, in this order."
             )
         groups.append((group, index))
     return groups

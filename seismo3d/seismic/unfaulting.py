@@ -10,6 +10,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
 from seismo3d._validate import as_settings, freeze
 from seismo3d.seismic.cube_checks import check_cube, placing_cube
@@ -155,22 +156,21 @@ def find_slip_field(
     .. [2] X. Wu, S. Luo, D. Hale, Geophysics 81(2), IM25-IM33, 2016. :doi:`10.1190/geo2015-0381.1`
     """
     settings = as_settings(settings, UnfaultSettings)
+    report = as_progress(progress)
     shape = np.shape(placing_cube(None, faults))
     displacement = np.zeros((3, *shape), np.float32)
     vertices = [surface.vertices.astype(np.float64) for surface in faults.surfaces]
     generations = _generations(faults.surfaces, settings)
     squares, n_edges = 0.0, 0
     for number, parted in enumerate(generations):
-        if progress is not None:
-            progress("unfault", number / len(generations))
+        report("unfault", number / len(generations))
         laid_out = ((parts, _lay_out(faults.surfaces, vertices, parts, shape, settings)) for parts in parted)
         sheets = [(parts, sheet) for parts, sheet in laid_out if sheet is not None]
         step, places, missing, crossed = _take_back([sheet for _, sheet in sheets], shape, settings)
         squares, n_edges = squares + missing**2 * crossed, n_edges + crossed
         displacement = follow_on(displacement, step) if number else step
         vertices = _carry_back(vertices, step, sheets, places)
-    if progress is not None:
-        progress("unfault", 1.0)
+    report("unfault", 1.0)
     missing = float(np.sqrt(squares / max(n_edges, 1)))
     return UnfaultedPlaces(freeze(displacement), tuple(freeze(at) for at in vertices), missing)
 

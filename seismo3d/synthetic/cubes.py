@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float32Array, Int32Array, Progress
-from seismo3d._validate import freeze
+from seismo3d._validate import as_whole_number, freeze
 from seismo3d.errors import ParameterError
 from seismo3d.synthetic import noise as noises
 from seismo3d.synthetic.bodies import Channel
@@ -222,7 +222,8 @@ def _stream(kind: str) -> int:
 def _make(
     recipe: CubeRecipe, seed: int, inlines: range, progress: Progress | None, *, stream: int = 0
 ) -> SyntheticCube:
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence((seed, stream)).spawn(4)]
+    number = as_whole_number(seed, "seed", low=0)
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence((number, stream)).spawn(4)]
     wavelength = float(streams[0].uniform(*recipe.wavelength))
     drawn = sample_faults(streams[1], recipe.shape, recipe.population) if recipe.population is not None else ()
     faults = tuple(sorted(drawn + recipe.faults, key=lambda fault: not fault.buried))
@@ -247,7 +248,7 @@ def _make(
         channels=earth.channels,
         wavelength=wavelength,
         recipe=recipe,
-        seed=seed,
+        seed=number,
     )
 
 

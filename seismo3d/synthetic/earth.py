@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._stages import as_progress
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, Int32Array, Progress
 from seismo3d.synthetic import _kernels as kernels
 from seismo3d.synthetic.bodies import Channel, channel_rows, erosion_rows, sample_channels, sample_layers
@@ -138,6 +139,7 @@ def fill_cube(recipe: CubeRecipe, earth: Earth, wavelength: float, inlines: rang
     wavelet, channels = ricker_table(1.0 / wavelength, _STEPS), channel_rows(earth.channels)
     first = -int(np.ceil(1.3 * wavelength)) - 1
     run: Any = kernels.slab_structure
+    report = as_progress(progress)
 
     def fill_inline(row: int) -> Float32Array:
         slip = np.empty((*shape[1:], 3))
@@ -150,6 +152,5 @@ def fill_cube(recipe: CubeRecipe, earth: Earth, wavelength: float, inlines: rang
     with ThreadPoolExecutor(max_workers=min(8, os.cpu_count() or 1)) as pool:
         for row, slip in enumerate(pool.map(fill_inline, range(len(inlines)))):
             slips.append(slip)
-            if progress is not None:
-                progress("cube", (row + 1) / len(inlines))
+            report("cube", (row + 1) / len(inlines))
     return Truth(signal, labels, throw, np.concatenate(slips), tau, horizons)

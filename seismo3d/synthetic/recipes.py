@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from seismo3d._validate import is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.synthetic.bodies import Channel
 from seismo3d.synthetic.faulting import FaultPopulation, SyntheticFault
@@ -173,8 +174,8 @@ def recipe_of(kind: str, **overrides: object) -> CubeRecipe:
     ParameterError
         If the kind or a field is not known.
     """
-    if kind not in KINDS:
-        raise ParameterError(f"kind is {kind!r}; expected one of {', '.join(KINDS)}.")
+    if not is_among(kind, KINDS):
+        raise ParameterError(f"kind is {told(kind)}; expected one of {', '.join(KINDS)}.")
     unknown = sorted(set(overrides) - set(CubeRecipe.__dataclass_fields__))
     if unknown:
         raise ParameterError(

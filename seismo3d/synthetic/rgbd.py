@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
-from seismo3d._validate import as_number, as_whole_number, freeze
+from seismo3d._validate import as_kind, as_number, as_whole_number, freeze, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import exp_rotation
@@ -242,38 +243,49 @@ def rgbd_sequence(
     >>> sequence[0].depth.shape
     (60, 80)
     """
-    if kind not in ("room", "terrain"):
-        raise ParameterError(f"kind is {kind!r}; expected 'room' or 'terrain'.")
-    if moving not in (None, "sphere", "box"):
-        raise ParameterError(f"moving is {moving!r}; expected 'sphere', 'box' or None.")
+    if not is_among(kind, ("room", "terrain")):
+        raise ParameterError(f"kind is {told(kind)}; expected 'room' or 'terrain'.")
+    if moving is not None and not is_among(moving, ("sphere", "box")):
+        raise ParameterError(f"moving is {told(moving)}; expected 'sphere', 'box' or None.")
     n = as_whole_number(frames, "frames", low=1, high=1e6)
     lens = _default_camera(size) if camera is None else camera
+    as_kind(lens, PinholeCamera, "camera", remedy="Give PinholeCamera(...), or leave it out.")
+    if noise is not None:
+        as_kind(noise, DepthNoise, "noise", remedy="Give DepthNoise(...), or leave it out.")
+    number = as_whole_number(seed, "seed", low=0)
     if lens.depth_scale != 1.0 or lens.width < 2 or lens.height < 2:
         raise ParameterError(
             f"camera has depth_scale {lens.depth_scale:g} and size {lens.width} x {lens.height}; expected 1 and a size."
         )
     seconds = np.arange(n) / as_number(rate, "rate", low=0.1, high=1e4)
-    span = moving_span or (float(seconds[-1]) / 3.0, 2.0 * float(seconds[-1]) / 3.0)
-    rng = np.random.default_rng([seed, 71])
+    middle = (float(seconds[-1]) / 3.0, 2.0 * float(seconds[-1]) / 3.0)
+    span = middle if moving_span is None else moving_span
+    rng = np.random.default_rng([number, 71])
     scene = make_room(rng) if kind == "room" else make_terrain(rng)
     phase = seconds / as_number(period, "period", low=0.1, high=1e5)
     poses = room_poses(phase, rng) if kind == "room" else terrain_poses(phase, rng, scene)
     return RgbdSequence(
-        kind, scene, lens, freeze(FIRST_STAMP + seconds), freeze(poses), noise or DepthNoise(), int(seed), moving,
+        kind, scene, lens, freeze(FIRST_STAMP + seconds), freeze(poses), noise or DepthNoise(), number, moving,
         as_number(moving_share, "moving_share", low=0.01, high=0.6), _as_span(span, "moving_span") if moving else None,
         None if blackout is None else _as_span(blackout, "blackout"), freeze(_rays_of(lens)),
     )  # fmt: skip
 
 
+def _as_pair(values: Any, name: str) -> tuple[Any, Any]:
+    if not isinstance(values, (tuple, list, np.ndarray)) or len(values) != 2:
+        raise ParameterError(f"{name} is {told(values)}; expected two numbers.")
+    return values[0], values[1]
+
+
 def _as_span(span: tuple[float, float], name: str) -> tuple[float, float]:
-    start, stop = (as_number(value, name) for value in span)
+    start, stop = (as_number(value, name) for value in _as_pair(span, name))
     if not start < stop:
         raise ParameterError(f"{name} is ({start:g}, {stop:g}); expected a start before its end, in seconds.")
     return start, stop
 
 
 def _default_camera(size: tuple[int, int]) -> PinholeCamera:
-    width, height = (as_whole_number(value, "size", low=16, high=8192) for value in size)
+    width, height = (as_whole_number(value, "size", low=16, high=8192) for value in _as_pair(size, "size"))
     focal = 525.0 * width / 640.0
     return PinholeCamera(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1), (), 1.0, width, height)
 

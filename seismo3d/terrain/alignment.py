@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import freeze
+from seismo3d._validate import freeze, is_among, told
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values, refuse_apart, refuse_other_systems
 from seismo3d.terrain._kernels_align import resample
@@ -154,10 +154,10 @@ def register(
     cells, which is bilinear and costs up to 0.003 cells on rough terrain. Slopes come from a cell's neighbours without
     the cell itself, so that noise does not draw the answer towards whole cells.
     """
-    if model not in MODELS:
-        raise ParameterError(f"model is {model!r}; expected one of {', '.join(MODELS)}.")
-    if vertical not in VERTICALS:
-        raise ParameterError(f"vertical is {vertical!r}; expected one of {', '.join(VERTICALS)}.")
+    if not is_among(model, MODELS):
+        raise ParameterError(f"model is {told(model)}; expected one of {', '.join(MODELS)}.")
+    if not is_among(vertical, VERTICALS):
+        raise ParameterError(f"vertical is {told(vertical)}; expected one of {', '.join(VERTICALS)}.")
     here, there = MapGrid.from_elevation(target), MapGrid.from_elevation(source)
     refuse_other_systems(here, there, ("target", "source"))
     refuse_apart(here, there, ("target", "source"))

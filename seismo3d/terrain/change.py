@@ -21,7 +21,7 @@ from scipy import ndimage
 from scipy.special import ndtri
 
 from seismo3d._typing import ArrayLike, BoolArray, Float64Array
-from seismo3d._validate import as_number, as_points, as_whole_number, freeze
+from seismo3d._validate import as_kind, as_number, as_points, as_whole_number, freeze
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values, like_map, refuse_apart, refuse_other_systems
 from seismo3d.geometry.voxels import downsample_points
@@ -136,7 +136,11 @@ def compare(
         If the confidence is not between 0 and 1, or `least_patch` is no whole number from 1 on.
     """
     level = as_number(confidence, "confidence", low=0.0, high=1.0, strict=True)
-    as_whole_number(least_patch, "least_patch", low=1)
+    least = as_whole_number(least_patch, "least_patch", low=1)
+    if registration is not None:
+        as_kind(
+            registration, ElevationRegistration, "registration", remedy="Give what register(before, after) returned."
+        )
     if registration is not None and registration.state == "poor_fit":
         x, y, _ = registration.shift
         raise GeometryError(
@@ -160,7 +164,7 @@ def compare(
     detection = quantile * np.sqrt(noise**2 + carried)
     with np.errstate(invalid="ignore"):
         risen, fallen = difference > detection, difference < -detection
-    significant = _in_patches(risen, least_patch) | _in_patches(fallen, least_patch)
+    significant = _in_patches(risen, least) | _in_patches(fallen, least)
     area = here.cell_m**2
     up, down = significant & (difference > 0), significant & (difference < 0)
     alike = _alike_cells(difference, noise)

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.io._files import written_aside
+from seismo3d._validate import as_kind
+from seismo3d.io._files import as_path, written_aside
 from seismo3d.io.elevation import has_rasterio, raster_suffix, write_elevation
 from seismo3d.terrain.lineament_search import Lineament, LineamentSet
 from seismo3d.terrain.scarp_profiles import Scarp
@@ -31,6 +32,7 @@ def to_geojson(found: LineamentSet, scarps: Sequence[Scarp] = ()) -> dict[str, A
         Line strings in longitude and latitude where the map has a named reference system and rasterio is installed (as
         RFC 7946 wants), else in the map's own coordinates, with a member ``crs`` that names the system.
     """
+    as_kind(found, LineamentSet, "found", remedy="Give what lineaments returned.")
     heights = {id(scarp.lineament): scarp for scarp in scarps}
     carry, member = _to_degrees(found)
     features = [
@@ -59,7 +61,7 @@ def write_lineaments(directory: str | Path, found: LineamentSet, *, scarps: Sequ
     -------
     list of Path
     """
-    folder = Path(directory)
+    folder = as_path(directory, "directory")
     out = [folder / "lineaments.geojson", folder / "lineaments.csv"]
     with written_aside(out[0]) as aside:
         aside.write_text(json.dumps(to_geojson(found, scarps), indent=1) + "\n", encoding="utf-8")

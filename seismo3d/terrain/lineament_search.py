@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._stages import no_progress
+from seismo3d._stages import as_progress
 from seismo3d._typing import Float64Array, Progress
 from seismo3d._validate import as_number, as_settings, freeze
 from seismo3d.errors import ShapeError
@@ -196,7 +196,7 @@ def lineaments(
     grid = MapGrid.from_elevation(elevation)
     steps = tuple(float(np.hypot(*column)) for column in grid.steps_m.T)
     square, stretch = square_map(z, (steps[0], steps[1]))
-    report = progress or no_progress
+    report = as_progress(progress)
     filled = fill_smoothly(square, np.isfinite(square))
     n_levels = max(settings.n_levels, settings.n_valley_levels)
     levels = measure_levels(square, n_levels, 2.0 * settings.length)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_number, as_settings, freeze
+from seismo3d._validate import as_kind, as_number, as_settings, freeze
 from seismo3d.geometry.bearings import bearing_deg
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
 from seismo3d.terrain.diffusion import WornStep, fit_form, fit_worn_step
@@ -112,6 +112,7 @@ def scarps(
     grid = MapGrid.from_elevation(elevation)
     settings = as_settings(settings, LineamentSettings)
     found = lineaments(elevation, settings=settings) if found is None else found
+    as_kind(found, LineamentSet, "found", remedy="Give what lineaments returned, or leave it out.")
     reaches = [n * grid.cell_m for n in _REACHES]
     if half_width is not None:
         reaches = [as_number(half_width, "half_width", low=0.0, strict=True)]

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array, Progress
+from seismo3d._validate import as_kind, told
 from seismo3d.errors import FileAccessError, GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.axis import Axis
+from seismo3d.io._files import as_path
 from seismo3d.plot.pictures import axis_coordinates, axis_labels
 from seismo3d.seismic.cube_checks import check_faults_of
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
@@ -119,10 +121,12 @@ class Session:
     ) -> None:
         self.reader = SliceReader(cube)
         check_faults_of(cube, faults)
+        if not isinstance(tracks, (list, tuple)):
+            raise ParameterError(f"tracks is {told(tracks)}; expected a list of Track. Give a list, be it of one.")
         for track in tracks:
             _check_track(track, self.reader.shape)
         self.cube = cube
-        self.folder = None if folder is None else Path(folder)
+        self.folder = None if folder is None else as_path(folder, "folder")
         self._last_save: tuple[int, int] | None = None
         if self.folder is not None:
             check_folder(self.folder)
@@ -440,5 +444,6 @@ def _numbers(numbers: frozenset[int]) -> str:
 
 
 def _check_track(track: Track, shape: tuple[int, int, int]) -> None:
+    as_kind(track, Track, "track", remedy="Give what trace_tracks returned, one by one.")
     if track.depth.shape != shape[:2]:
         raise ShapeError(f"track has shape {track.depth.shape}; expected {shape[:2]}. Give the cube it was traced in.")

@@ -76,3 +76,12 @@ def test_what_takes_the_whole_cube_is_refused_before_any_work(store: Path, capsy
     assert run("cube.zarr", "-o", "out", "--memory", "lots") == 2
     assert "expected a size such as 2GB" in capsys.readouterr().err
     assert [entry.name for entry in store.parent.iterdir()] == ["cube.zarr"]
+
+
+def test_files_without_trace_headers_are_traced_within_a_memory_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.save("line.npy", np.random.default_rng(3).normal(size=(40, 48)).astype(np.float32))
+    assert run("line.npy", "-o", "out", "--memory", "1GB") == 0
+    assert FaultSet.load("out").labels.shape == (40, 48)

@@ -282,3 +282,10 @@ def test_terminated_while_writing_leaves_nothing(segy, tmp_path):
         done = subprocess.run(words, capture_output=True, text=True, check=False)
         assert done.returncode == code, done.stderr
         assert [p.name for p in tmp_path.iterdir()] == ["in.sgy"]
+
+
+def test_a_synthetic_cube_is_not_written_under_a_name_of_another_kind(run, tmp_path):
+    code, _, err = run("demo", "-o", tmp_path / "demo.zarr")
+    assert code == 2
+    assert "expected .sgy or .segy. Choose another name" in err
+    assert not list(tmp_path.iterdir())

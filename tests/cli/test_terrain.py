@@ -61,6 +61,9 @@ def test_compare_writes_nothing_where_maps_do_not_match(tmp_path, maps, capsys):
     assert run("compare", maps[0], other, "-o", tmp_path / "out") == 2
     assert "is a poor fit" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+    elsewhere = write_elevation(tmp_path / "elsewhere.tif", place(make_hills((240, 300), seed=9), crs="EPSG:32612"))
+    assert run("compare", maps[0], elsewhere, "-o", tmp_path / "out") == 2
+    assert "before is in EPSG:32611 and after in EPSG:32612; expected one" in capsys.readouterr().err
     assert run("compare", maps[0], other, "-o", tmp_path / "out", "--no-align", "--vertical", "tilt") == 2
     assert "--vertical is 'tilt'; expected none with --no-align" in capsys.readouterr().err
     assert run("compare", maps[0], other, "-o", tmp_path / "out", "--no-align") == 0

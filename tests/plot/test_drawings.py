@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from seismo3d import plot
 from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.plot.drawing import bar_ends
 from seismo3d.plot.sections import most_faulted_lines
 from seismo3d.seismic.faultset import FaultSet
 
@@ -255,3 +256,22 @@ def test_line_numbers_of_seven_digits_are_written_in_full(ax: Any) -> None:
         assert "7654500" in [text.get_text() for text in ax_from_above.get_xticklabels()]
     with pytest.raises(ParameterError, match="inline is 1234099; expected 1234100 to 1234158"):
         plot.section(cube, inline=1_234_099, ax=ax)
+
+
+@pytest.mark.parametrize(
+    ("values", "ends"),
+    [([0.0, np.nan, 1], "neither"), ([-2.0, 0.5], "min"), ([0.5, 2.0], "max"), ([-2.0, 2.0], "both"), ([], "neither")],
+)
+def test_ends_of_a_colour_bar_that_hold_more_are_named(values: list[float], ends: str) -> None:
+    assert bar_ends(np.array(values), -1.0, 1.0) == ends
+
+
+def test_colour_bars_of_throw_are_pointed_where_throws_go_beyond_them(ax: Any) -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    plot.throw_map(faults, cube, ax=ax)
+    (bar,) = [other for other in ax.figure.axes if other is not ax]
+    throws = np.concatenate([s.throw * s.sample_interval for s in faults.surfaces])
+    low, high = bar.get_ylim()
+    assert np.nanmax(throws) > high
+    assert bar._colorbar.extend == ("both" if np.nanmin(throws) < low else "max")

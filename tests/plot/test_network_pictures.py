@@ -100,3 +100,15 @@ def test_section_is_refused(ax: Any) -> None:
     section, faults = make_section()
     with pytest.raises(ShapeError, match="no fracture network"):
         plot.network_map(None, faults, section, ax=ax)
+
+
+def test_numbers_of_faults_that_cross_do_not_lie_on_each_other() -> None:
+    cube = make_cube()
+    faults = make_faults(cube)
+    ax = plot.network_map(fracture_network(faults), faults, cube, ax=Figure(figsize=(6, 6)).subplots())
+    places = np.array([text.get_position() for text in ax.texts])
+    assert len(places) == len(faults.surfaces)
+    for text, surface in zip(ax.texts, faults.surfaces, strict=True):
+        top = surface.vertices[surface.vertices[:, 2] <= np.quantile(surface.vertices[:, 2], 0.1)].mean(axis=0)
+        row = cube.inline.values[0] + top[0] * (cube.inline.values[1] - cube.inline.values[0])
+        assert text.xy[1] == pytest.approx(row, rel=1e-4)

@@ -24,6 +24,8 @@ def test_where_track_and_picks_agree_is_seen() -> None:
     drawn.update_scalarmappable()
     apart = np.abs(drawn.get_facecolors()[:, :3] - np.array(ax.get_facecolor()[:3]))
     assert apart.min() > 0.2
+    by_map = HorizonPoints("top", picks.points, np.full((42, 2), np.nan))
+    assert pick_distance_map(by_map, by_map, unit="ms", ax=Figure().add_subplot()).get_aspect() == 1.0
 
 
 def test_sticks_of_faults_outside_the_cube_are_not_drawn() -> None:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import matplotlib as mpl
 import numpy as np
+from fake_faults import make_cube
+from matplotlib.figure import Figure
 
+from seismo3d import plot
 from seismo3d.plot.track_pictures import track_section
 from seismo3d.seismic.tracks import Track
 
@@ -25,3 +28,25 @@ def test_a_track_is_not_drawn_across_a_fault() -> None:
     assert np.isnan(steps[(columns[:-1] == 11) | (columns[1:] == 12)]).any()
     # the black line under it ends there too
     np.testing.assert_array_equal(ax.lines[-2].get_data()[1], line)
+
+
+def test_contours_end_where_a_track_jumps() -> None:
+    cube = make_cube()
+    ramp = np.broadcast_to(np.linspace(1010.0, 1040.0, 40), (30, 40)).astype(np.float32)
+    faulted = ramp + np.where(np.arange(30)[:, None] < 15, 0.0, 80.0).astype(np.float32)
+    ax = Figure().subplots()
+    plot.track_map(Track(faulted, np.ones_like(faulted), np.zeros((0, 3)), "ms"), cube, contours=9, ax=ax)
+    drawn = [line for item in ax.collections if hasattr(item, "levels") for line in item.get_paths() if len(line)]
+    middle = 0.5 * (cube.inline.values[14] + cube.inline.values[15])
+    assert len(drawn) > 2
+    for line in drawn:
+        assert (line.vertices[:, 1] < middle).all() or (line.vertices[:, 1] > middle).all()
+
+
+def test_a_legend_names_several_tracks_and_not_one() -> None:
+    cube = make_cube()
+    flat = np.full(cube.shape[:2], 1100.0, np.float32)
+    tracks = [Track(flat + 20 * k, np.ones_like(flat), np.zeros((0, 3)), "ms") for k in range(3)]
+    legend = plot.track_section(cube, tracks, ax=Figure().subplots()).get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["track 1", "track 2", "track 3"]
+    assert plot.track_section(cube, tracks[:1], ax=Figure().subplots()).get_legend() is None

@@ -10,7 +10,7 @@ from fake_faults import make_cube, make_faults
 
 import seismo3d as s3
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
-from seismo3d.seismic.cube_checks import check_faults_of, check_order, differing_axis, placing_cube
+from seismo3d.seismic.cube_checks import check_faults_of, check_order, differing_axis, placing_cube, tell_extent
 from seismo3d.seismic.flow_paths import flow_path
 from seismo3d.seismic.network import fracture_network
 from seismo3d.seismic.stick_scores import score_sticks
@@ -133,3 +133,10 @@ def test_faults_are_placed_by_their_own_cube_only() -> None:
             run(own[1:])
         with pytest.raises(ShapeError, match=r"Give cube\.transpose"):
             run(own.transpose("crossline", "inline", "time"))
+
+
+def test_the_extent_of_a_cube_is_told_axis_by_axis():
+    assert tell_extent(np.zeros((4, 5, 6))) == "inline 0 to 3, crossline 0 to 4, sample 0 to 5"
+    assert tell_extent(np.zeros((4, 6))) == "trace 0 to 3, sample 0 to 5"
+    cube = xr.DataArray(np.zeros((2, 3)), dims=("trace", "time"), coords={"time": [600.0, 604.0, 608.0]})
+    assert tell_extent(cube) == "trace 0 to 1, time 600 to 608"

@@ -66,7 +66,7 @@ def test_refusals() -> None:
             trace_tracks(section, [seed])
     with pytest.raises(ShapeError, match="faults are of a section"):
         trace_tracks(section[:30], [(11, 40.0)], faults=faults)
-    with pytest.raises(ParameterError, match=r"seeds\[1\] \(11, 4000\) lies outside the section"):
+    with pytest.raises(ParameterError, match=r"seeds\[1\] \(11, 4000\) lies outside the section: trace"):
         trace_tracks(section, [(11, 40.0), (11, 4000.0)])
     with pytest.raises(ParameterError, match="layers is given for a section"):
         trace_tracks(section, [(11, 40.0)], layers=object())  # type: ignore[arg-type]

@@ -183,6 +183,11 @@ def test_coordinates_and_units_are_those_of_the_base(folded: SyntheticCube) -> N
     shift = time_lapse_section(base, monitor, mixed, axes=Figure().subplots(1, 4), inline=1020)[3].images[0]
     low, high = shift.get_clim()
     assert (shift.get_cmap().name, low) == ("RdBu_r", -high)
+    # what rounding leaves of no shift is not spread over all colours
+    still = replace(found, shift=found.shift * 1e-9)
+    drawn = time_lapse_section(base, monitor, still, axes=Figure().subplots(1, 4), inline=1020)[3].images[0]
+    assert drawn.get_clim() == pytest.approx((-0.04, 0.04))
+    assert drawn.get_cmap().name == "RdBu_r"
 
 
 def test_large_cubes_are_thinned_for_the_coarse_step(folded: SyntheticCube, monkeypatch: pytest.MonkeyPatch) -> None:

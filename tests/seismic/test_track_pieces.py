@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seismo3d.seismic.track_pieces import are_joined, keep_pieces
+from seismo3d.seismic.track_pieces import are_joined, keep_pieces, label_pieces
 
 SHAPE = (30, 40)
 SEED = np.array([[15.0, 5.0, 60.0]])
@@ -54,3 +54,13 @@ def test_a_seed_on_a_trace_without_the_horizon_keeps_nothing_there() -> None:
     np.testing.assert_array_equal(keep_pieces(depth, SEED, step=4.0, least=40), np.isfinite(depth))
     nothing = np.full(SHAPE, np.nan)
     assert not keep_pieces(nothing, SEED, step=4.0, least=40).any()
+
+
+def test_pieces_are_numbered_by_where_the_track_jumps():
+    depth = np.zeros((4, 6))
+    depth[:, 3:] = 20.0
+    depth[0, 0] = np.nan
+    labels = label_pieces(depth, 4.0)
+    assert len(np.unique(labels)) == 3
+    assert len(np.unique(labels[:, 3:])) == len(np.unique(labels[1:, :3])) == 1
+    assert labels[0, 0] not in labels[1:, :]

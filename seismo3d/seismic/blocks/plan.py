@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
+from seismo3d._validate import told
 from seismo3d.errors import ParameterError
 from seismo3d.seismic.dip import DipSettings, dip_reach, tensor_reach
 from seismo3d.seismic.levelling import BRIDGE_WIDTH, level_reach
@@ -137,7 +138,7 @@ def parse_memory(memory: int | str) -> int:
     """
     found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]i?)?b?\s*", str(memory).lower())
     if found is None:
-        raise ParameterError(f"memory is {memory!r}; expected a size such as 2GB or 1.5GiB.")
+        raise ParameterError(f"memory is {told(memory)}; expected a size such as 2GB or 1.5GiB.")
     return int(float(found.group(1)) * _UNITS[found.group(2) or ""])
 
 

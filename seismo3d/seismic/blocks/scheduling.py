@@ -13,7 +13,8 @@ from pathlib import Path
 from queue import Empty, Queue
 from typing import Any, Protocol
 
-from seismo3d.errors import FileAccessError, MissingDependencyError
+from seismo3d._validate import told
+from seismo3d.errors import FileAccessError, MissingDependencyError, ParameterError
 from seismo3d.seismic.blocks.run import BlockRun
 from seismo3d.seismic.blocks.store import DamagedBlock
 
@@ -56,6 +57,22 @@ class InThisProcess:
                 yield number, None
 
 
+def _as_address(address: Any) -> str:
+    """Return the address of a scheduler, or refuse what is none before a client is made, which would not end well."""
+    from distributed.comm import get_address_host_port, parse_address
+
+    refusal = ParameterError(f"scheduler is {told(address)}; expected an address such as tcp://node1:8786.")
+    if not isinstance(address, str):
+        raise refusal
+    try:
+        scheme = parse_address(address)[0]
+        if scheme not in ("inproc", "ucx"):  # the others are a host and a port
+            get_address_host_port(address)
+    except ValueError as error:
+        raise refusal from error
+    return address
+
+
 class OnCluster(AbstractContextManager["OnCluster"]):
     """Works on the workers of a dask cluster, which must see the run's folder under the same name.
 
@@ -68,6 +85,8 @@ class OnCluster(AbstractContextManager["OnCluster"]):
     ------
     MissingDependencyError
         If the extra ``cluster`` is not installed.
+    ParameterError
+        If it is no address.
     FileAccessError
         If nothing answers there.
     """
@@ -80,7 +99,7 @@ class OnCluster(AbstractContextManager["OnCluster"]):
                 "a cluster is asked for and dask's distributed is not installed. "
                 "Install it: pip install 'seismo3d[cluster]'."
             ) from error
-        self.address = address
+        self.address = _as_address(address)
         try:
             self._client = Client(address, timeout=_ANSWER_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from seismo3d.errors import FileAccessError, MissingDependencyError
+from seismo3d.errors import FileAccessError, MissingDependencyError, ParameterError
 from seismo3d.seismic.blocks.plan import plan_blocks
 from seismo3d.seismic.blocks.scheduling import OnCluster
 from seismo3d.seismic.blocks.tracing import trace_in_blocks
@@ -49,6 +49,12 @@ def test_a_cluster_that_does_not_answer_is_one_clear_error(monkeypatch):
     monkeypatch.setattr("seismo3d.seismic.blocks.scheduling._ANSWER_S", "1s")
     with pytest.raises(FileAccessError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
         OnCluster("tcp://127.0.0.1:9")
+
+
+@pytest.mark.parametrize("address", ["node1", "tcp://node1", "htp://node1:8786", "", 8786])
+def test_what_is_no_address_is_refused_before_a_client_is_made(address):
+    with pytest.raises(ParameterError, match=r"scheduler is .*; expected an address such as tcp://node1:8786"):
+        OnCluster(address)
 
 
 def test_the_extra_is_named_where_it_is_missing(monkeypatch):

@@ -1,0 +1,213 @@
+"""Arguments of a wrong kind at the doors of public functions: one short line that names what came."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_faults import make_cube, make_faults
+from matplotlib.figure import Figure
+
+import seismo3d as s3
+from seismo3d._stages import as_progress
+from seismo3d._validate import told
+from seismo3d.errors import ParameterError
+from seismo3d.io.horizons import HorizonPoints
+
+CUBE = np.random.default_rng(1).normal(size=(24, 24, 48)).astype(np.float32)
+IMAGE = np.random.default_rng(2).integers(0, 255, (64, 64)).astype(np.uint8)
+POINTS = np.random.default_rng(2).normal(size=(200, 3))
+SEEDS = [(12, 12, 24.0)]
+MAP = np.random.default_rng(3).normal(size=(80, 80)).cumsum(0).cumsum(1)
+PLACED = make_cube()
+FAULTS = make_faults(PLACED)
+OPEN = s3.robot.Occupancy(np.zeros((60, 60)), np.zeros((60, 60)), 0.05)
+CAMERA = s3.robot.Camera(s3.synthetic.rgbd_sequence(frames=1, size=(32, 24)).camera)
+PICKS = HorizonPoints("top", POINTS, np.full((200, 2), np.nan))
+WRONG: dict[str, Any] = {
+    "array": np.zeros((4, 5)),
+    "cube": PLACED,
+    "faults": FAULTS,
+    "word": "nonsense",
+    "list": [object()],
+}
+CALLS: dict[str, Callable[[Any], Any]] = {
+    "trace_faults evidence": lambda wrong: s3.trace_faults(CUBE, evidence=wrong),
+    "trace_faults memory": lambda wrong: s3.trace_faults(CUBE, memory=wrong),
+    "trace_faults progress": lambda wrong: s3.trace_faults(CUBE, progress=wrong),
+    "trace_tracks event": lambda wrong: s3.trace_tracks(CUBE, SEEDS, event=wrong),
+    "trace_tracks layers": lambda wrong: s3.trace_tracks(CUBE, SEEDS, layers=wrong),
+    "trace_tracks progress": lambda wrong: s3.trace_tracks(CUBE, SEEDS, progress=wrong),
+    "find_horizons count": lambda wrong: s3.find_horizons(CUBE, wrong),
+    "find_horizons layers": lambda wrong: s3.find_horizons(CUBE, layers=wrong),
+    "find_horizons progress": lambda wrong: s3.find_horizons(CUBE, progress=wrong),
+    "layer_time progress": lambda wrong: s3.layer_time(CUBE, progress=wrong),
+    "loop_closure progress": lambda wrong: s3.loop_closure(CUBE, progress=wrong),
+    "align_cubes progress": lambda wrong: s3.align_cubes(CUBE, CUBE, progress=wrong),
+    "unfault progress": lambda wrong: s3.unfault(PLACED, FAULTS, progress=wrong),
+    "fracture_network progress": lambda wrong: s3.fracture_network(FAULTS, progress=wrong),
+    "fault_cube kind": s3.synthetic.fault_cube,
+    "fault_cube progress": lambda wrong: s3.synthetic.fault_cube(shape=(8, 8, 16), progress=wrong),
+    "rgbd_sequence kind": s3.synthetic.rgbd_sequence,
+    "rgbd_sequence moving": lambda wrong: s3.synthetic.rgbd_sequence(moving=wrong),
+    "rgbd_sequence seed": lambda wrong: s3.synthetic.rgbd_sequence(seed=wrong),
+    "rgbd_sequence size": lambda wrong: s3.synthetic.rgbd_sequence(size=wrong),
+    "rgbd_sequence blackout": lambda wrong: s3.synthetic.rgbd_sequence(frames=2, size=(32, 24), blackout=wrong),
+    "rgbd_sequence camera": lambda wrong: s3.synthetic.rgbd_sequence(frames=2, camera=wrong),
+    "rgbd_sequence noise": lambda wrong: s3.synthetic.rgbd_sequence(frames=2, noise=wrong),
+    "fault_cube seed": lambda wrong: s3.synthetic.fault_cube(shape=(8, 8, 16), seed=wrong),
+    "Mapper.add frame": lambda wrong: s3.robot.Mapper(CAMERA).add(wrong),
+    "calibrate_timing frame": lambda wrong: s3.robot.calibrate_timing([wrong], CAMERA),
+    "calibrate_timing camera": lambda wrong: s3.robot.calibrate_timing([], wrong),
+    "plan_path occupancy": lambda wrong: s3.robot.plan_path(wrong, (1.0, 1.0), (2.0, 2.0)),
+    "plan_path start": lambda wrong: s3.robot.plan_path(OPEN, wrong, (2.0, 2.0)),
+    "plan_path robot": lambda wrong: s3.robot.plan_path(OPEN, (1.0, 1.0), (2.0, 2.0), robot=wrong),
+    "plan_path unknown": lambda wrong: s3.robot.plan_path(OPEN, (1.0, 1.0), (2.0, 2.0), unknown=wrong),
+    "occupancy_map occupancy": s3.plot.occupancy_map,
+    "score_horizon picks": lambda wrong: s3.score_horizon([PICKS], wrong, tolerance=4.0),
+    "score_horizon extent": lambda wrong: s3.score_horizon([PICKS], PICKS, tolerance=4.0, extent=wrong),
+    "align_pairs model": lambda wrong: s3.align_pairs(POINTS, POINTS, model=wrong),
+    "align_pairs features": lambda wrong: s3.align_pairs(POINTS, POINTS, features=wrong),
+    "align_pairs constraints": lambda wrong: s3.align_pairs(POINTS, POINTS, constraints=wrong),
+    "register model": lambda wrong: s3.register(POINTS, POINTS, model=wrong),
+    "register stages": lambda wrong: s3.register(POINTS, POINTS, stages=wrong),
+    "register constraints": lambda wrong: s3.register(POINTS, POINTS, constraints=wrong),
+    "register correspondences": lambda wrong: s3.register(POINTS, POINTS, correspondences=wrong),
+    "match tilts": lambda wrong: s3.match(IMAGE, IMAGE, tilts=wrong),
+    "terrain.register model": lambda wrong: s3.terrain.register(MAP, MAP, model=wrong),
+    "terrain.register vertical": lambda wrong: s3.terrain.register(MAP, MAP, vertical=wrong),
+    "lineaments progress": lambda wrong: s3.terrain.lineaments(MAP, progress=wrong),
+    "compare registration": lambda wrong: s3.terrain.compare(MAP, MAP, registration=wrong),
+    "compare least_patch": lambda wrong: s3.terrain.compare(MAP, MAP, least_patch=wrong),
+    "scarps found": lambda wrong: s3.terrain.scarps(MAP, wrong),
+    "to_geojson found": s3.terrain.to_geojson,
+    "section inline": lambda wrong: s3.plot.section(PLACED, inline=wrong),
+    "section colour": lambda wrong: s3.plot.section(PLACED, colour=wrong),
+    "section cmap": lambda wrong: s3.plot.section(PLACED, cmap=wrong, ax=Figure().subplots()),
+    "section ax": lambda wrong: s3.plot.section(PLACED, ax=wrong),
+    "time_slice time": lambda wrong: s3.plot.time_slice(PLACED, time=wrong),
+    "throw_map ax": lambda wrong: s3.plot.throw_map(FAULTS, PLACED, ax=wrong),
+    "strike_rose ax": lambda wrong: s3.plot.strike_rose(FAULTS, from_north=True, ax=wrong),
+    "throw_histogram ax": lambda wrong: s3.plot.throw_histogram(FAULTS, ax=wrong),
+    "network_map network": lambda wrong: s3.plot.network_map(wrong, FAULTS, PLACED),
+    "density_map network": lambda wrong: s3.plot.density_map(wrong, PLACED),
+    "stereonet network": lambda wrong: s3.plot.stereonet(wrong, from_north=True),
+    "flow_path_views path": lambda wrong: s3.plot.flow_path_views(wrong, FAULTS, PLACED),
+    "track_map track": lambda wrong: s3.plot.track_map(wrong, PLACED),
+    "loop_map closure": lambda wrong: s3.plot.loop_map(wrong, PLACED),
+    "unfaulted_section axes": lambda wrong: s3.plot.unfaulted_section(PLACED, PLACED, axes=wrong),
+    "plot.cube inline": lambda wrong: s3.plot.cube(PLACED, inline=wrong, off_screen=True),
+    "plot.terrain lines": lambda wrong: s3.plot.terrain(MAP, lines=wrong),
+    "lineament_rose lines": s3.plot.lineament_rose,
+    "change_map change": s3.plot.change_map,
+    "scarp_profile scarp": s3.plot.scarp_profile,
+    "as_cube domain": lambda wrong: s3.as_cube(CUBE, domain=wrong),
+    "open_cube scan": lambda wrong: s3.open_cube("none.sgy", scan=wrong),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+@pytest.mark.parametrize("name", CALLS)
+def test_an_argument_of_a_wrong_kind_is_named_in_one_short_line(name: str, kind: str) -> None:
+    with pytest.raises(ParameterError, match=rf"^{name.split()[1]} ") as error:
+        CALLS[name](WRONG[kind])
+    assert "expected" in str(error.value)
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 300
+
+
+@pytest.mark.parametrize("draw", [s3.plot.throw_histogram, lambda wrong: s3.plot.strike_rose(wrong, from_north=True)])
+@pytest.mark.parametrize("wrong", [None, PLACED, "faults"], ids=["none", "cube", "word"])
+def test_what_draws_faults_alone_needs_some(draw: Callable[[Any], Any], wrong: Any) -> None:
+    with pytest.raises(ParameterError, match=r"faults is .*; expected a FaultSet"):
+        draw(wrong)
+
+
+@pytest.mark.parametrize(
+    "draw", [lambda none: s3.plot.throw_map(none, PLACED), lambda none: s3.plot.likelihood(PLACED, faults=none)]
+)
+def test_what_draws_faults_on_a_cube_needs_some(draw: Callable[[Any], Any]) -> None:
+    with pytest.raises(ParameterError, match="faults is None; expected a FaultSet"):
+        draw(None)
+
+
+def test_one_track_in_place_of_a_list_is_refused() -> None:
+    track = s3.Track(np.full(PLACED.shape[:2], 1100.0, np.float32), np.ones(PLACED.shape[:2], np.float32), POINTS)
+    for draw in (
+        s3.plot.track_section,
+        lambda cube, tracks: s3.plot.cube(cube, tracks=tracks, off_screen=True),
+        lambda cube, tracks: s3.viewer.Session(cube, tracks=tracks),
+    ):
+        with pytest.raises(ParameterError, match=r"tracks is .*; expected a list of Track\. Give a list, be it of one"):
+            draw(PLACED, track)
+
+
+def test_a_rendered_frame_is_told_from_a_camera_s() -> None:
+    rendered = s3.synthetic.rgbd_sequence(frames=1, size=(32, 24))[0]
+    with pytest.raises(ParameterError, match=r"expected RgbdFrame\. Give seismo3d\.robot\.RgbdFrame\.of\(rgb, depth"):
+        s3.robot.Mapper(CAMERA).add(rendered)  # type: ignore[arg-type]
+
+
+def test_a_rose_wants_polar_axes() -> None:
+    with pytest.raises(ParameterError, match="expected PolarAxes"):
+        s3.plot.strike_rose(FAULTS, from_north=True, ax=Figure().subplots())
+
+
+def test_layers_say_where_they_come_from() -> None:
+    words = r"layers is an array of shape \(24, 24, 48\); expected LayerModel\. Give what model_layers returned"
+    with pytest.raises(ParameterError, match=words):
+        s3.trace_tracks(CUBE, SEEDS, layers=s3.layer_time(CUBE))
+
+
+@pytest.mark.parametrize("wrong", [None, 7, object(), CUBE, ["a"]], ids=["none", "number", "object", "array", "list"])
+@pytest.mark.parametrize(
+    "take",
+    [
+        s3.open_cube,
+        s3.read_horizon,
+        s3.read_sticks,
+        s3.terrain.read_elevation,
+        s3.robot.read_sequence,
+        s3.FaultSet.load,
+        FAULTS.save,
+        lambda wrong: s3.write_segy(wrong, PLACED, like=None),
+        lambda wrong: s3.terrain.write_elevation(wrong, MAP),
+    ],
+)
+def test_what_is_no_path_is_refused(take: Callable[[Any], Any], wrong: Any) -> None:
+    with pytest.raises(ParameterError, match=r"(path|directory) is .*; expected the name of a file or folder"):
+        take(wrong)
+
+
+@pytest.mark.parametrize("byte", ["inline_byte", "crossline_byte"])
+@pytest.mark.parametrize("wrong", ["189", 9.5, CUBE], ids=["text", "fraction", "array"])
+def test_a_header_byte_that_is_no_whole_number_is_refused(byte: str, wrong: Any, tmp_path: Path) -> None:
+    path = s3.write_segy(tmp_path / "cube.sgy", PLACED, like=None)
+    with pytest.raises(ParameterError, match=f"{byte} is .*; expected a (whole )?number"):
+        s3.open_cube(path, **{byte: wrong})
+    with pytest.raises(ParameterError, match=r"x_byte is .*; expected a (whole )?number"):
+        s3.open_cube(path, x_byte=wrong, y_byte=185)
+
+
+def test_values_are_told_in_one_short_line() -> None:
+    assert told("peek") == "'peek'"
+    assert told(np.float64(2.5)) == repr(np.float64(2.5))
+    assert told(CUBE) == told(s3.as_cube(CUBE)) == "an array of shape (24, 24, 48)"
+    assert told(list(range(1000))).endswith("...")
+    assert len(told(FAULTS)) < 100
+
+
+def test_results_name_themselves_in_one_line_and_not_by_all_their_numbers() -> None:
+    assert repr(FAULTS) == "<FaultSet: 2 surfaces, volumes of shape (30, 40, 50)>"
+    assert re.fullmatch(r"<FaultSurface: 280 vertices, area \d+, confidence 0\.80>", repr(FAULTS.surfaces[0]))
+    depth = np.where(np.arange(40) < 10, np.nan, np.float32(1100.0)) * np.ones((30, 1), np.float32)
+    assert repr(s3.Track(depth, depth, POINTS[:2], "ms")) == "<Track: 2 seeds, on 75% of 1200 traces, in ms>"
+
+
+def test_no_progress_is_asked_for_by_none() -> None:
+    assert as_progress(None)("stage", 0.5) is None
+    assert as_progress(print) is print
