@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,10 +16,13 @@ from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io.horizons import HorizonPoints
 from seismo3d.plot.map_frame import MapFrame
 from seismo3d.seismic.flow_paths import flow_path
+from seismo3d.seismic.loop_closure import LoopClosure
 from seismo3d.seismic.network import fracture_network
 from seismo3d.seismic.stick_scores import score_sticks
 from seismo3d.seismic.sticks import cut_sticks
 from seismo3d.seismic.tracks import Track
+
+CLOSED = LoopClosure(0.0, 0.0, 1200, 1, np.zeros((30, 40), np.float32))
 
 
 def on_map(azimuth: float, *, left_handed: bool, order: tuple[int, int] = (1, 1)) -> Any:
@@ -62,7 +64,7 @@ VIEWS = {
     "density map": lambda cube, faults, ax: plot.density_map(fracture_network(faults), cube, ax=ax),
     "flow path": _draw_path,
     "track map": _draw_track,
-    "loop map": lambda cube, _, ax: plot.loop_map(SimpleNamespace(error=np.zeros((30, 40))), cube, ax=ax),
+    "loop map": lambda cube, _, ax: plot.loop_map(CLOSED, cube, ax=ax),
     "picked faults": _draw_picks,
     "pick distances": _draw_distances,
 }
