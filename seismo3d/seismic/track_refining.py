@@ -78,7 +78,8 @@ class TrackSettings:
         Settings of the layer time.
     parts : PartSettings
         How the parts of a track are placed. Layer time was mended where faults were wrong by more. Unrelated layers
-        correlate at up to 0.65 at the best of as many places.
+        correlate at up to 0.65 at the best of as many places, which right ones hardly reach where an end of the cube
+        cuts their waveforms short.
     """
 
     near: int = 16
@@ -95,7 +96,7 @@ class TrackSettings:
     step: float = LARGEST_STEP
     least_piece: int = 40
     layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
-    parts: PartSettings = field(default_factory=lambda: PartSettings(trusted=0.85, least=0.65))
+    parts: PartSettings = field(default_factory=lambda: PartSettings(trusted=0.85, least=0.6))
 
 
 def refine_depth(
