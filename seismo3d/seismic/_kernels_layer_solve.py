@@ -42,7 +42,7 @@ def find_head(shift, gaps, k, step, m):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _find_heads(shift, weight, gaps, step, low, part):  # type: ignore[no-untyped-def]
+def _find_trace_heads(shift, weight, gaps, step, low, part):  # type: ignore[no-untyped-def]
     """Write where all links of a trace that have a weight end, as `find_head` does; the others end at the first vertex.
 
     Without branches, so that the loops run on vector units.
@@ -123,7 +123,7 @@ def _pull_along(values, shift, weight, breaks, hop, step, start, stop, kind, out
     low, part, pull = np.empty(m, np.int32), np.empty(m, np.float32), np.empty(m, np.float32)
     for i in range(start, stop):
         for j in range(n1 - hop):
-            _find_heads(shift[i, j], weight[i, j], breaks[i, j + hop], step, low, part)
+            _find_trace_heads(shift[i, j], weight[i, j], breaks[i, j + hop], step, low, part)
             _pull(values[i, j], values[i, j + hop], shift[i, j], weight[i, j], low, part, kind, pull)
             _take(out[i, j], pull, kind)
             _give(out[i, j + hop], low, part, pull, kind)
@@ -144,7 +144,7 @@ def _pull_across(values, shift, weight, breaks, hop, step, start, stop, kind, ou
             for j in range(first, min(first + _COLUMNS, n1)):
                 c = j - first
                 if i + hop < n0:
-                    _find_heads(shift[i, j], weight[i, j], breaks[i + hop, j], step, low[now, c], part[now, c])
+                    _find_trace_heads(shift[i, j], weight[i, j], breaks[i + hop, j], step, low[now, c], part[now, c])
                     _pull(
                         values[i, j], values[i + hop, j], shift[i, j], weight[i, j], low[now, c], part[now, c], kind,
                         pull[now, c],
