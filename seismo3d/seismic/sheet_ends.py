@@ -60,8 +60,10 @@ def end_where_still(
 
 def _find_unbroken(sheet: Sheet, throw: SheetThrow, sides: SheetSides, settings: ChoiceSettings) -> BoolArray:
     """Mark large parts at a sheet's rim whose sides fit better unmoved than by a throw that was carried on to them."""
-    unmoved = _fit_unmoved(sides)[:, :: sheet.step]
     weak = sheet.inside & (sheet.score < settings.unbroken_score)
+    if not weak.any():
+        return weak
+    unmoved = _fit_unmoved(sides)[:, :: sheet.step]
     fits = (unmoved > settings.unbroken_fit) & (unmoved > throw.fit + settings.unbroken_gain)
     parts, _ = ndimage.label(_without_specks(weak & fits) & sheet.inside, np.ones((3, 3)))
     rim = sheet.inside & ~ndimage.binary_erosion(sheet.inside)
