@@ -63,6 +63,9 @@ class HistorySettings:
     aside : float
         Before younger faults that cut them are taken back, parts of one fault may lie so far off each other's surface,
         carried on, in traces and samples; of turn, gap and overlap the same is asked then.
+    opposed : float
+        Two faults, none of them smaller than `least_area`, are not parts of one if where they are nearest one is thrown
+        up by more than that, in samples, and the other down.
     """
 
     reach: float = 20.0
@@ -85,6 +88,7 @@ class HistorySettings:
     overlap: float = 0.25
     roughness: float = 0.6
     aside: float = 10.0
+    opposed: float = 2.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,9 @@ def find_families(
     """Tell which faults are parts of one as they lie today.
 
     Younger faults have taken the parts of an older one apart, along it and, by their heave, across it. Parts strike
-    alike, dip to the same side, and carry each other on: where each other's surface was found they do not lie, unless
-    on that very surface. The closest go together first, as long as this holds for all parts of a fault.
+    alike, dip to the same side, are not thrown up here and down there, unless one is too small to tell, and carry each
+    other on: where each other's surface was found they do not lie, unless on that very surface. The closest go together
+    first, as long as this holds for all parts of a fault.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ def find_families(
     @cache
     def apart(one: int, other: int) -> tuple[bool, float]:
         large, small = (one, other) if areas[one] >= areas[other] else (other, one)
-        return _part_from_other(motions[large], motions[small], nodes[small], settings)
+        return _part_from_other(motions[large], motions[small], nodes[small], areas[small], settings)
 
     for far, i, j in sorted((apart(i, j)[1], i, j) for i, j in near_pairs(nodes, settings.gap)):
         if not np.isfinite(far) or family[i] == family[j]:
@@ -100,9 +101,9 @@ def are_one(
 
 
 def _part_from_other(
-    motion: FaultMotion, other: FaultMotion, nodes: Float64Array, settings: HistorySettings
+    motion: FaultMotion, other: FaultMotion, nodes: Float64Array, area: float, settings: HistorySettings
 ) -> tuple[bool, float]:
-    """Tell whether a fault and a smaller one, of which these are places, may be parts of one, and how far apart.
+    """Tell whether a fault and a smaller one, of such places and area, may be parts of one, and how far apart.
 
     Infinitely far where neither carries the other on.
     """
@@ -113,7 +114,11 @@ def _part_from_other(
     away = motion.apart_at(nodes)
     gap = float(away.min())
     # at right angles to the surface, which dips: across the strike it is as far off where that throws the part down
-    aside = abs(float(np.median(motion.side(nodes[away < gap + settings.around])) / np.hypot(1.0, motion.slopes[1])))
+    near = nodes[away < gap + settings.around]
+    thrown = sorted(float(np.median(fault.throw_at(near))) for fault in (motion, other))
+    if area >= settings.least_area and thrown[0] < -settings.opposed and thrown[1] > settings.opposed:
+        return False, np.inf
+    aside = abs(float(np.median(motion.side(near)) / np.hypot(1.0, motion.slopes[1])))
     if aside > _SAME and float((away < _ON).mean()) > settings.overlap:
         return False, np.inf
     return True, gap + aside if gap <= settings.gap and aside <= settings.aside else np.inf

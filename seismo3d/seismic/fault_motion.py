@@ -207,7 +207,7 @@ def find_motion(
     inside = np.isfinite(height)
     matched = np.where(inside[::thin, ::thin], np.clip((fit - 0.4) / 0.6, 0.0, 1.0) ** 2, 0.0)
     field = smooth_field(throw, np.maximum(matched, _CARRIED).astype(np.float32), stiffness=stiffness)
-    filled, apart = _carry_on(height, inside)
+    filled, apart = go_straight_on(height, inside)
     slopes = tuple(float(np.diff(filled, axis=axis).mean()) if n > 1 else 0.0 for axis, n in enumerate(height.shape))
     throws = enlarge(field, height.shape, thin).astype(np.float64)
     return FaultMotion(frame, first, filled, apart, throws, (slopes[0], slopes[1]), hanging_side, share)
@@ -219,8 +219,21 @@ def enlarge(values: Float32Array, shape: tuple[int, ...], thin: int) -> Float32A
     return np.asarray(enlarge_grid(values, rows, columns), np.float32)
 
 
-def _carry_on(height: Float64Array, inside: BoolArray) -> tuple[Float64Array, Float64Array]:
-    """Fill a grid: a plane, and beside the surface what its nearest place leaves; and the distance from that."""
+def go_straight_on(height: Float64Array, inside: BoolArray) -> tuple[Float64Array, Float64Array]:
+    """Carry a surface on over a grid: on a plane, and beside the surface by what that leaves of its nearest place.
+
+    Parameters
+    ----------
+    height : ndarray of shape (rows, samples), float64
+        w of the surface.
+    inside : ndarray of the same shape, bool
+        Where it was found, somewhere.
+
+    Returns
+    -------
+    filled, apart : ndarray of the same shape, float64
+        Its w everywhere, and the distance of each place from where it was found.
+    """
     rows, columns = (np.indices(height.shape)[axis].astype(np.float64) for axis in (0, 1))
     at, values = (np.ones(int(inside.sum())), rows[inside], columns[inside]), height[inside]
     mean = float(values.mean())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,16 @@ from seismo3d._validate import as_settings, freeze
 from seismo3d.seismic.cube_checks import check_cube, placing_cube
 from seismo3d.seismic.displacements import carry_amplitudes, follow_on, places_before, solve_jumps
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_points
+from seismo3d.seismic.fault_motion import go_straight_on
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 
 # traces and samples from the cube's end within which a fault that ends there is taken to leave the cube
 _RIM = 2.0
+# half the width, in traces and samples, of the widest hole of a surface, or gap between parts, that slip goes through
+_HOLE = 8.0
+# traces and samples from a fault within which it is not sure with which of its walls a place of another goes, and the
+# slip, in traces and samples, from which on that matters
+_BESIDE, _TORN = 2.5, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,20 +165,20 @@ def find_slip_field(
     report = as_progress(progress)
     shape = np.shape(placing_cube(None, faults))
     displacement = np.zeros((3, *shape), np.float32)
-    vertices = [surface.vertices.astype(np.float64) for surface in faults.surfaces]
+    carried = [_Carried.today(surface) for surface in faults.surfaces]
     generations = _generations(faults.surfaces, settings)
     squares, n_edges = 0.0, 0
     for number, parted in enumerate(generations):
         report("unfault", number / len(generations))
-        laid_out = ((parts, _lay_out(faults.surfaces, vertices, parts, shape, settings)) for parts in parted)
+        laid_out = ((parts, _lay_out(faults.surfaces, carried, parts, displacement, settings)) for parts in parted)
         sheets = [(parts, sheet) for parts, sheet in laid_out if sheet is not None]
         step, places, missing, crossed = _take_back([sheet for _, sheet in sheets], shape, settings)
         squares, n_edges = squares + missing**2 * crossed, n_edges + crossed
         displacement = follow_on(displacement, step) if number else step
-        vertices = _carry_back(vertices, step, sheets, places)
+        carried = _carry_back(carried, step, sheets, places)
     report("unfault", 1.0)
     missing = float(np.sqrt(squares / max(n_edges, 1)))
-    return UnfaultedPlaces(freeze(displacement), tuple(freeze(at) for at in vertices), missing)
+    return UnfaultedPlaces(freeze(displacement), tuple(freeze(vertices.at) for vertices in carried), missing)
 
 
 def is_taken_out(surface: FaultSurface, settings: UnfaultSettings) -> bool:
@@ -188,6 +194,22 @@ def _generations(surfaces: tuple[FaultSurface, ...], settings: UnfaultSettings) 
             fault = (surface.family, -1) if surface.family >= 0 else (-1, n)
             found.setdefault(surface.generation, {}).setdefault(fault, []).append(n)
     return [list(found[generation].values()) for generation in sorted(found)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Carried:
+    """Vertices (n, 3) of a surface where they lay before some faults moved, and whether that is sure of each.
+
+    Right beside a fault that was taken back it is not: between its walls there is no place to come from.
+    """
+
+    at: Float64Array
+    sure: BoolArray
+
+    @classmethod
+    def today(cls, surface: FaultSurface) -> _Carried:
+        """Return them as they lie today."""
+        return cls(surface.vertices.astype(np.float64), np.ones(len(surface.vertices), bool))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -215,20 +237,30 @@ class _SlipSheet:
 
 
 def _lay_out(
-    surfaces: Sequence[FaultSurface], vertices: Sequence[Float64Array], parts: Sequence[int], shape: tuple[int, ...],
+    surfaces: Sequence[FaultSurface], carried: Sequence[_Carried], parts: Sequence[int], displacement: Float32Array,
     settings: UnfaultSettings,
 ) -> _SlipSheet | None:  # fmt: skip
     """Nodes, slip and triangles of a fault carried on beyond its edge; None where nothing of it is left to lay out.
 
-    Its parts lie at these vertices.
+    Its parts lie where they are carried to, and the displacement takes places there to where they are today.
     """
+    sure = [carried[n].sure for n in parts]
     throw, normals = (
-        np.concatenate([getattr(surfaces[n], name) for n in parts]).astype(np.float64) for name in ("throw", "normals")
+        np.concatenate([getattr(surfaces[n], name)[kept] for n, kept in zip(parts, sure, strict=True)])
+        for name in ("throw", "normals")
     )
+    if not np.isfinite(throw).any():
+        return None
     beyond = settings.beyond + int(np.ceil(0.5 * np.nanmax(np.abs(throw))))
-    grid = grid_points(np.concatenate([vertices[n] for n in parts]), normals, throw, beyond=beyond)
+    at = np.concatenate([carried[n].at[kept] for n, kept in zip(parts, sure, strict=True)])
+    grid = grid_points(at, normals.astype(np.float64), throw.astype(np.float64), beyond=beyond)
+    # planes through the few places at an edge lead astray over so many traces
+    reached = np.isfinite(grid.w)
+    straight, _ = go_straight_on(grid.w, grid.inside & reached)
+    grid = replace(grid, w=np.where(reached, straight, np.nan))
     nodes, cells = grid.triangulate()
-    slip, normals = _slip_of(grid, _goes_on(grid, nodes, shape), surfaces[parts[0]].strike_share, settings)
+    going_on = _goes_on(grid, nodes, displacement)
+    slip, normals = _slip_of(grid, going_on, surfaces[parts[0]].strike_share, settings)
     usable: BoolArray = np.asarray(np.isfinite(nodes).all(axis=1) & np.isfinite(slip).all(axis=1))
     cells = cells[usable[cells].all(axis=1)]
     if not len(cells):
@@ -238,15 +270,30 @@ def _lay_out(
     return _SlipSheet(nodes[used], slip[used], normals[used], triangles, grid.w.shape, used)
 
 
-def _goes_on(grid: SurfaceGrid, nodes: Float64Array, shape: tuple[int, ...]) -> BoolArray:
-    """Tell which places of a grid its fault goes through: its surface's, and those where that leaves the cube."""
+def _goes_on(grid: SurfaceGrid, nodes: Float64Array, displacement: Float32Array) -> BoolArray:
+    """Tell which places of a grid its fault goes through.
+
+    They are those of its surface and its parts, of what lies between them, and those where it leaves the cube; the
+    nodes are where the displacement takes them from to today.
+    """
+    from skimage.morphology import isotropic_closing
+
+    today = nodes + _read(displacement, np.nan_to_num(nodes))
     with np.errstate(invalid="ignore"):
-        in_cube = ((nodes >= 0.0) & (nodes <= np.array(shape) - 1.0)).all(axis=1).reshape(grid.inside.shape)
+        in_cube = ((today >= 0.0) & (today <= np.array(displacement.shape[1:]) - 1.0)).all(axis=1)
+    in_cube = in_cube.reshape(grid.inside.shape)
+    whole: BoolArray = np.asarray(isotropic_closing(grid.inside, _HOLE))
     if not in_cube.any():
-        return grid.inside
+        return whole
     at_end = ndimage.distance_transform_edt(~in_cube, return_distances=False, return_indices=True)
-    near: BoolArray = np.asarray(ndimage.distance_transform_edt(~grid.inside)) <= _RIM
-    return np.asarray(grid.inside | (~in_cube & near[tuple(at_end)]))
+    near: BoolArray = np.asarray(ndimage.distance_transform_edt(~whole)) <= _RIM
+    return np.asarray(whole | (~in_cube & near[tuple(at_end)]))
+
+
+def _read(displacement: Float32Array, points: Float64Array) -> Float64Array:
+    """Displacement at points of shape (n, 3); off the grid that of its end."""
+    parts = [ndimage.map_coordinates(part, points.T, order=1, mode="nearest") for part in displacement]
+    return np.stack(parts, axis=1, dtype=np.float64)
 
 
 def _slip_of(
@@ -319,17 +366,24 @@ def _join(parts: list[tuple[Int64Array, Float64Array]]) -> tuple[Int64Array, Flo
 
 
 def _carry_back(
-    vertices: Sequence[Float64Array], step: Float32Array, sheets: Sequence[tuple[list[int], _SlipSheet]],
+    carried: Sequence[_Carried], step: Float32Array, sheets: Sequence[tuple[list[int], _SlipSheet]],
     places: Sequence[Float64Array],
-) -> list[Float64Array]:  # fmt: skip
+) -> list[_Carried]:  # fmt: skip
     """Where vertices lie once some faults are taken back: theirs go with their nodes, others with their wall."""
     moved = {n for parts, _ in sheets for n in parts}
-    carried = [at if n in moved else places_before(step, at) for n, at in enumerate(vertices)]
+    torn = [sheet.nodes[np.abs(sheet.slip).max(axis=1) > _TORN] for _, sheet in sheets]
+    torn_at = cKDTree(np.concatenate(torn)) if sheets else None
+    after = list(carried)
+    for n, (at, sure) in enumerate((vertices.at, vertices.sure) for vertices in carried):
+        if n not in moved and torn_at is not None and len(at):
+            clear = np.isinf(torn_at.query(at, distance_upper_bound=_BESIDE)[0])
+            after[n] = _Carried(places_before(step, at), sure & clear)
     for (parts, sheet), place in zip(sheets, places, strict=True):
         tree = cKDTree(sheet.nodes)
         for n in parts:
-            carried[n] = vertices[n] + (place - sheet.nodes)[tree.query(vertices[n])[1]]
-    return carried
+            at = carried[n].at
+            after[n] = replace(carried[n], at=at + (place - sheet.nodes)[tree.query(at)[1]])
+    return after
 
 
 def _follow(sheet: _SlipSheet, places: Float64Array, displacement: Float32Array, width: float) -> Float64Array:

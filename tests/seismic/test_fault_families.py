@@ -34,6 +34,15 @@ def test_what_covers_dips_otherwise_or_lies_far_off_is_of_another_family():
     assert find_families([], [], [], SETTINGS).tolist() == []
 
 
+def test_what_is_thrown_up_is_of_another_family_than_what_is_thrown_down():
+    first, second = in_parts()
+    for throw, together in ((10.0, True), (3.0, True), (-1.5, True), (-3.0, False), (-10.0, False)):
+        both = [first, replace(second, throw=np.full_like(second.throw, throw))]
+        assert families_of(both) == [0, 0 if together else 1]
+        # so small a part may have been matched a cycle off
+        assert families_of(both, [5000.0, 500.0]) == [0, 0]
+
+
 def test_one_part_carries_on_but_one_of_two_side_by_side():
     first, second = in_parts(heave=0.0)
     # the nearer of the two goes with the part that carries both on
