@@ -126,7 +126,7 @@ def test_the_order_of_the_sheets_does_not_matter():
 def test_parts_of_a_fault_are_matched_together():
     cube, (_, young) = crossed()
     # a strip too small to be matched by itself, whose throw seems to be another
-    pieces = [sheet_of(cube.faults == 2, 0, np.s_[:, part]) for part in (slice(0, 52), slice(56, 96))]
+    pieces = [sheet_of(cube.faults == 2, 0, np.s_[:, part]) for part in (slice(0, 52), slice(56, 76))]
     throws, read = measured([*pieces])
     throws[1] = replace(throws[1], throw=np.where(np.isfinite(throws[1].throw), np.float32(-9.0), np.float32(np.nan)))
     found = restore_throws(pieces, throws, read, NOWHERE, settings=SETTINGS, history=HistorySettings())
