@@ -11,6 +11,7 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array
+from seismo3d.features.inputs import Grey
 from seismo3d.features.matching import match
 from seismo3d.features.poses import fit_pose
 from seismo3d.features.solid import SolidSettings, describe_solid
@@ -111,12 +112,12 @@ def describing_cost(*, size: int = 128, n_points: int = 300, n_repeats: int = 5)
 
     cube = np.asarray(fault_cube("crossing", seed=3, shape=(size,) * 3).seismic)
     settings = SolidSettings(n_points=n_points)
-    n_found = len(describe_solid(cube, None, settings))
+    n_found = len(describe_solid(Grey(cube), settings))
     ratios = []
     for _ in range(n_repeats):
         start = time.process_time()
         ndimage.gaussian_filter(cube, 4)
         middle = time.process_time()
-        describe_solid(cube, None, settings)
+        describe_solid(Grey(cube), settings)
         ratios.append((time.process_time() - middle) / (middle - start))
     return float(np.median(ratios)), n_found

@@ -90,13 +90,14 @@ def cholesky_solve(H: Float64Array, b: Float64Array) -> None:
 
 @numba.njit(cache=True, nogil=True)
 def _normal_matrix(slopes: Float32Array, weight: Float32Array, normal: Float64Array) -> None:
-    for a in range(6):
+    n = normal.shape[0]
+    for a in range(n):
         for b in range(a + 1):
             total = np.float32(0.0)
             for i in range(weight.size):
                 total += weight[i] * slopes[a, i] * slopes[b, i]
             normal[a, b] = normal[b, a] = total
-    for a in range(6):
+    for a in range(n):
         normal[a, a] *= 1.001
 
 
@@ -155,11 +156,12 @@ def _track(
     weight: Float32Array,
     patch: Float32Array,
     slopes: Float32Array,
+    n_free: int,
     n_iterations: int,
     reach: float,
 ) -> float:
     """Move a pose until the patch there looks like the template; correlation, -1 where lost."""
-    normal, factor, step = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
+    normal, factor, step = np.empty((n_free, n_free)), np.empty((n_free, n_free)), np.zeros(6)
     residual = np.empty(weight.size, np.float32)
     _normal_matrix(slopes, weight, normal)
     half = 0.5 * grid.max()
@@ -173,13 +175,13 @@ def _track(
         correlation = _compare(values, layout, pose, grid, weight, patch, residual)
         if correlation < 0.0 or k == n_iterations:
             return correlation
-        for a in range(6):
+        for a in range(n_free):
             total = np.float32(0.0)
             for i in range(weight.size):
                 total += weight[i] * slopes[a, i] * residual[i]
             step[a] = total
         factor[:] = normal
-        cholesky_solve(factor, step)
+        cholesky_solve(factor, step[:n_free])
         if not _compose(pose, step):
             return -1.0
         moved = step[0] ** 2 + step[1] ** 2
@@ -202,12 +204,14 @@ def refine_affine(
     linear: Float64Array,
     grid: Float32Array,
     weight: Float32Array,
+    n_free: int,
     n_iterations: int,
     reach: float,
 ) -> Float64Array:
     """Move each source patch until it looks like the target's; correlation (n,), -1 where lost.
 
-    ``centre_s`` and ``linear`` (from target to source pixels, at the levels) are changed in place.
+    ``centre_s`` and ``linear`` (from target to source pixels, at the levels) are changed in place: the place alone
+    where two parameters are free, the shape too where all six are.
     """
     n, m = centre_t.shape[0], grid.shape[0]
     correlation = np.full(n, -1.0)
@@ -224,7 +228,7 @@ def refine_affine(
         pose[:2] = centre_s[p]
         pose[2:4], pose[4:] = linear[p, 0], linear[p, 1]
         layout = layout_s[level_s[p]]
-        correlation[p] = _track(values_s, layout, pose, grid, weight, patch, slopes, n_iterations, reach)
+        correlation[p] = _track(values_s, layout, pose, grid, weight, patch, slopes, n_free, n_iterations, reach)
         centre_s[p] = pose[:2]
         linear[p, 0], linear[p, 1] = pose[2:4], pose[4:]
     return correlation

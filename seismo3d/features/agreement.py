@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array, Int64Array
 from seismo3d.features import _kernels_agreement
+from seismo3d.features.homography import stretch
 from seismo3d.features.pairs import Pairs
 
 # places apart from each other at which there are enough: the rest need not be asked
@@ -96,3 +98,29 @@ def count_apart(points: Float64Array, reach: Float64Array) -> int:
             if n_taken >= _MANY:
                 break
     return n_taken
+
+
+def count_witnesses(pairs: Pairs, reach: Float64Array, *, slack: float, growth: float) -> Int64Array:
+    """Count, for each match, the witnesses of the motion that it is part of: matches that agree, step by step.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Matches.
+    reach : ndarray of shape (n,), float64
+        Target pixels within which a match and another are one witness.
+    slack, growth : float
+        Two agree that lie where each other's affine map says, but for ``slack`` target pixels and this share of their
+        distance.
+
+    Returns
+    -------
+    ndarray of shape (n,), int64
+    """
+    apart = pairs.target[None] - pairs.target[:, None]
+    said = pairs.source[:, None] + np.einsum("nij,nmj->nmi", pairs.linear, apart)
+    allowed = (slack + growth * np.linalg.norm(apart, axis=2)) * stretch(pairs)[:, None]
+    agree = np.linalg.norm(said - pairs.source[None], axis=2) <= allowed
+    _, part = connected_components(agree & agree.T, directed=False)
+    counts = [count_apart(pairs.target[part == k], reach[part == k]) for k in range(part.max(initial=-1) + 1)]
+    return np.asarray(counts, dtype=np.int64)[part]

@@ -10,7 +10,6 @@ from seismo3d._validate import as_whole_number, freeze
 from seismo3d.features.inputs import as_grey, as_grid
 from seismo3d.features.planar import ImageFeatures, PlanarSettings, describe_image
 from seismo3d.features.solid import SolidFeatures, SolidSettings, describe_solid
-from seismo3d.features.views import GreyImage
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,11 +83,11 @@ def described(values: Any, name: str, mask: ArrayLike | None, n_points: int | No
         return values
     grid = as_grid(values, name)
     n = (500 if grid.ndim == 2 else 300) if n_points is None else as_count(n_points)
-    grey, valid = as_grey(grid, mask, name)
+    grey = as_grey(grid, mask, name)
     if grid.ndim == 3:
-        solid = describe_solid(grey, valid, SolidSettings(n_points=n))
+        solid = describe_solid(grey, SolidSettings(n_points=n))
         return Features(freeze(solid.corners.points.copy()), n, solid)
-    planar = describe_image(GreyImage(grey, valid), PlanarSettings(n_points=n))
+    planar = describe_image(grey, PlanarSettings(n_points=n))
     return Features(freeze(planar.view.keypoints.points.copy()), n, planar)
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array, Int64Array
-from seismo3d.features.agreement import N_ASKED, count_agreeing, keep_distinct, local_misfit
+from seismo3d.features.agreement import N_ASKED, count_agreeing, count_witnesses, keep_distinct, local_misfit
+from seismo3d.features.homography import fit_plane, stretch
 from seismo3d.features.keypoints import Keypoints
 from seismo3d.features.pairs import Pairs
 from seismo3d.features.pyramid import ImagePyramid
@@ -28,10 +29,19 @@ def refine_pairs(
     *,
     reach: float = 3.0,
     n_iterations: int = 8,
+    holds_shape: bool = False,
 ) -> Pairs:
     """Refine all matches; ``level`` is the target pyramid's at which each is compared."""
     points, linear, correlation = refine_matches(
-        target, source, pairs.target, level, pairs.source, pairs.linear, reach=reach, n_iterations=n_iterations
+        target,
+        source,
+        pairs.target,
+        level,
+        pairs.source,
+        pairs.linear,
+        reach=reach,
+        n_iterations=n_iterations,
+        holds_shape=holds_shape,
     )
     return Pairs(pairs.row, pairs.target, points, linear, correlation)
 
@@ -87,7 +97,13 @@ def _change_of_shape(before: Pairs, after: Pairs) -> Float64Array:
 
 
 def polish_pairs(
-    target: ImagePyramid, source: ImagePyramid, keypoints: Keypoints, pairs: Pairs, *, min_correlation: float
+    target: ImagePyramid,
+    source: ImagePyramid,
+    keypoints: Keypoints,
+    pairs: Pairs,
+    *,
+    min_correlation: float,
+    holds_shape: bool = False,
 ) -> Pairs:
     """Refine matches found on coarse levels again on finer ones, where the finer patches are alike too."""
     level = keypoints.level[pairs.row].astype(np.int64)
@@ -97,7 +113,15 @@ def polish_pairs(
         if rows.size == 0:
             break
         pairs, alike = _refine_rows(
-            target, source, pairs, rows, finer[rows], min_correlation, reach=1.5, n_iterations=4
+            target,
+            source,
+            pairs,
+            rows,
+            finer[rows],
+            min_correlation,
+            reach=1.5,
+            n_iterations=4,
+            holds_shape=holds_shape,
         )
         level[alike] = finer[alike]
     return pairs
@@ -130,9 +154,11 @@ def _refine_rows(
     *,
     reach: float = 3.0,
     n_iterations: int = 8,
+    holds_shape: bool = False,
 ) -> tuple[Pairs, Int64Array]:
     """Return all matches, those of some rows refined where the patches are alike then, and which rows these are."""
-    again = refine_pairs(target, source, level, pairs.take(rows), reach=reach, n_iterations=n_iterations)
+    some = pairs.take(rows)
+    again = refine_pairs(target, source, level, some, reach=reach, n_iterations=n_iterations, holds_shape=holds_shape)
     good = again.correlation >= min_correlation
     rows, again = rows[good], again.take(good)
     points, linear, correlation = pairs.source.copy(), pairs.linear.copy(), pairs.correlation.copy()
@@ -140,13 +166,16 @@ def _refine_rows(
     return Pairs(pairs.row, pairs.target, points, linear, correlation), rows
 
 
-def check_pairs(pairs: Pairs, *, min_agreeing: int, max_misfit: float) -> Pairs:
+def check_pairs(pairs: Pairs, reach: Float64Array, *, min_agreeing: int, max_misfit: float) -> Pairs:
     """Keep matches that their neighbours agree with, more closely so off the plane that most of a scene may be.
 
     Parameters
     ----------
     pairs : Pairs
         Matches.
+    reach : ndarray of shape (n,), float64
+        Target pixels within which a match and another are one witness: their patches overlap. Layers and textures that
+        repeat are alike all over one patch; matches off the plane need as many witnesses as agreeing neighbours.
     min_agreeing : int
         At least so many neighbours, and a quarter of those asked, agree.
     max_misfit : float
@@ -156,14 +185,19 @@ def check_pairs(pairs: Pairs, *, min_agreeing: int, max_misfit: float) -> Pairs:
     -------
     Pairs
     """
-    pairs = pairs.take(_agreed(pairs, min_agreeing, 0.25, slack=2.0, growth=0.1) & keep_distinct(pairs))
-    pairs = pairs.take(local_misfit(pairs) <= max_misfit * _stretch(pairs))
+    agreed = _agreed(pairs, min_agreeing, 0.25, slack=2.0, growth=0.1) & keep_distinct(pairs)
+    pairs, reach = pairs.take(agreed), reach[agreed]
+    even = local_misfit(pairs) <= max_misfit * stretch(pairs)
+    pairs, reach = pairs.take(even), reach[even]
     off = _off_plane(pairs, max_misfit)
     if off.any():
         strict = _agreed(pairs, min_agreeing, 0.5, slack=1.0, growth=0.04) & (
-            local_misfit(pairs) <= 0.4 * max_misfit * _stretch(pairs)
+            local_misfit(pairs) <= 0.4 * max_misfit * stretch(pairs)
         )
-        pairs = pairs.take(strict | ~off)
+        rows = np.flatnonzero(off & strict)
+        vouched = count_witnesses(pairs.take(rows), reach[rows], slack=2.0, growth=0.1) >= min_agreeing
+        off[rows[vouched]] = False
+        pairs = pairs.take(~off)
     return pairs
 
 
@@ -172,20 +206,9 @@ def _agreed(pairs: Pairs, min_agreeing: int, share: float, *, slack: float, grow
     return np.asarray(count_agreeing(pairs, slack=slack, growth=growth) >= max(min_agreeing, share * n_asked))
 
 
-def _stretch(pairs: Pairs) -> Float64Array:
-    return np.asarray(np.sqrt(np.maximum(np.abs(np.linalg.det(pairs.linear)), 1.0)))
-
-
 def _off_plane(pairs: Pairs, distance: float) -> BoolArray:
     """Say which matches are off the homography that most follow; none where there is no such."""
-    import cv2
-
-    none = np.zeros(len(pairs), dtype=np.bool_)
-    if len(pairs) < 12:
-        return none
-    H, _ = cv2.findHomography(pairs.target, pairs.source, cv2.USAC_DEFAULT, distance, maxIters=500, confidence=0.99)
-    if H is None:
-        return none
-    carried = np.column_stack([pairs.target, np.ones(len(pairs))]) @ H.T
-    off = np.linalg.norm(carried[:, :2] / carried[:, 2:] - pairs.source, axis=1) > distance * _stretch(pairs)
-    return np.asarray(off) if off.mean() <= 0.25 else none
+    fitted = fit_plane(pairs, distance)
+    if fitted is None or fitted[1].mean() < 0.75:
+        return np.zeros(len(pairs), dtype=np.bool_)
+    return np.asarray(~fitted[1])

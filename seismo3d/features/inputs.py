@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import AnyArray, ArrayLike, BoolArray, Float32Array
+from seismo3d._typing import AnyArray, ArrayLike, BoolArray, Float32Array, Float64Array
 from seismo3d.errors import ShapeError
 
 MIN_SIDE = 16
@@ -15,6 +17,9 @@ MIN_SIDE = 16
 
 _LIMIT = 2000.0
 """Grey levels beyond this, twelve times the spread, are spikes and cut off."""
+
+# pixels (standard deviation) of the surroundings that tell what is missing, and share of them that must be known
+_SURROUNDINGS, _LEAST_SHARE = 1.0, 0.5
 
 
 def as_grid(values: Any, name: str) -> AnyArray:
@@ -45,8 +50,36 @@ def as_grid(values: Any, name: str) -> AnyArray:
     return grid
 
 
-def as_grey(grid: AnyArray, mask: ArrayLike | None, name: str) -> tuple[Float32Array, BoolArray | None]:
-    """Scale a grid to a spread of 160 grey levels; say where it has data, or None where it has everywhere.
+@dataclass(frozen=True, slots=True, eq=False)
+class Grey:
+    """Grey levels of an image or a volume.
+
+    Attributes
+    ----------
+    values : ndarray of float32
+        Of a spread of 160; zero if nothing varies. Filled where missing.
+    known : ndarray of bool, optional
+        Where there is data: matches lie there. None stands for everywhere.
+    valid : ndarray of bool, optional
+        Where grey levels may be compared: on data, and where so little is missing that what lies around tells it.
+    """
+
+    values: Float32Array
+    known: BoolArray | None = None
+    valid: BoolArray | None = None
+
+    def is_known(self, points: Float64Array) -> BoolArray:
+        """Say which points of an image (n, 2), (column, row), lie on its data."""
+        last = np.array(self.values.shape[::-1]) - 1
+        inside = ((points >= 0.0) & (points <= last)).all(axis=1)
+        if self.known is None:
+            return np.asarray(inside)
+        x, y = np.clip(np.rint(points).astype(np.int64), 0, last).T
+        return np.asarray(inside & self.known[y, x])
+
+
+def as_grey(grid: AnyArray, mask: ArrayLike | None, name: str) -> Grey:
+    """Scale a grid to a spread of 160 grey levels, and fill what is missing.
 
     Parameters
     ----------
@@ -59,44 +92,53 @@ def as_grey(grid: AnyArray, mask: ArrayLike | None, name: str) -> tuple[Float32A
 
     Returns
     -------
-    grey : ndarray of float32
-        Missing places are filled from the nearest data. All zero if nothing varies.
-    valid : ndarray of bool or None
+    Grey
 
     Raises
     ------
     ShapeError
         If the mask's shape differs from the grid's.
     """
-    valid = np.isfinite(grid) if grid.dtype.kind == "f" else None
+    known = np.isfinite(grid) if grid.dtype.kind == "f" else None
     if mask is not None:
         given = np.asarray(mask)
         if given.shape != grid.shape:
             raise ShapeError(f"mask of {name} has shape {given.shape}; expected that of {name}, {grid.shape}.")
-        valid = given.astype(np.bool_) if valid is None else valid & given.astype(np.bool_)
-    if valid is not None and valid.all():
-        valid = None
-    known = grid if valid is None else grid[valid]
-    if known.size == 0:
-        return np.zeros(grid.shape, np.float32), valid
-    sample = known.ravel()[:: max(1, known.size // 20_000)].astype(np.float64)
+        known = given.astype(np.bool_) if known is None else known & given.astype(np.bool_)
+    if known is not None and known.all():
+        known = None
+    there = grid if known is None else grid[known]
+    if there.size == 0:
+        return Grey(np.zeros(grid.shape, np.float32), known, known)
+    sample = there.ravel()[:: max(1, there.size // 20_000)].astype(np.float64)
     low, high = (float(v) for v in np.percentile(sample, [0.5, 99.5]))
     if high <= low:
-        low, high = float(known.min()), float(known.max())
+        low, high = float(there.min()), float(there.max())
     factor = 160.0 / (high - low) if high > low else 0.0
     if not np.isfinite(factor) or factor == 0.0:
-        return np.zeros(grid.shape, np.float32), valid
+        return Grey(np.zeros(grid.shape, np.float32), known, known)
     centred = grid.astype(np.float64) if grid.dtype == np.float64 else grid.astype(np.float32)
-    if valid is not None:
-        centred = _filled(centred, valid)
     centred = centred - centred.dtype.type(low)
     centred *= centred.dtype.type(factor)
-    return np.clip(centred, -_LIMIT, _LIMIT).astype(np.float32), valid
+    grey = np.clip(centred, -_LIMIT, _LIMIT).astype(np.float32)
+    if known is None:
+        return Grey(grey)
+    filled, valid = _filled(grey, known)
+    return Grey(filled, known, valid)
 
 
-def _filled(grid: AnyArray, valid: BoolArray) -> AnyArray:
-    """Copy the nearest valid value to where there is none."""
-    from scipy.ndimage import distance_transform_edt
+def _filled(grey: Float32Array, known: BoolArray) -> tuple[Float32Array, BoolArray]:
+    """Fill what is missing: with the mean of its surroundings where enough of them is known, else with the nearest.
 
+    The second array says where grey levels stand for data: a dead pixel or trace is told by those around it, and
+    windows may look at it; a hole is not.
+    """
+    from scipy.ndimage import distance_transform_edt, gaussian_filter
+
+    smooth = partial(gaussian_filter, sigma=_SURROUNDINGS, mode="nearest", truncate=3.0)
+    share = smooth(known.astype(np.float32))
+    valid = known | (share >= _LEAST_SHARE)
+    mean = smooth(np.where(known, grey, np.float32(0.0))) / np.maximum(share, _LEAST_SHARE)
+    filled = np.where(known, grey, mean)
     nearest = distance_transform_edt(~valid, return_distances=False, return_indices=True)
-    return np.asarray(grid[tuple(nearest)])
+    return np.asarray(filled[tuple(nearest)]), np.asarray(valid)

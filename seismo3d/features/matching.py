@@ -80,7 +80,8 @@ def match(
     ----------
     target, source : array_like, DataArray, Scan or Features
         Both images (rows, columns), grey or colour, or both volumes (inline, crossline, sample), each side 16 or
-        longer. NaN counts as missing. What is matched often is best given as :func:`seismo3d.describe` makes it.
+        longer. NaN counts as missing: no match lies there, and windows look across single pixels or traces of it. What
+        is matched often is best given as :func:`seismo3d.describe` makes it.
     mask_target, mask_source : array_like of bool, optional
         True where there is data: dead traces and missing depth are left out by False.
     n_points : int, optional

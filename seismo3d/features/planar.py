@@ -6,16 +6,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from seismo3d._typing import BoolArray, Float64Array
+from seismo3d._typing import Float64Array
 from seismo3d.features.agreement import count_agreeing, count_apart
 from seismo3d.features.cyclic import Comparison, compare_descriptors
 from seismo3d.features.descriptors import WindowLayout
 from seismo3d.features.epipolar import count_on_plane
 from seismo3d.features.growth import check_pairs, grow_pairs, polish_pairs, refine_pairs
+from seismo3d.features.inputs import Grey
 from seismo3d.features.pairs import Pairs, best_per_row, no_pairs
 from seismo3d.features.parallax import match_in_depth
+from seismo3d.features.planes import settle_on_plane
 from seismo3d.features.tilts import tilted_views
-from seismo3d.features.views import GreyImage, View, describe_view, pick_pairs
+from seismo3d.features.views import View, describe_view, pick_pairs
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,14 +68,14 @@ _COMPRESSIONS = (2.0, 3.4)
 class ImageFeatures:
     """An image, described: it can be matched to many others."""
 
-    image: GreyImage
+    image: Grey
     view: View
 
     def __len__(self) -> int:
         return len(self.view.keypoints.points)
 
 
-def describe_image(image: GreyImage, settings: PlanarSettings) -> ImageFeatures:
+def describe_image(image: Grey, settings: PlanarSettings) -> ImageFeatures:
     """Detect and describe the points of a grey image with a spread of about 160 grey levels."""
     return ImageFeatures(image, _view(image, settings))
 
@@ -98,16 +100,22 @@ def match_images(target: ImageFeatures, source: ImageFeatures, settings: PlanarS
     if settings.tilts != "always":
         found = _refined(first, second, _picked(first, second, compared, settings), settings)
         seeds = _agreeing(found, settings)
-        pairs, in_depth = _matches_from(first, second, compared, found, seeds, settings)
+        pairs, in_depth = _matches_from(first, second, source.image, compared, found, seeds, settings)
         enough = len(pairs if in_depth else seeds) >= settings.enough
     if settings.tilts == "always" or (settings.tilts == "auto" and not enough):
         found, seeds = _seeds_by_tilts(target, source, compared, settings)
-        pairs, _ = _matches_from(first, second, compared, found, seeds, settings)
-    return pairs.take(_on_data(pairs, source.image))
+        pairs, _ = _matches_from(first, second, source.image, compared, found, seeds, settings)
+    return pairs.take(target.image.is_known(pairs.target) & source.image.is_known(pairs.source))
 
 
 def _matches_from(
-    first: View, second: View, compared: Comparison, found: Pairs, seeds: Pairs, settings: PlanarSettings
+    first: View,
+    second: View,
+    source: Grey,
+    compared: Comparison,
+    found: Pairs,
+    seeds: Pairs,
+    settings: PlanarSettings,
 ) -> tuple[Pairs, bool]:
     """All matches that first ones lead to, by their neighbours or along lines; and whether it was along lines."""
     if _witnesses(first, seeds) <= settings.min_agreeing:
@@ -130,11 +138,23 @@ def _matches_from(
     pairs = grow_pairs(first.pyramid, second.pyramid, first.keypoints, seeds, min_correlation=alike)
     pairs = pairs.take(pairs.row >= 0)
     pairs = polish_pairs(first.pyramid, second.pyramid, first.keypoints, pairs, min_correlation=settings.min_grown)
-    pairs = check_pairs(pairs, min_agreeing=settings.min_agreeing + 1, max_misfit=settings.max_misfit)
-    return (others, True) if len(others) > len(pairs) else (pairs, False)
+    reach = _patch_reach(first, pairs)
+    pairs = check_pairs(pairs, reach, min_agreeing=settings.min_agreeing + 1, max_misfit=settings.max_misfit)
+    if len(others) > len(pairs):
+        return others, True
+    pairs = settle_on_plane(
+        first,
+        second,
+        source,
+        pairs,
+        distance=settings.max_misfit,
+        share=settings.plane_share,
+        min_correlation=settings.min_grown,
+    )
+    return pairs, False
 
 
-def _view(image: GreyImage, settings: PlanarSettings, A: Float64Array | None = None) -> View:
+def _view(image: Grey, settings: PlanarSettings, A: Float64Array | None = None) -> View:
     return describe_view(image, n_points=settings.n_points, n_levels=settings.n_levels, layout=settings.layout, A=A)
 
 
@@ -152,13 +172,17 @@ def _refined(first: View, second: View, pairs: Pairs, settings: PlanarSettings) 
 
 
 def _witnesses(first: View, pairs: Pairs) -> int:
-    """Count matches whose patches, at the coarser of the levels that fit, do not overlap much."""
-    order = np.argsort(-pairs.correlation, kind="stable")
-    pairs = pairs.take(order)
+    """Count matches whose patches do not overlap much, the most alike first."""
+    pairs = pairs.take(np.argsort(-pairs.correlation, kind="stable"))
+    return count_apart(pairs.target, _patch_reach(first, pairs))
+
+
+def _patch_reach(first: View, pairs: Pairs) -> Float64Array:
+    """Target pixels within which patches overlap much, at the coarser of the levels that fit."""
     shrink = np.sqrt(np.abs(np.linalg.det(pairs.linear)))  # source pixels to a target pixel
     fine = np.maximum(1.0, 1.0 / np.maximum(shrink, 1e-6))  # a source without finer levels is compared on coarser ones
     level = np.where(pairs.row >= 0, first.keypoints.level[pairs.row], 0)
-    return count_apart(pairs.target, 6.0 * np.maximum(first.pyramid.size[level, 0], fine))
+    return np.asarray(6.0 * np.maximum(first.pyramid.size[level, 0], fine))
 
 
 def _agreeing(pairs: Pairs, settings: PlanarSettings) -> Pairs:
@@ -176,14 +200,14 @@ def _seeds_by_tilts(
     found = _refined(first, second, _picked(first, second, compared, settings), settings)
     seeds = no_pairs()
     for compression in _COMPRESSIONS:
-        for tilted in tilted_views(target.image.grey, target.image.valid, compression=compression):
-            view = _view(GreyImage(tilted.image, tilted.valid), settings, tilted.A)
+        for tilted in tilted_views(target.image.values, target.image.valid, compression=compression):
+            view = _view(Grey(tilted.image, tilted.valid, tilted.valid), settings, tilted.A)
             pairs = _to_full(_compared(view, second, settings), view.A, np.eye(2, 3))
             hints = refine_pairs(first.pyramid, second.pyramid, view.keypoints.level[pairs.row], pairs)
             hints = hints.take(hints.correlation >= settings.min_correlation)
             found = found.join(hints.with_row(-1))
-        for tilted in tilted_views(source.image.grey, source.image.valid, compression=compression):
-            view = _view(GreyImage(tilted.image, tilted.valid), settings, tilted.A)
+        for tilted in tilted_views(source.image.values, source.image.valid, compression=compression):
+            view = _view(Grey(tilted.image, tilted.valid, tilted.valid), settings, tilted.A)
             pairs = _to_full(_compared(first, view, settings), np.eye(2, 3), view.A)
             found = found.join(_refined(first, second, pairs, settings))
         seeds = _agreeing(best_per_row(_agreeing(found, settings)), settings)
@@ -199,13 +223,3 @@ def _to_full(pairs: Pairs, A_target: Float64Array, A_source: Float64Array) -> Pa
     source = (pairs.source - A_source[:, 2]) @ back_s.T
     linear = back_s @ pairs.linear @ A_target[:, :2]
     return Pairs(pairs.row, target, source, linear, pairs.correlation)
-
-
-def _on_data(pairs: Pairs, image: GreyImage) -> BoolArray:
-    """Say which matches lie on the source's data."""
-    last = np.array(image.grey.shape[::-1]) - 1
-    inside = ((pairs.source >= 0.0) & (pairs.source <= last)).all(axis=1)
-    if image.valid is None:
-        return np.asarray(inside)
-    x, y = np.clip(np.rint(pairs.source).astype(np.int64), 0, last).T
-    return np.asarray(inside & image.valid[y, x])

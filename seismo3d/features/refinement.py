@@ -30,6 +30,7 @@ def refine_matches(
     radius: int = 8,
     n_iterations: int = 8,
     reach: float = 3.0,
+    holds_shape: bool = False,
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
     r"""Refine matches by affine least squares between normalised patches (inverse compositional Gauss-Newton).
 
@@ -49,6 +50,9 @@ def refine_matches(
         At most so many steps.
     reach : float
         A match that moves further than this, in the source level's pixels, is lost.
+    holds_shape : bool
+        Whether ``linear`` is known and the patch is only moved: a blur of one image passes for a change of size where
+        that is free, and draws the place along.
 
     Returns
     -------
@@ -79,6 +83,7 @@ def refine_matches(
         local,
         grid,
         weight,
+        2 if holds_shape else 6,
         n_iterations,
         reach,
     )

@@ -9,6 +9,7 @@ from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
 from seismo3d.features.cyclic import compare_descriptors, pick_matches
+from seismo3d.features.inputs import Grey
 from seismo3d.features.poses import Pose, agree_on_pose, refine_pose
 from seismo3d.features.spheres import SphereLayout, VolumePoints, describe_corners, detect_corners, flip_frames
 
@@ -68,7 +69,7 @@ class SolidFeatures:
     """A volume, described: smoothed amplitudes, where there is data, corners, and descriptors for both axis signs."""
 
     volume: Float32Array
-    valid: BoolArray | None
+    known: BoolArray | None
     corners: VolumePoints
     descriptors: Float32Array
     flipped: Float32Array
@@ -77,11 +78,11 @@ class SolidFeatures:
         return len(self.corners)
 
 
-def describe_solid(volume: Float32Array, valid: BoolArray | None, settings: SolidSettings) -> SolidFeatures:
+def describe_solid(grey: Grey, settings: SolidSettings) -> SolidFeatures:
     """Smooth a volume, detect its corners and describe them for both signs of their axes."""
-    smooth = smooth_volume(volume, settings.smoothing)
-    corners = detect_corners(smooth, valid, n_points=settings.n_points)
-    return SolidFeatures(smooth, valid, corners, *describe_corners(smooth, valid, corners, settings.layout))
+    smooth = smooth_volume(grey.values, settings.smoothing)
+    corners = detect_corners(smooth, grey.valid, n_points=settings.n_points)
+    return SolidFeatures(smooth, grey.known, corners, *describe_corners(smooth, grey.valid, corners, settings.layout))
 
 
 def match_volumes(target: SolidFeatures, source: SolidFeatures, settings: SolidSettings) -> SolidMatches:
@@ -128,14 +129,14 @@ def _matches_at(
     pose, correlation, shift = refine_pose(first, second, points, pose)
     places = pose.to_source(points - shift)
     good = (correlation >= settings.min_correlation) & (np.linalg.norm(shift, axis=1) <= settings.max_shift)
-    good &= _on_data(points, target.valid) & _on_data(places, source.valid)
+    good &= _on_data(points, target.known) & _on_data(places, source.known)
     if good.sum() < settings.min_inliers:
         return nothing
     return SolidMatches(points[good], places[good], correlation[good], pose.R)
 
 
-def _on_data(points: Float64Array, valid: BoolArray | None) -> AnyArray:
-    if valid is None:
+def _on_data(points: Float64Array, known: BoolArray | None) -> AnyArray:
+    if known is None:
         return np.ones(len(points), dtype=np.bool_)
-    at = np.clip(np.rint(points).astype(np.int64), 0, np.array(valid.shape) - 1)
-    return valid[tuple(at.T)]
+    at = np.clip(np.rint(points).astype(np.int64), 0, np.array(known.shape) - 1)
+    return known[tuple(at.T)]

@@ -9,17 +9,10 @@ import numpy as np
 from seismo3d._typing import BoolArray, Float32Array, Float64Array
 from seismo3d.features.cyclic import Comparison, pick_matches
 from seismo3d.features.descriptors import WindowLayout, describe_points
+from seismo3d.features.inputs import Grey
 from seismo3d.features.keypoints import Keypoints, detect_keypoints
 from seismo3d.features.pairs import Pairs
 from seismo3d.features.pyramid import ImagePyramid, build_pyramid
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GreyImage:
-    """Grey levels (rows, columns), and where there is data; None stands for everywhere."""
-
-    grey: Float32Array
-    valid: BoolArray | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,10 +26,10 @@ class View:
 
 
 def describe_view(
-    image: GreyImage, *, n_points: int, n_levels: int, layout: WindowLayout, A: Float64Array | None = None
+    image: Grey, *, n_points: int, n_levels: int, layout: WindowLayout, A: Float64Array | None = None
 ) -> View:
     """Build the pyramid of an image, detect its points and describe them."""
-    pyramid = build_pyramid(image.grey, image.valid, n_levels=n_levels)
+    pyramid = build_pyramid(image.values, image.valid, n_levels=n_levels)
     keypoints = detect_keypoints(pyramid, n_points=n_points)
     return View(pyramid, keypoints, describe_points(pyramid, keypoints, layout), np.eye(2, 3) if A is None else A)
 

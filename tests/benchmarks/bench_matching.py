@@ -12,6 +12,7 @@ from scipy import ndimage
 
 from seismo3d.experiments.matching_speed import RADII, standard_pair
 from seismo3d.features import _kernels
+from seismo3d.features.inputs import Grey
 from seismo3d.features.matching import match
 from seismo3d.features.solid import SolidSettings, describe_solid
 from seismo3d.features.windows import slide_window, window_half_widths
@@ -62,7 +63,7 @@ def cube():
 @pytest.mark.benchmark(group="128^3 cube")
 def test_describe_volume(benchmark, cube):
     def describe():
-        return describe_solid(cube, None, SolidSettings()).corners
+        return describe_solid(Grey(cube), SolidSettings()).corners
 
     assert len(benchmark(describe)) == 300
 

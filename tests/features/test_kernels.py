@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from seismo3d.features import _kernels, _kernels_agreement, _kernels_volume, cyclic
-from seismo3d.features.agreement import count_apart
+from seismo3d.features.agreement import count_apart, count_witnesses
 from seismo3d.features.descriptors import WindowLayout, describe_points
 from seismo3d.features.gradients import central_differences, quantise_gradients
 from seismo3d.features.keypoints import Keypoints, detect_keypoints
+from seismo3d.features.pairs import Pairs, no_pairs
 from seismo3d.features.pyramid import build_pyramid
 from seismo3d.features.refinement import refine_matches
 from seismo3d.features.windows import _edge_taps, histogram_map, slide_window
@@ -155,6 +156,18 @@ def test_refinement_recovers_an_affine_map(rng):
     assert (correlation > 0.98).all()
 
 
+def test_refinement_moves_a_patch_whose_shape_is_known(rng):
+    from scipy.ndimage import gaussian_filter, shift
+
+    image = (gaussian_filter(rng.normal(size=(120, 120)), 2.5) * 300 + 100).astype(np.float32)
+    source = shift(image, (0.4, -0.3), order=3).astype(np.float32)  # (row, column)
+    pyramids = [build_pyramid(i, None, n_levels=1) for i in (image, source)]
+    points, start = np.array([[60.0, 60.0], [52.0, 70.0], [75.0, 55.0]]), np.repeat(np.eye(2)[None], 3, axis=0)
+    moved, linear, _ = refine_matches(*pyramids, points, np.zeros(3, int), points + 0.5, start, holds_shape=True)
+    np.testing.assert_array_equal(linear, start)
+    np.testing.assert_allclose(moved, points + np.array([-0.3, 0.4]), atol=0.06)  # sampled linearly
+
+
 def test_refinement_says_what_it_lost(rng):
     pyramids = [build_pyramid(rng.normal(100, 30, (60, 60)).astype(np.float32), None, n_levels=1) for _ in range(2)]
     start = np.array([[30.0, 30.0], [1.0, 1.0]])
@@ -193,3 +206,16 @@ def test_overlapping_patches_are_one_witness():
     assert count_apart(points, np.full(4, 0.5)) == 4
     assert count_apart(points, np.full(4, 100.0)) == 1
     assert count_apart(points[:0], np.empty(0)) == 0
+
+
+def test_patches_that_overlap_are_one_witness_of_a_motion():
+    def moved(places, shift):
+        places = np.array(places, dtype=float)
+        same = np.repeat(np.eye(2)[None], len(places), axis=0)
+        return Pairs(np.arange(len(places)), places, places + shift, same, np.ones(len(places)))
+
+    clump = moved([[10.0 + k, 20.0] for k in range(6)], [40.0, 0.0])
+    spread = moved([[30.0 * k, 100.0] for k in range(5)], [0.0, -25.0])
+    witnesses = count_witnesses(clump.join(spread), np.full(11, 8.0), slack=2.0, growth=0.1)
+    np.testing.assert_array_equal(witnesses, [1] * 6 + [5] * 5)
+    assert len(count_witnesses(no_pairs(), np.empty(0), slack=2.0, growth=0.1)) == 0

@@ -134,6 +134,30 @@ def test_missing_data_is_left_out(photo):
     assert (errors(found, A) < 3.0).mean() > 0.98
 
 
+@pytest.mark.parametrize("share", [0.05, 0.2])
+def test_scattered_missing_pixels_are_told_by_those_around(photo, rng, share):
+    A = about_centre(photo.shape, 25.0)
+    target, source = warped(photo, A).astype(np.float32), photo.astype(np.float32)
+    for image in (target, source):
+        image[rng.random(image.shape) < share] = np.nan
+    found = match(target, source, n_points=300)
+    assert len(found) > 100
+    assert errors(found, A).max() < 2.0
+    assert np.median(errors(found, A)) < MEDIAN_ERROR
+    for image, points in ((target, found.points_target), (source, found.points_source)):
+        x, y = np.rint(points).astype(int).T
+        assert np.isfinite(image[y, x]).all()
+
+
+@pytest.mark.parametrize("sigma", [1.0, 2.0])
+def test_a_blur_is_no_change_of_size(photo, sigma):
+    found = match(cv2.GaussianBlur(photo, (0, 0), sigma), photo)
+    assert len(found) > 200
+    assert np.abs(np.log(found.scale)).max() < 0.15
+    # The corner of a blurred patch lies a fraction of the blur's width further in.
+    assert np.median(np.linalg.norm(found.points_target - found.points_source, axis=1)) < 0.3 * sigma
+
+
 def test_mask_equals_nan(photo):
     other = warped(photo, about_centre(photo.shape, 25.0)).astype(np.float32)
     live = np.ones(photo.shape, dtype=bool)
