@@ -10,8 +10,6 @@ from seismo3d._typing import Float32Array, Float64Array, Int64Array
 from seismo3d.geometry.voxels import VoxelMap
 from seismo3d.registration import _kernels_shape as kernels
 
-RADII = (5.0, 10.0)
-"""Radii of the descriptors, in voxels."""
 N_DRAWS = 200_000
 MAX_POSES = 20_000
 BEST = 3
@@ -19,7 +17,7 @@ BEST = 3
 
 
 def poses_by_shape(
-    target: VoxelMap, source: VoxelMap, *, n_poses: int, seed: int = 0
+    target: VoxelMap, source: VoxelMap, *, radii: tuple[float, float], n_poses: int, seed: int = 0
 ) -> list[tuple[Float64Array, Float64Array]]:
     """Return the likeliest poses (A, t) of the source, best first, no two alike.
 
@@ -27,6 +25,8 @@ def poses_by_shape(
     ----------
     target, source : VoxelMap
         A level of a thousand or a few thousand elements.
+    radii : tuple of float
+        Of the descriptors, in voxels: what lies farther does not disturb, noise counts for less the more lies within.
     n_poses : int
         Most poses to return.
     seed : int
@@ -37,8 +37,8 @@ def poses_by_shape(
     list of (A, t)
         In the maps' frame; empty where shapes do not tell.
     """
-    rows_t, table_t = describe(target)
-    rows_s, table_s = describe(source)
+    rows_t, table_t = describe(target, radii)
+    rows_s, table_s = describe(source, radii)
     if len(rows_t) < 8 or len(rows_s) < 8:
         return []
     pairs = match_descriptors(table_t, table_s)
@@ -56,7 +56,7 @@ def poses_by_shape(
     return _distinct(out[:found], votes[:found], n_poses, 3.0 * target.size, target.dim)
 
 
-def describe(level: VoxelMap, most: int = 4000) -> tuple[Int64Array, Float32Array]:
+def describe(level: VoxelMap, radii: tuple[float, float], most: int = 4000) -> tuple[Int64Array, Float32Array]:
     """Return the rows of the elements that lie on a surface, and their descriptors; at most so many elements."""
     from scipy.spatial import cKDTree
 
@@ -65,7 +65,7 @@ def describe(level: VoxelMap, most: int = 4000) -> tuple[Int64Array, Float32Arra
     rows = rows[:: max(1, -(-len(rows) // most))]
     tree: Any = cKDTree(surface[:, :3].astype(np.float64))
     tables = []
-    for radius in RADII:
+    for radius in radii:
         reach = radius * level.size
         near = tree.query_ball_point(surface[rows, :3].astype(np.float64), reach)
         counts = np.array([len(n) for n in near], dtype=np.int64)

@@ -22,10 +22,21 @@ from seismo3d.registration.solvers import Limits, Prior
 from seismo3d.registration.terms import FeatureTerm
 from seismo3d.scan import Scan
 
+AGREES = 0.15
+"""Share of a voxel, along the normal, beyond which elements disagree on the levels that answers are compared on.
+
+Many points tell where an element lies: it is some hundredths of a voxel off where an answer is right, and a fifth, in
+the median, where surfaces have but been laid on each other.
+"""
 GOOD_OVERLAP = 0.8
 """Overlap from which the local answer is taken without a global search."""
 N_POSES = 24
 N_FINALISTS = 4
+WIDE, NEAR = (5.0, 10.0), (4.0, 8.0)
+"""Radii of the descriptors of shape, in voxels of a middle level, and of the next finer one.
+
+The wider see through noise; but where scans overlap by half, most of what lies within them is in one scan only.
+"""
 LEAST_AGREEING = 4
 """Features that must agree with a pose for it to lead."""
 MANY_AGREEING = 20
@@ -140,52 +151,51 @@ def led_by_rasters(task: Task, first: Prior, found: LoopResult, stage: str) -> t
 
 
 def search(task: Task, found: LoopResult, stage: str) -> tuple[LoopResult, str, Tried]:
-    """Try poses from features or shape; keep the answer with the lowest cost on a middle level.
+    """Try poses from shape, wide and then near; keep the answer with the lowest cost on a middle level.
 
     Returns
     -------
     (LoopResult, str, Tried)
         Answer, its stage, and what all poses led to on a coarser level.
     """
-    pair, settings = task.pair, task.settings
+    pair = task.pair
     level = _middle_level(pair)
-    rough = level + 1 if level + 1 < len(pair.target) else level
-    poses: list[tuple[Float64Array, Float64Array]] = []
-    poses += poses_by_shape(pair.target[level], pair.source[level], n_poses=N_POSES)
-    quick = replace(settings, max_iterations=12, wide_search=False)
-    ranked: list[tuple[float, int, LoopResult]] = []
-    for A, t in poses:
-        trial = run_levels(
-            pair.target[rough : rough + 1],
-            pair.source[rough : rough + 1],
-            task.features,
-            start=_start_at(task, A, t),
-            prior=task.prior,
-            limits=task.limits,
-            model=task.model,
-            settings=quick,
-        )
-        ranked.append((_joint_cost(task, trial, rough), len(ranked), trial))
-    ranked.sort(key=lambda item: item[:2])
+    rough = min(level + 1, len(pair.target) - 1)
     best, best_cost = found, _joint_cost(task, found)
-    below = replace(settings, wide_search=False)
-    for _, _, trial in ranked[:N_FINALISTS]:
-        finished = run_levels(
-            pair.target[: rough + 1],
-            pair.source[: rough + 1],
-            task.features,
-            start=Prior(trial.A, trial.t),
-            prior=task.prior,
-            limits=task.limits,
-            model=task.model,
-            settings=below,
-        )
-        cost = _joint_cost(task, finished)
-        if cost < best_cost - 1e-3:
-            best, best_cost, stage = finished, cost, "global"
-    ends = tuple(trial for _, _, trial in ranked)
-    tried = Tried(pair.source[rough].surface, pair.target[rough].size, partial(_joint_cost, task, level=rough), ends)
+    ends: list[LoopResult] = []
+    for described, radii in ((level, WIDE), (max(level - 1, 0), NEAR)):
+        poses = poses_by_shape(pair.target[described], pair.source[described], radii=radii, n_poses=N_POSES)
+        trials = [_run_on(task, _start_at(task, A, t), rough, rough, max_iterations=12) for A, t in poses]
+        ends += trials
+        ranked = sorted((_joint_cost(task, trial, rough), k) for k, trial in enumerate(trials))
+        for _, k in ranked[:N_FINALISTS]:
+            finished = _run_on(task, Prior(trials[k].A, trials[k].t), rough, 0)
+            cost = _joint_cost(task, finished)
+            if cost < best_cost - 1e-3:
+                best, best_cost, stage = finished, cost, "global"
+        if is_sure(task, best):
+            break
+    tried = Tried(
+        pair.source[rough].surface, pair.target[rough].size, partial(_joint_cost, task, level=rough), tuple(ends)
+    )
     return best, stage, tried
+
+
+def _run_on(task: Task, start: Prior, coarsest: int, finest: int, *, max_iterations: int | None = None) -> LoopResult:
+    """Run the loop on some levels, with partners nearby from the first."""
+    settings = replace(task.settings, wide_search=False)
+    if max_iterations is not None:
+        settings = replace(settings, max_iterations=max_iterations)
+    return run_levels(
+        task.pair.target[finest : coarsest + 1],
+        task.pair.source[finest : coarsest + 1],
+        task.features,
+        start=start,
+        prior=task.prior,
+        limits=task.limits,
+        model=task.model,
+        settings=settings,
+    )
 
 
 def scale_of(A: Float64Array) -> Float64Array:
@@ -217,7 +227,9 @@ def _cost(task: Task, found: LoopResult, level: int) -> float:
         (target, task.pair.source[level], found.A, found.t),
         (task.pair.source[level], target, *_inverse(found.A, found.t)),
     ):
-        seen = match_surface(p.surface, q, A, t, radius=q.size, cutoff=0.5 * q.size, n_threads=task.settings.n_threads)
+        seen = match_surface(
+            p.surface, q, A, t, radius=q.size, cutoff=AGREES * q.size, n_threads=task.settings.n_threads
+        )
         both.append(seen.cost)
     return min(both) if task.model in ("rigid", "translation") else 0.5 * sum(both)
 

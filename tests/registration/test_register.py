@@ -87,6 +87,27 @@ def test_global_stage_finds_any_rotation(rng):
     assert_near(found, T, 0.01, 0.01)
 
 
+@pytest.mark.parametrize("seed", [3, 4])
+def test_parts_of_a_body_that_share_two_fifths_are_found_and_believed(seed):
+    rng = np.random.default_rng(seed)
+
+    def body(n):
+        d = rng.normal(size=(n, 3))
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        radius = 1 + 0.25 * np.sin(3 * d[:, 0] + 1) * np.cos(4 * d[:, 1]) + 0.15 * np.sin(5 * d[:, 2] + 0.5 * d[:, 0])
+        return d * radius[:, None] * [1.0, 0.8, 0.6]
+
+    cut = np.array([0.8, 0.6, 0.0])
+    one, other = body(8000), body(8000)
+    one, other = one[one @ cut <= np.quantile(one @ cut, 0.62)], other[other @ cut >= np.quantile(other @ cut, 0.38)]
+    truth = make_transform(exp_rotation([1.2, -1.5, 0.8]), [0.4, -0.3, 0.2])
+    target = transform_points(truth, one) + 0.005 * rng.normal(size=one.shape)
+    found = register(target, other + 0.005 * rng.normal(size=other.shape))
+    off = transform_points(found.T_target_source, other) - transform_points(truth, other)
+    assert np.sqrt(np.mean(np.sum(off**2, axis=1))) < 0.02
+    assert found.converged
+
+
 def test_start_is_used(rng):
     T = make_transform(random_rotation(rng), rng.normal(size=3))
     near = T @ make_transform(exp_rotation([0.05, 0.0, 0.05]), [0.03, 0.0, 0.0])
