@@ -5,7 +5,8 @@ cylinder or a ball that two scans sample at other points. Coarser voxels take th
 feigned curvature shrinks from level to level; real curvature stays. Directions that noise may have feigned on a level
 are seen where the harmonic mean of their curvature over it and the coarser levels, which the level that sees least
 rules, is more than noise can feign on the best of them, or where it stays while noise falls far. Voxels on an edge have
-normals of neither side, and feign curvature without noise: the more, the coarser they are.
+normals of neither side, and feign curvature without noise: the more, the coarser they are. Last, what holds a pair is
+told by the normals of both scans: what is real is in both, on some level at least.
 """
 
 from __future__ import annotations
@@ -32,6 +33,14 @@ STEADY, FALLEN = 0.7, 0.1
 has fallen far."""
 GROWS = 1.5
 """How many times as large it is on a coarser level where edges feign it."""
+LEAST_AGREED = 0.1
+"""Share of a direction's curvature that both scans' normals must agree on, on one level at least, for it to be seen."""
+LYING_TOGETHER = 0.01
+"""Noise of the normals beyond which, on all levels, surfaces are not known to lie together: nothing agrees then."""
+SURE = 3.0
+"""Standard deviations of chance that are taken off what they agree on."""
+HARDLY_KNOWN = 0.5
+"""Length, of 1, that a direction keeps beside those known to be unseen, for it to be another one."""
 # what is added to a curvature, so that one of zero can be divided by
 LEAST_CURVATURE = 1e-9
 
@@ -64,6 +73,20 @@ def unseen_directions(looks: list[Look], A: Float64Array, model: str) -> Float64
     ndarray of shape (m, k), float64
         Orthonormal columns.
     """
+    unseen = _unseen_by_levels(looks, A, model)
+    if min(NORMAL_NOISE * normal_noise(look.surface, look.source, A) for look in looks) > LYING_TOGETHER:
+        return unseen
+    values, vectors = np.linalg.eigh(_curvature_shares(looks[0].surface.form, A, model))
+    doubtful = vectors[:, values <= DOUBTFUL]
+    doubtful = doubtful - unseen @ (unseen.T @ doubtful)
+    left, sizes, _ = np.linalg.svd(doubtful, full_matrices=False)
+    doubtful = left[:, sizes > HARDLY_KNOWN]
+    shared = np.max([_agreed_shares(look, A, model, doubtful) for look in looks], axis=0)
+    return np.hstack([unseen, doubtful[:, shared <= LEAST_AGREED]])
+
+
+def _unseen_by_levels(looks: list[Look], A: Float64Array, model: str) -> Float64Array:
+    """Return the directions that noise or edges may have feigned, by how curvature changes from level to level."""
     noise = [NORMAL_NOISE * normal_noise(look.surface, look.source, A) for look in looks]
     shares = [_curvature_shares(look.surface.form, A, model) for look in looks]
     values, vectors = np.linalg.eigh(shares[0])
@@ -74,6 +97,31 @@ def unseen_directions(looks: list[Look], A: Float64Array, model: str) -> Float64
     by_edges = ~by_noise & (values <= LEAST_REAL) & (coarser > GROWS * values)
     unseen = _feigned_by_noise(vectors[:, by_noise], shares, noise)
     return np.hstack([vectors[:, by_edges], unseen])
+
+
+def _agreed_shares(look: Look, A: Float64Array, model: str, directions: Float64Array) -> Float64Array:
+    """Return the share of the curvature along directions (columns) on which the normals of both scans agree.
+
+    Both normals of a pair tell what holds it there. What is real is in both, and the product of what they tell adds up;
+    noise, and where on a round shape its samples lie, is each scan's own, and the products cancel.
+    """
+    d = A.shape[0]
+    usable = np.isfinite(look.surface.residuals)
+    points = look.source[usable, :d].astype(np.float64)
+    turned = look.source[usable, 4 : 4 + d] @ A.T
+    turned /= np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12)
+    there = look.surface.normals[usable, :d].astype(np.float64)
+    turned *= np.where((turned * there).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+    J = parameter_jacobian(A, model_number(model)) @ directions
+    one, other = (_rows(points, normals) @ J for normals in (there, turned))
+    product = (one * other).sum(axis=0) - SURE * np.sqrt(((one * other) ** 2).sum(axis=0))
+    return np.asarray(product / np.maximum((one * one).sum(axis=0), 1e-300))
+
+
+def _rows(points: Float64Array, normals: Float64Array) -> Float64Array:
+    """Return the residuals' derivatives by the entries of A, column by column, and t."""
+    by_A = (points[:, :, None] * normals[:, None, :]).reshape(len(points), -1)
+    return np.hstack([by_A, normals])
 
 
 def _feigned_by_noise(doubtful: Float64Array, shares: list[Float64Array], noise: list[float]) -> Float64Array:

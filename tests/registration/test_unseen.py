@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from seismo3d.geometry.rotations import exp_rotation, make_transform, transform_points
 from seismo3d.registration._kernels_newton import parameter_jacobian
 from seismo3d.registration.constraints import model_number
 from seismo3d.registration.dense import prepare_pair
@@ -119,3 +120,25 @@ def test_a_gentle_swell_without_noise_is_seen(rng):
     found = register(floor(rng, 0.03, noise=0.0), floor(rng, 0.03, noise=0.0) + shift, stages=("local",))
     assert not found.unobservable
     np.testing.assert_allclose(found.T_target_source[:3, 3], -shift, atol=1e-3)
+
+
+@pytest.mark.parametrize("noise", [0.001, 0.003, 0.01])
+@pytest.mark.parametrize("shape", ["corridor", "two planes"])
+def test_walls_that_are_sampled_thinly_hide_what_slides_along_all_of_them(rng, shape, noise):
+    # Few points a voxel: each scan's own normals hold the motion along the walls, and those of the other do not agree.
+    def points(n=10000):
+        if shape == "corridor":
+            p = rng.uniform(-1, 1, size=(n, 3)) * [3.0, 1.0, 1.0]
+            p[np.arange(n), rng.integers(1, 3, n)] = rng.choice([-1.0, 1.0], n)
+        else:  # a floor, and a wall on it, along y
+            p = np.column_stack([rng.uniform(-1, 1, size=(n, 2)), np.zeros(n)])
+            p[: n // 2] = np.column_stack([np.zeros(n // 2), p[: n // 2, 0], np.abs(p[: n // 2, 1])])
+        return p + noise * rng.normal(size=(n, 3))
+
+    truth = make_transform(exp_rotation([0.02, -0.03, 0.05]), [0.05, 0.02, -0.04])
+    found = register(transform_points(truth, points()), points(), stages=("local",))
+    assert len(found.unobservable) == 1
+    along = truth[:3, 0] if shape == "corridor" else truth[:3, 1]
+    hidden = found.unobservable[0].translation
+    assert np.abs(hidden @ along) > 0.99 * np.linalg.norm(hidden)
+    assert np.isinf(found.covariance).any()
