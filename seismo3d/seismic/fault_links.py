@@ -11,10 +11,13 @@ from scipy.spatial import cKDTree
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_cuts import cross_edges, match_sides, read_side
+from seismo3d.seismic.fault_motion import go_straight_on
 from seismo3d.seismic.faultset import FaultSurface
 
 # places of a grid that are fitted at a time: about a kilobyte each
 _PLACES = 100_000
+# distance from the nearest vertex up to which a node is on the surface
+_ON = 2.3
 # variance of a throw, in samples squared, where all of the energy is misfit
 _SPREAD = 16.0
 # traces off a surface at which the layers are read that an edge across it joins
@@ -102,7 +105,10 @@ def grid_surface(surface: FaultSurface, *, beyond: int = 6) -> SurfaceGrid:
 
 
 def grid_points(vertices: Float64Array, normals: Float64Array, throw: Float64Array, *, beyond: int) -> SurfaceGrid:
-    """Lay points of a surface out on such a grid; normals of shape (n, 3), and throws, NaN where they are not known."""
+    """Lay points of a surface out on such a grid; normals of shape (n, 3), and throws, NaN where they are not known.
+
+    Beyond its edge the surface goes straight on: planes through the few points there would lead astray.
+    """
     normal = normals[:, :2].mean(axis=0)
     across = normal / max(float(np.linalg.norm(normal)), 1e-9)
     along = np.array([-across[1], across[0]])
@@ -117,11 +123,14 @@ def grid_points(vertices: Float64Array, normals: Float64Array, throw: Float64Arr
         part = slice(begin, begin + _PLACES)
         found = tree.query(at[part], k=min(16, len(s)))
         distance, near = np.asarray(found[0]), np.asarray(found[1])
-        kept = distance[:, 0] <= beyond + 2.0
+        kept = distance[:, 0] <= _ON
         height[part][kept] = _fit_planes(at[part][kept], distance[kept], near[kept], s, w, z)
         nearest[part] = distance[:, 0]
-    known = _nearest_known(throw, np.column_stack([s, z]), at)
-    return SurfaceGrid(across, first, height.reshape(shape), (nearest <= 2.3).reshape(shape), known.reshape(shape))
+    inside = (nearest <= _ON).reshape(shape)
+    straight, _ = go_straight_on(height.reshape(shape), inside)
+    carried = np.where(nearest.reshape(shape) <= beyond + 2.0, straight, np.nan)
+    known = _nearest_known(throw, np.column_stack([s, z]), at).reshape(shape)
+    return SurfaceGrid(across, first, carried, inside, known)
 
 
 def _fit_planes(

@@ -16,7 +16,6 @@ from seismo3d._validate import as_settings, freeze
 from seismo3d.seismic.cube_checks import check_cube, placing_cube
 from seismo3d.seismic.displacements import carry_amplitudes, follow_on, places_before, solve_jumps
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_points
-from seismo3d.seismic.fault_motion import go_straight_on
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 
 # traces and samples from the cube's end within which a fault that ends there is taken to leave the cube
@@ -254,10 +253,6 @@ def _lay_out(
     beyond = settings.beyond + int(np.ceil(0.5 * np.nanmax(np.abs(throw))))
     at = np.concatenate([carried[n].at[kept] for n, kept in zip(parts, sure, strict=True)])
     grid = grid_points(at, normals.astype(np.float64), throw.astype(np.float64), beyond=beyond)
-    # planes through the few places at an edge lead astray over so many traces
-    reached = np.isfinite(grid.w)
-    straight, _ = go_straight_on(grid.w, grid.inside & reached)
-    grid = replace(grid, w=np.where(reached, straight, np.nan))
     nodes, cells = grid.triangulate()
     going_on = _goes_on(grid, nodes, displacement)
     slip, normals = _slip_of(grid, going_on, surfaces[parts[0]].strike_share, settings)
