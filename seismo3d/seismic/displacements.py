@@ -85,9 +85,14 @@ def places_before(step: Float32Array, points: Float64Array) -> Float64Array:
     """Find the places that a displacement takes to points of shape (n, 3), by fixed-point iteration."""
     places = points
     for _ in range(_PULLS):
-        moved = [ndimage.map_coordinates(part, places.T, order=1, mode="nearest") for part in step]
-        places = points - np.stack(moved, axis=1)
+        places = points - read_displacement(step, places)
     return places
+
+
+def read_displacement(step: Float32Array, points: Float64Array) -> Float32Array:
+    """Return a displacement at points of shape (n, 3); off its grid that of the grid's end."""
+    parts = [ndimage.map_coordinates(part, points.T, order=1, mode="nearest") for part in step]
+    return np.stack(parts, axis=1)
 
 
 def carry_amplitudes(values: AnyArray, displacement: Float32Array) -> Float32Array:

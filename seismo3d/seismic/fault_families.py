@@ -113,11 +113,12 @@ def _part_from_other(
         return False, np.inf
     away = motion.apart_at(nodes)
     gap = float(away.min())
-    # at right angles to the surface, which dips: across the strike it is as far off where that throws the part down
     near = nodes[away < gap + settings.around]
-    thrown = sorted(float(np.median(fault.throw_at(near))) for fault in (motion, other))
-    if area >= settings.least_area and thrown[0] < -settings.opposed and thrown[1] > settings.opposed:
-        return False, np.inf
+    if area >= settings.least_area:
+        up, down = sorted(float(np.median(fault.throw_at(near))) for fault in (motion, other))
+        if up < -settings.opposed and down > settings.opposed:
+            return False, np.inf
+    # at right angles to the surface, which dips: across the strike it is as far off where that throws the part down
     aside = abs(float(np.median(motion.side(near)) / np.hypot(1.0, motion.slopes[1])))
     if aside > _SAME and float((away < _ON).mean()) > settings.overlap:
         return False, np.inf

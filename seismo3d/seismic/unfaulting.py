@@ -14,7 +14,13 @@ from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
 from seismo3d._validate import as_settings, freeze
 from seismo3d.seismic.cube_checks import check_cube, placing_cube
-from seismo3d.seismic.displacements import carry_amplitudes, follow_on, places_before, solve_jumps
+from seismo3d.seismic.displacements import (
+    carry_amplitudes,
+    follow_on,
+    places_before,
+    read_displacement,
+    solve_jumps,
+)
 from seismo3d.seismic.fault_links import SurfaceGrid, find_crossings, grid_points
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 
@@ -273,7 +279,7 @@ def _goes_on(grid: SurfaceGrid, nodes: Float64Array, displacement: Float32Array)
     """
     from skimage.morphology import isotropic_closing
 
-    today = nodes + _read(displacement, np.nan_to_num(nodes))
+    today = nodes + read_displacement(displacement, np.nan_to_num(nodes))
     with np.errstate(invalid="ignore"):
         in_cube = ((today >= 0.0) & (today <= np.array(displacement.shape[1:]) - 1.0)).all(axis=1)
     in_cube = in_cube.reshape(grid.inside.shape)
@@ -283,12 +289,6 @@ def _goes_on(grid: SurfaceGrid, nodes: Float64Array, displacement: Float32Array)
     at_end = ndimage.distance_transform_edt(~in_cube, return_distances=False, return_indices=True)
     near: BoolArray = np.asarray(ndimage.distance_transform_edt(~whole)) <= _RIM
     return np.asarray(whole | (~in_cube & near[tuple(at_end)]))
-
-
-def _read(displacement: Float32Array, points: Float64Array) -> Float64Array:
-    """Displacement at points of shape (n, 3); off the grid that of its end."""
-    parts = [ndimage.map_coordinates(part, points.T, order=1, mode="nearest") for part in displacement]
-    return np.stack(parts, axis=1, dtype=np.float64)
 
 
 def _slip_of(
@@ -365,14 +365,15 @@ def _carry_back(
     places: Sequence[Float64Array],
 ) -> list[_Carried]:  # fmt: skip
     """Where vertices lie once some faults are taken back: theirs go with their nodes, others with their wall."""
-    moved = {n for parts, _ in sheets for n in parts}
-    torn = [sheet.nodes[np.abs(sheet.slip).max(axis=1) > _TORN] for _, sheet in sheets]
-    torn_at = cKDTree(np.concatenate(torn)) if sheets else None
     after = list(carried)
-    for n, (at, sure) in enumerate((vertices.at, vertices.sure) for vertices in carried):
-        if n not in moved and torn_at is not None and len(at):
-            clear = np.isinf(torn_at.query(at, distance_upper_bound=_BESIDE)[0])
-            after[n] = _Carried(places_before(step, at), sure & clear)
+    if not sheets:
+        return after
+    moved = {n for parts, _ in sheets for n in parts}
+    torn = cKDTree(np.concatenate([sheet.nodes[np.abs(sheet.slip).max(axis=1) > _TORN] for _, sheet in sheets]))
+    for n, vertices in enumerate(carried):
+        if n not in moved:
+            clear = np.isinf(torn.query(vertices.at, distance_upper_bound=_BESIDE)[0])
+            after[n] = _Carried(places_before(step, vertices.at), vertices.sure & clear)
     for (parts, sheet), place in zip(sheets, places, strict=True):
         tree = cKDTree(sheet.nodes)
         for n in parts:
