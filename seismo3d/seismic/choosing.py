@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
+from scipy.sparse.csgraph import connected_components
 
 from seismo3d.seismic.sheet_distances import SheetNodes
 from seismo3d.seismic.sheet_measures import (
@@ -109,6 +110,12 @@ class ChoiceSettings:
         second: in noise and chaotic beds weak ridges line up with the layers.
     gap : float
         Farthest that it may be from its host.
+    small_throw, small_matched : float
+        Largest median throw, as a share of its height, and smallest share of it where its moved sides match, of a
+        weaker one that needs no host but a swarm: a small fault moves by little. What was laid down or cut out moves by
+        nothing, and the throw at which its sides are alike by chance may be any.
+    swarm : int
+        Fewest faults that are one: such small ones and others, each no farther from one of these than it is large.
     steep_deg : float
         Dip from which on a weaker one may be a channel's edge, or the bend of layers over a lower fault.
     low_dip_deg, alike_deg : float
@@ -165,6 +172,9 @@ class ChoiceSettings:
     leftover_dip_deg: float = 80.0
     leftover_score: float = 0.45
     gap: float = 8.0
+    small_throw: float = 0.125
+    small_matched: float = 0.65
+    swarm: int = 3
     steep_deg: float = 65.0
     low_dip_deg: float = 55.0
     alike_deg: float = 25.0
@@ -190,6 +200,7 @@ class ChoiceSettings:
             steep_height=0.0,
             closed=np.inf,
             host_strength=np.inf,
+            small_throw=0.0,
             company_strength=2.8,
             company_area=24.0,
         )
@@ -238,8 +249,9 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
     """Tell which sheets are faults.
 
     A sheet stands by itself when it is large and strong. A weaker one is kept where it lies beside a strong fault, does
-    not double one, and moves its sides: a fault that others have cut to pieces is found whole. What was linked from
-    leftovers is judged last, and never stands by itself.
+    not double one, and moves its sides: a fault that others have cut to pieces is found whole. So is one that moves by
+    as little as its size has it, among others: throws of faults grow with their lengths [1]_, and small faults come in
+    swarms. What was linked from leftovers is judged last, and never stands by itself.
 
     Parameters
     ----------
@@ -252,11 +264,15 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
     -------
     list of int
         Their numbers, increasing.
+
+    References
+    ----------
+    .. [1] Y.-S. Kim, D. J. Sanderson, Earth-Science Reviews 68, 317-334, 2005. :doi:`10.1016/j.earscirev.2004.06.003`
     """
     significance = np.array([strength(sheet) for sheet, _ in candidates])
-    keep = np.zeros(len(candidates), bool)
     hosts: list[_Chosen] = []
-    kept: list[SheetNodes] = []
+    kept: dict[int, SheetNodes] = {}
+    small: list[int] = []
     leftover = np.array([sheet.leftover for sheet, _ in candidates], bool)
     for n in (int(n) for n in np.lexsort((-significance, leftover))):
         sheet, throw = candidates[n]
@@ -272,12 +288,16 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
             continue
         is_host = stands and significance[n] >= settings.host_strength
         is_bend = not is_host and any(_is_bend(sheet, host.sheet, settings) for host in near)
-        keep[n] = not is_bend and (stands or (bool(near) and _is_new(sheet, throw, nodes, kept, settings)))
-        if keep[n]:
-            kept.append(nodes)
+        is_small = not stands and not near and _moves_by_little(sheet, throw, settings)
+        joins = (bool(near) or is_small) and _is_new(sheet, throw, nodes, kept.values(), settings)
+        if not is_bend and (stands or joins):
+            kept[n] = nodes
+            if is_small:
+                small.append(n)
         if is_host:
             hosts.append(_Chosen(sheet, throw, nodes))
-    return [int(n) for n in np.flatnonzero(keep)]
+    reaches = {n: float(np.sqrt(candidates[n][0].area)) for n in small}
+    return sorted(set(kept) - _find_alone(reaches, kept, settings))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -290,7 +310,7 @@ class _Chosen:
 
 
 def _is_new(
-    sheet: Sheet, throw: SheetThrow, nodes: SheetNodes, kept: Sequence[SheetNodes], settings: ChoiceSettings
+    sheet: Sheet, throw: SheetThrow, nodes: SheetNodes, kept: Iterable[SheetNodes], settings: ChoiceSettings
 ) -> bool:
     """Tell whether a sheet does not double those chosen before, or enough of one that is told well does not."""
     taken = np.zeros(len(nodes.points), bool)
@@ -394,6 +414,31 @@ def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool
         and (share_matched(sheet, throw) >= settings.company_half or mean_support(sheet) >= settings.company_score)
         and is_told(sheet, throw, settings)
     )
+
+
+def _moves_by_little(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+    """Tell whether most of a sheet's sides match, by a throw that suits a fault of its size, and it is no edge."""
+    return (
+        not sheet.leftover
+        and dip_deg(sheet) < settings.leftover_dip_deg
+        and sheet.area >= settings.least_area
+        and share_matched(sheet, throw) >= settings.small_matched
+        and median_throw(throw) <= settings.small_throw * vertical_extent(sheet)
+        and _is_clear(sheet, throw, settings)
+    )
+
+
+def _find_alone(reaches: dict[int, float], kept: dict[int, SheetNodes], settings: ChoiceSettings) -> set[int]:
+    """Return those small faults, which are given by number with how far they reach, that belong to no swarm."""
+    if not reaches:
+        return set()
+    numbers = list(kept)
+    links = np.zeros((len(numbers), len(numbers)), bool)
+    for n, reach in reaches.items():
+        links[numbers.index(n)] = [kept[n].touches(other, reach) for other in kept.values()]
+    swarm = connected_components(links, directed=False)[1]
+    is_few = np.bincount(swarm)[swarm] < settings.swarm
+    return {n for n, few in zip(numbers, is_few, strict=True) if few and n in reaches}
 
 
 def _is_told_company(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:

@@ -223,9 +223,9 @@ def test_a_low_edge_is_no_fault_by_itself(change, stands):
     [
         ({}, True),
         ({"fit": 0.75}, False),
-        ({"throw": 1.2}, False),
+        ({"throw": 1.1}, False),
         ({"dip": 85.0}, False),
-        ({"score": 0.45}, False),
+        ({"score": 0.45, "throw": 6.0}, False),
         ({"columns": 18, "dip": 75.0, "score": 0.6}, False),
     ],
     ids=["well told", "matches badly", "hardly moves", "upright", "weak", "low and steep"],
@@ -233,6 +233,67 @@ def test_a_low_edge_is_no_fault_by_itself(change, stands):
 def test_a_small_sheet_that_matches_well_needs_less_strength(change, stands):
     shape = {"rows": 28, "columns": 22, "score": 0.55, "fit": 0.88, "dip": 68.0} | change
     assert chosen(candidate(**shape)) == ([0] if stands else [])
+
+
+def small(**change):
+    """A fault of 30 traces by 38 samples: its throw is a tenth of its height."""
+    return candidate(**{"rows": 30, "columns": 20, "dip": 60.0, "score": 0.4, "throw": 4.0, "fit": 0.7} | change)
+
+
+SWARM = [small(origin=(20.0 * n, 0.0), score=0.45) for n in (1, 2, 3)]
+
+
+@pytest.mark.parametrize(
+    ("change", "is_kept"),
+    [
+        ({}, True),
+        ({"throw": -4.0}, True),
+        ({"throw": 5.0}, False),
+        ({"throw": 5.0, "columns": 22}, True),
+        ({"throw": 0.9}, False),
+        ({"fit": 0.58}, False),
+        ({"score": 0.3}, False),
+        ({"rows": 9, "score": 0.65}, False),
+        ({"dip": 70.0, "fit": 0.8}, False),
+        ({"dip": 70.0, "fit": 0.8, "columns": 22}, True),
+        ({"dip": 82.0, "fit": 0.8, "columns": 22}, False),
+    ],
+    ids=[
+        "small",
+        "reverse",
+        "far",
+        "far and high",
+        "unmoved",
+        "unlike",
+        "weak",
+        "tiny",
+        "low edge",
+        "steep",
+        "upright",
+    ],
+)
+def test_a_small_fault_of_a_swarm_moves_as_its_size_has_it(change, is_kept):
+    """What is cut out or laid down is alike across at some throw or other; faults grow by slip and in size together."""
+    assert chosen(small(**change), *SWARM) == [*[0] * is_kept, 1, 2, 3]
+
+
+def test_a_small_fault_of_a_swarm_matches_on_most_of_it_and_is_kept_once():
+    sheet, throw = small()
+    halved = throw.fit.copy()
+    halved[:12] = 0.0
+    assert chosen((sheet, replace(throw, fit=halved)), *SWARM) == [1, 2, 3]
+    assert chosen((replace(sheet, leftover=True), throw), *SWARM) == [1, 2, 3]
+    assert chosen((sheet, throw), small(score=0.38, origin=(1.0, 0.0)), *SWARM) == [0, 2, 3, 4]
+
+
+def test_a_small_fault_is_found_among_others_only():
+    """What lines up by chance does so once; faults as small as that come in swarms."""
+    assert chosen(small()) == []
+    assert chosen(small(), SWARM[0]) == []
+    assert chosen(small(), *SWARM[:2]) == [0, 1, 2]
+    assert chosen(small(origin=(120.0, 0.0)), *SWARM) == [1, 2, 3]
+    standing = [candidate(30, 30, dip=60.0, score=0.7, origin=(15.0 * n, 0.0)) for n in (1, 2)]
+    assert chosen(small(), *standing) == [0, 1, 2]
 
 
 def test_a_small_sheet_that_matches_on_half_of_it_is_not_well_told():
