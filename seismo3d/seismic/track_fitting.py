@@ -26,6 +26,8 @@ _CONFIDENT = 0.7
 _PASSING = 6.0
 # samples within which seeds agree
 _AGREE = 3.0
+# traces within which it is not known where a layer begins to lie over itself
+_EDGE = 1.5
 # samples by which a depth may miss the cube by rounding alone
 _ROUNDED = 1e-3
 
@@ -287,17 +289,25 @@ def _leave_out_unlike(
 def _choose_upper(
     crossings: Float64Array, parts: IntArray, seeded: IntArray, index: Float64Array
 ) -> tuple[Float64Array, IntArray]:
-    """Keep one crossing a trace: the uppermost; where a seed lies below another one, all around it that of its part."""
+    """Keep one crossing a trace: the uppermost; where a seed lies below another one, all around it that of its part.
+
+    A seed near the edge of where the layer lies over itself tells nothing of the rest of it: where a layer begins is
+    known to a trace or so.
+    """
     there = np.isfinite(crossings)
     rank = np.where(there, np.arange(1, len(crossings) + 1)[:, None, None], len(crossings) + 1)
     own = np.isin(parts, seeded) & there
-    twice, _ = ndimage.label(own.any(axis=0) & (there.sum(axis=0) > 1))
+    lies_twice = own.any(axis=0) & (there.sum(axis=0) > 1)
+    twice, _ = ndimage.label(lies_twice)
+    within = ndimage.distance_transform_edt(np.pad(lies_twice, 1, mode="edge"))[1:-1, 1:-1]
+    rows, columns = np.indices(lies_twice.shape)
     for i, j, z in zip(*np.rint(index[:, :2]).astype(int).T, index[:, 2], strict=True):
         off = np.where(there[:, i, j], np.abs(crossings[:, i, j] - z), np.inf)
         nearest = int(off.argmin())
         below = own[nearest, i, j] and there[:nearest, i, j].any()
         if below and off[nearest] <= _PASSING:
-            rank[own & (twice == twice[i, j])] = 0
+            around = np.hypot(rows - i, columns - j) <= _EDGE if within[i, j] <= _EDGE else True
+            rank[own & (twice == twice[i, j]) & around] = 0
     best = rank.argmin(axis=0)[None]
     depth = np.take_along_axis(crossings, best, axis=0)[0]
     return depth, np.where(np.isfinite(depth), np.take_along_axis(parts, best, axis=0)[0], -1)

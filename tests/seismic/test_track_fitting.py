@@ -193,6 +193,11 @@ def test_where_a_layer_lies_over_itself_the_upper_one_counts_but_around_a_seed_b
     below = np.zeros((12, 20), bool)
     below[:6, :12] = below[6:, :8] = True
     np.testing.assert_array_equal(depth, np.where(below, 60.0, 50.0))
+    # a seed where the upper one begins, or has begun a trace farther on
+    depth, _ = _choose_upper(crossings, parts, own, np.array([[2.0, 8.0, 60.8]]))
+    below[:] = np.arange(20) < 8
+    below[1:4, 8:10] = True
+    np.testing.assert_array_equal(depth, np.where(below, 60.0, 50.0))
     # a seed on the upper one
     depth, _ = _choose_upper(crossings, parts, np.array([1]), np.array([[2.0, 9.0, 50.8]]))
     assert (depth[:, 8:] == 50.0).all()
