@@ -19,8 +19,8 @@ from seismo3d.features.pairs import Pairs
 
 # matches below which no motion of a camera is told
 _FEWEST = 12
-# pixels within which a match is on its line, and on a plane
-_ON_LINE, _ON_PLANE = 1.0, 2.0
+# pixels within which a match is on its line
+_ON_LINE = 1.0
 
 
 def fit_epipolar(pairs: Pairs) -> Float64Array | None:
@@ -53,18 +53,6 @@ def fit_epipolar(pairs: Pairs) -> Float64Array | None:
         if n > most:
             best, most = F, n
     return best
-
-
-def count_on_plane(pairs: Pairs) -> int:
-    """Count the matches that one homography explains."""
-    import cv2
-
-    if len(pairs) < _FEWEST:
-        return 0
-    H, inlier = cv2.findHomography(
-        pairs.target, pairs.source, cv2.USAC_DEFAULT, _ON_PLANE, maxIters=2000, confidence=0.999
-    )
-    return 0 if H is None else int(inlier.sum())
 
 
 def _homogeneous(points: Float64Array) -> Float64Array:

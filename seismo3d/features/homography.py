@@ -9,6 +9,14 @@ from seismo3d.features.pairs import Pairs
 
 # matches from which on a plane is fitted to them
 _FEWEST = 12
+# source pixels within which a match counts as on the plane that most may lie on
+_ON_PLANE = 2.0
+
+
+def count_on_plane(pairs: Pairs) -> int:
+    """Count the matches that one homography explains."""
+    found = _find_plane(pairs, _ON_PLANE, maxIters=2000, confidence=0.999)
+    return 0 if found is None else int(found[1].sum())
 
 
 def fit_plane(pairs: Pairs, distance: float) -> tuple[Float64Array, BoolArray] | None:
@@ -22,19 +30,29 @@ def fit_plane(pairs: Pairs, distance: float) -> tuple[Float64Array, BoolArray] |
     """
     import cv2
 
-    if len(pairs) < _FEWEST:
+    sampled = _find_plane(pairs, distance, maxIters=500, confidence=0.99)
+    if sampled is None:
         return None
-    found, inlier = cv2.findHomography(
-        pairs.target, pairs.source, cv2.USAC_DEFAULT, distance, maxIters=500, confidence=0.99
-    )
-    if found is None:
-        return None
-    agree = inlier.ravel().astype(np.bool_)
+    found, agree = sampled
     best, _ = cv2.findHomography(pairs.target[agree], pairs.source[agree])
     H = np.asarray(found if best is None else best, dtype=np.float64)
     if not np.isfinite(H).all():
         return None
     return H, is_near(pairs, carry(H, pairs.target)[0], distance)
+
+
+def _find_plane(
+    pairs: Pairs, distance: float, *, maxIters: int, confidence: float
+) -> tuple[Float64Array, BoolArray] | None:
+    """Sample a homography that explains most matches, and say which; None where they are few or none does."""
+    import cv2
+
+    if len(pairs) < _FEWEST:
+        return None
+    found, inlier = cv2.findHomography(
+        pairs.target, pairs.source, cv2.USAC_DEFAULT, distance, maxIters=maxIters, confidence=confidence
+    )
+    return None if found is None else (np.asarray(found), inlier.ravel().astype(np.bool_))
 
 
 def carry(H: Float64Array, points: Float64Array) -> tuple[Float64Array, Float64Array]:

@@ -72,10 +72,15 @@ class Grey:
         """Say which points of an image (n, 2), (column, row), lie on its data."""
         last = np.array(self.values.shape[::-1]) - 1
         inside = ((points >= 0.0) & (points <= last)).all(axis=1)
-        if self.known is None:
-            return np.asarray(inside)
-        x, y = np.clip(np.rint(points).astype(np.int64), 0, last).T
-        return np.asarray(inside & self.known[y, x])
+        return np.asarray(inside & look_up(self.known, points[:, ::-1]))
+
+
+def look_up(known: BoolArray | None, index: Float64Array) -> BoolArray:
+    """Whether the element nearest to each index (n, d), in the order of the axes, is known; all are where none says."""
+    if known is None:
+        return np.ones(len(index), dtype=np.bool_)
+    at = np.clip(np.rint(index).astype(np.int64), 0, np.array(known.shape) - 1)
+    return np.asarray(known[tuple(at.T)])
 
 
 def as_grey(grid: AnyArray, mask: ArrayLike | None, name: str) -> Grey:

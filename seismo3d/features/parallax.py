@@ -7,14 +7,9 @@ import numpy as np
 from seismo3d._typing import Float64Array
 from seismo3d.features.agreement import keep_distinct
 from seismo3d.features.cyclic import Comparison
-from seismo3d.features.epipolar import (
-    count_on_plane,
-    distance_to_lines,
-    fit_epipolar,
-    fits_epipolar,
-    near_lines,
-)
+from seismo3d.features.epipolar import distance_to_lines, fit_epipolar, fits_epipolar, near_lines
 from seismo3d.features.growth import grow_pairs, refine_pairs, sharpen_pairs
+from seismo3d.features.homography import count_on_plane
 from seismo3d.features.pairs import Pairs, no_pairs
 from seismo3d.features.views import View, pick_pairs
 

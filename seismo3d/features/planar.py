@@ -10,8 +10,8 @@ from seismo3d._typing import Float64Array
 from seismo3d.features.agreement import count_agreeing, count_apart
 from seismo3d.features.cyclic import Comparison, compare_descriptors
 from seismo3d.features.descriptors import WindowLayout
-from seismo3d.features.epipolar import count_on_plane
 from seismo3d.features.growth import check_pairs, grow_pairs, polish_pairs, refine_pairs
+from seismo3d.features.homography import count_on_plane
 from seismo3d.features.inputs import Grey
 from seismo3d.features.pairs import Pairs, best_per_row, no_pairs
 from seismo3d.features.parallax import match_in_depth

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
+from seismo3d._typing import BoolArray, Float32Array, Float64Array
 from seismo3d.features.cyclic import compare_descriptors, pick_matches
-from seismo3d.features.inputs import Grey
+from seismo3d.features.inputs import Grey, look_up
 from seismo3d.features.poses import Pose, agree_on_pose, refine_pose
 from seismo3d.features.spheres import SphereLayout, VolumePoints, describe_corners, detect_corners, flip_frames
 
@@ -129,14 +129,7 @@ def _matches_at(
     pose, correlation, shift = refine_pose(first, second, points, pose)
     places = pose.to_source(points - shift)
     good = (correlation >= settings.min_correlation) & (np.linalg.norm(shift, axis=1) <= settings.max_shift)
-    good &= _on_data(points, target.known) & _on_data(places, source.known)
+    good &= look_up(target.known, points) & look_up(source.known, places)
     if good.sum() < settings.min_inliers:
         return nothing
     return SolidMatches(points[good], places[good], correlation[good], pose.R)
-
-
-def _on_data(points: Float64Array, known: BoolArray | None) -> AnyArray:
-    if known is None:
-        return np.ones(len(points), dtype=np.bool_)
-    at = np.clip(np.rint(points).astype(np.int64), 0, np.array(known.shape) - 1)
-    return known[tuple(at.T)]

@@ -55,15 +55,6 @@ def test_no_lines_without_enough_matches(rng):
     assert found is None or found.shape == (3, 3)
 
 
-def test_matches_of_a_plane_are_counted(rng):
-    p = rng.uniform(0, 300, (40, 2))
-    q = p @ np.array([[0.9, 0.1], [-0.1, 0.95]]) + [5, 9]
-    q[30:] += 40.0 * rng.normal(size=(10, 2))
-    pairs = Pairs(np.arange(40), p, q, np.tile(np.eye(2), (40, 1, 1)), np.ones(40))
-    assert 30 <= epipolar.count_on_plane(pairs) <= 31
-    assert epipolar.count_on_plane(pairs.take(np.arange(5))) == 0
-
-
 @pytest.fixture(scope="module")
 def motorcycle():
     return matching_depth.load_depth_scenes()[0]
