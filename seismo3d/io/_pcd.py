@@ -68,7 +68,7 @@ def _pcd_binary(body: bytes, layout: np.dtype[Any], count: int, form: str, path:
     columns, offset = {}, 0
     for name in layout.names or ():  # compressed files keep each field's values together
         kind = layout[name]
-        columns[name] = np.frombuffer(out.tobytes(), dtype=kind, count=count, offset=offset)
+        columns[name] = np.frombuffer(out, dtype=kind, count=count, offset=offset)
         offset += count * kind.itemsize
     return columns
 

@@ -74,7 +74,7 @@ def find_horizons(
     """
     wanted = as_whole_number(count, "count", low=1)
     check_event(event)
-    as_progress(progress)
+    report = as_progress(progress)
     settings = as_settings(settings, TrackSettings)
     is_section = np.ndim(cube) == 2
     if is_section and layers is not None:
@@ -83,14 +83,14 @@ def find_horizons(
         as_kind(layers, LayerModel, "layers", remedy="Give what model_layers returned, or leave it out.")
     thick, surfaces = thicken(cube, faults) if is_section else (cube, faults)
     if layers is None:
-        layers = model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
+        layers = model_layers(thick, faults=surfaces, settings=settings.layers, progress=report)
     gap = _SEED_GAP * np.shape(thick)[2] / wanted
     seeds, strengths = _rank_seeds(layers, _CANDIDATES * wanted, gap=gap, event=event)
     if event is not None and len(seeds):
         # the layer of a strong event may lack it on the seed's own trace
         on_event = np.isfinite(seed_events(thick, layers, seeds, event)[0][:, 2])
         seeds, strengths = seeds[on_event], strengths[on_event]
-    more: dict[str, Any] = {"event": event, "layers": layers, "settings": settings, "progress": progress}
+    more: dict[str, Any] = {"event": event, "layers": layers, "settings": settings, "progress": report}
     with warnings.catch_warnings():
         # of seeds that nobody gave
         warnings.simplefilter("ignore", Seismo3dWarning)

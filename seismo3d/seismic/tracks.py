@@ -156,9 +156,7 @@ def trace_tracks(
     if seeds is None:
         from seismo3d.seismic.horizon_search import find_horizons
 
-        return find_horizons(
-            cube, count, faults=faults, event=event, layers=layers, settings=settings, progress=progress
-        )
+        return find_horizons(cube, count, faults=faults, event=event, layers=layers, settings=settings, progress=report)
     if np.ndim(cube) == 2:
         from seismo3d.seismic.section_tracks import cut_middle, put_on_middle, thicken
 
@@ -167,10 +165,10 @@ def trace_tracks(
         thick, surfaces = thicken(cube, faults)
         groups = [(group, put_on_middle(index)) for group, index in read_seeds(cube, seeds)]
         _check_groups(groups)
-        layers = model_layers(thick, faults=surfaces, settings=settings.layers, progress=progress)
+        layers = model_layers(thick, faults=surfaces, settings=settings.layers, progress=report)
         return [cut_middle(track) for track in _follow(thick, groups, layers, event, settings, report)]
     if layers is None:
-        layers = model_layers(cube, faults=faults, settings=settings.layers, progress=progress)
+        layers = model_layers(cube, faults=faults, settings=settings.layers, progress=report)
     return _follow(cube, groups, layers, event, settings, report)
 
 
