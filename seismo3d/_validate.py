@@ -41,6 +41,13 @@ def as_kind(value: Any, kind: type[_Kind], name: str, *, remedy: str) -> _Kind:
     return value
 
 
+def as_flag(value: Any, name: str) -> bool:
+    """Return a truth value, or refuse by name what is none, such as a word or an array."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ParameterError(f"{name} is {told(value)}; expected True or False.")
+    return bool(value)
+
+
 def as_settings(settings: _Settings | None, kind: type[_Settings], name: str = "settings") -> _Settings:
     """Return settings as they are, the usual ones for none, or refuse what is of another kind."""
     if settings is None:
@@ -123,9 +130,17 @@ def as_whole_number(value: Any, name: str, *, low: float = -math.inf, high: floa
     return int(number)
 
 
+def _as_array(values: ArrayLike, name: str) -> AnyArray:
+    """Return values as an array, or refuse what is none, such as rows of different lengths."""
+    try:
+        return np.asarray(values)
+    except (TypeError, ValueError) as error:
+        raise ShapeError(f"{name} makes no array: {str(error).rstrip('.')}. Give rows of one length.") from error
+
+
 def as_real_array(values: ArrayLike, name: str, *, ndim: int | tuple[int, ...]) -> AnyArray:
     """Return a real numeric array with one of the wanted numbers of axes and at least one element."""
-    array = np.asarray(values)
+    array = _as_array(values, name)
     wanted = (ndim,) if isinstance(ndim, int) else ndim
     if array.dtype.kind not in "fiub":
         raise ShapeError(f"{name} has elements of type {array.dtype}; expected real numbers. Convert it first.")
@@ -142,7 +157,7 @@ def as_points(
 ) -> Float64Array:
     """Return points as a C-ordered float64 array of shape (n, d), one point a row."""
     dims = (dim,) if isinstance(dim, int) else dim
-    points = np.asarray(values)
+    points = _as_array(values, name)
     wanted = " or ".join(f"(n, {d})" for d in dims)
     if points.dtype.kind not in "fiu":
         raise ShapeError(

@@ -107,6 +107,7 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "scarp_profile scarp": s3.plot.scarp_profile,
     "as_cube domain": lambda wrong: s3.as_cube(CUBE, domain=wrong),
     "open_cube scan": lambda wrong: s3.open_cube("none.sgy", scan=wrong),
+    "open_cube lazy": lambda wrong: s3.open_cube("none.sgy", lazy=wrong),
 }
 
 

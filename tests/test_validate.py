@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import seismo3d as s3
-from seismo3d._validate import as_number, as_points
+from seismo3d._validate import as_number, as_points, as_real_array
 from seismo3d.errors import ParameterError, ShapeError
 
 
@@ -40,3 +40,9 @@ def test_points_in_columns_are_told_how_to_be_turned(take, d: int) -> None:  # t
     words = rf"has shape \({d}, 50\); expected \(n, {d}\). Give one point a row: transpose a \({d}, n\) array"
     with pytest.raises(ShapeError, match=words):
         take(np.zeros((d, 50)), "points")
+
+
+@pytest.mark.parametrize("take", [as_points, lambda rows, name: as_real_array(rows, name, ndim=2)])
+def test_rows_of_different_lengths_are_refused_by_name(take) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(ShapeError, match=r"^points makes no array: .*[^.]\. Give rows of one length\.$"):
+        take([[1.0, 2.0], [3.0]], "points")

@@ -22,7 +22,7 @@ _LOOKS, _SECONDS_BETWEEN_LOOKS = 20, 0.25
 
 def as_path(path: Any, name: str = "path") -> Path:
     """Return the path that a name tells, or refuse what is none."""
-    if not isinstance(path, (str, os.PathLike)):
+    if not isinstance(path, (str, os.PathLike)) or "\0" in str(path):
         raise ParameterError(f"{name} is {told(path)}; expected the name of a file or folder, as text or a Path.")
     return Path(path)
 
@@ -142,12 +142,13 @@ def _is_running(process: int) -> bool:
 
 
 def _check_place(final: Path, *, folder: bool) -> None:
-    if not final.parent.is_dir():
-        raise FileAccessError(
-            f"{final.parent} is not a folder; expected one to write {final.name} into. Make it first."
-        )
-    if final.is_dir() and not folder:
-        raise FileAccessError(f"{final} is a directory; expected a file name.")
+    with refuse_os_errors(final, "write"):
+        if not final.parent.is_dir():
+            raise FileAccessError(
+                f"{final.parent} is not a folder; expected one to write {final.name} into. Make it first."
+            )
+        if final.is_dir() and not folder:
+            raise FileAccessError(f"{final} is a directory; expected a file name.")
 
 
 def check_output(

@@ -9,7 +9,7 @@ import numpy as np
 
 from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, Int64Array, Progress
-from seismo3d._validate import as_whole_number
+from seismo3d._validate import as_kind, as_number, as_whole_number
 from seismo3d.errors import FileAccessError, GeometryError, ParameterError, Seismo3dError
 from seismo3d.geometry.survey import Axis
 from seismo3d.io._as_cube import as_cube
@@ -21,6 +21,8 @@ from seismo3d.io._segy_grid import TraceGrid, line_grid
 from seismo3d.io._segy_layout import SegyLayout, read_layout, set_header_field
 
 _BLOCK_BYTES = 64 * 2**20
+# that 4-byte floats hold
+_LARGEST = float(np.finfo(np.float32).max)
 
 
 def write_segy(
@@ -51,7 +53,7 @@ def write_segy(
     sample_format : {5, 1}
         IEEE or IBM float, 4 bytes.
     fill : float
-        Written for NaN and infinite samples.
+        Written for NaN and infinite samples; a finite number.
     title : str
         First line of a textual header that is made.
     progress : callable, optional
@@ -67,13 +69,15 @@ def write_segy(
     GeometryError
         If the cube's lines are not among those of ``like``, or SEG-Y cannot hold its axes or map coordinates.
     ParameterError
-        If finite samples are too large for 4-byte floats. Whole numbers that these round are warned of, and lines of
-        samples that are all too small for them.
+        If an option is of the wrong kind, or finite samples or `fill` are too large for 4-byte floats. Whole numbers
+        that these round are warned of, and lines of samples that are all too small for them.
     FileAccessError
         If the file cannot be written, or the cube was opened from a SEG-Y file that is not there any more.
     """
     if as_whole_number(sample_format, "sample_format") not in (1, 5):
         raise ParameterError(f"sample_format is {sample_format}; expected 5 (IEEE float) or 1 (IBM float).")
+    fill = as_number(fill, "fill", low=-_LARGEST, high=_LARGEST)
+    as_kind(title, str, "title", remedy="Give text, or leave it out.")
     volume = as_cube(cube)
     out = as_path(path)
     template = _template(volume, cube, like)

@@ -10,7 +10,7 @@ import numpy as np
 
 from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, Progress
-from seismo3d._validate import as_number, is_among, told
+from seismo3d._validate import as_flag, as_number, is_among, told
 from seismo3d.errors import FileAccessError, FormatError, ParameterError
 from seismo3d.geometry.axis import USUAL_UNITS, length_unit_of, unit_of
 from seismo3d.geometry.survey import SurveyGeometry
@@ -88,7 +88,7 @@ def open_cube(
     if not is_among(scan, ("auto", "full")):
         raise ParameterError(f"scan is {told(scan)}; expected 'auto' or 'full'.")
     file = as_path(path)
-    limit = LAZY_ABOVE if lazy is None else (-1 if lazy else 2**63)
+    limit = LAZY_ABOVE if lazy is None else (-1 if as_flag(lazy, "lazy") else 2**63)
     with refuse_os_errors(file, "read"):
         is_zarr = is_zarr_store(file)
     is_numpy = file.suffix.lower() in (".npy", ".npz")
@@ -289,7 +289,7 @@ def _read_numpy(
     else:
         data = np.array(array)
     first = 0.0 if start is None else as_number(start, "start")
-    cube = as_cube(data, domain=domain or "time", interval=interval, start=first, name=str(file))
+    cube = as_cube(data, domain="time" if domain is None else domain, interval=interval, start=first, name=str(file))
     return cube.assign_attrs(path=str(file), file_format=file.suffix[1:].upper())
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_whole_number, freeze
+from seismo3d._validate import as_whole_number, freeze, told
 from seismo3d.errors import FormatError, GeometryError, ParameterError
 from seismo3d.io._files import written_aside
 from seismo3d.io._pick_lines import (
@@ -117,8 +117,8 @@ def read_horizon(path: str | Path, *, columns: Sequence[int] | None = None) -> H
 
 
 def _as_columns(columns: Any) -> tuple[int, ...]:
-    if not isinstance(columns, Iterable) or isinstance(columns, str):
-        raise ParameterError(f"columns is {columns!r}; expected three different numbers, from 1.")
+    if not isinstance(columns, Iterable) or isinstance(columns, str) or getattr(columns, "ndim", 1) == 0:
+        raise ParameterError(f"columns is {told(columns)}; expected three different numbers, from 1.")
     chosen = tuple(as_whole_number(column, f"columns[{k}]") for k, column in enumerate(columns))
     if len(chosen) != 3 or len(set(chosen)) != 3 or min(chosen) < 1:
         raise ParameterError(f"columns is {chosen}; expected three different numbers, from 1.")

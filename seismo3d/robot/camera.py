@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
-from seismo3d._validate import as_number, freeze
+from seismo3d._validate import as_number, as_real_array, freeze
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.camera import PinholeCamera, as_camera
 
@@ -40,7 +40,7 @@ class Camera:
     name: str = "camera"
 
     def __post_init__(self) -> None:
-        T = np.array(self.T_body_camera, dtype=np.float64)
+        T = np.array(as_real_array(self.T_body_camera, "T_body_camera", ndim=2), dtype=np.float64)
         if not _is_motion(T):
             raise ParameterError(
                 "T_body_camera is no rigid homogeneous matrix; expected shape (4, 4) with a rotation, which does not "

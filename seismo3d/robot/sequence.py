@@ -29,7 +29,7 @@ import numpy as np
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import as_number
 from seismo3d.errors import FileAccessError, FormatError, Seismo3dError, Seismo3dWarning
-from seismo3d.io._files import as_path
+from seismo3d.io._files import as_path, refuse_os_errors
 from seismo3d.robot.camera import Camera, RgbdFrame, as_robot_camera
 from seismo3d.robot.sequence_files import (
     as_rgb,
@@ -134,11 +134,12 @@ def read_sequence(path: str | Path, *, camera: object = None, max_difference: fl
     """
     folder = as_path(path)
     as_number(max_difference, "max_difference", low=0.0)
-    if not folder.is_dir():
-        raise FileAccessError(f"{folder} is not a folder; expected one with a sequence of colour and depth images.")
-    if (folder / "rig.json").is_file() and camera is None:
-        return _read_rig(folder, max_difference)
-    entries, layout = _find_entries(folder, max_difference)
+    with refuse_os_errors(folder, "read"):
+        if not folder.is_dir():
+            raise FileAccessError(f"{folder} is not a folder; expected one with a sequence of colour and depth images.")
+        if (folder / "rig.json").is_file() and camera is None:
+            return _read_rig(folder, max_difference)
+        entries, layout = _find_entries(folder, max_difference)
     made = find_camera(folder, layout) if camera is None else as_robot_camera(camera)
     return RgbdSequence(folder, (made,), entries)
 
@@ -316,7 +317,7 @@ def _placed(camera: Camera, row: dict[str, Any], path: Path) -> Camera:
     """Return a camera with the place, clock and name that a rig gives it."""
     name = str(row.get("name", row["folder"]))
     try:
-        place = np.array(row.get("T_body_camera", np.eye(4)), dtype=np.float64)
+        place = row.get("T_body_camera", np.eye(4))
         offset = as_number(row.get("clock_offset", 0.0), "clock_offset")
         return replace(camera, T_body_camera=place, clock_offset=offset, name=name)
     except (TypeError, ValueError, Seismo3dError) as error:

@@ -28,7 +28,7 @@ from seismo3d._typing import Float32Array, Float64Array, Int32Array
 from seismo3d._validate import freeze
 from seismo3d.errors import FileAccessError, FormatError, GeometryError
 from seismo3d.geometry.axis import METRES
-from seismo3d.io._files import as_path
+from seismo3d.io._files import as_path, refuse_os_errors
 
 _FILE = "faultset.npz"
 _VERSION = 5
@@ -275,10 +275,11 @@ class FaultSet:
         from seismo3d.io.numpy_files import refuse_damage
 
         path = as_path(directory, "directory") / _FILE
-        if not path.is_file():
-            raise FileAccessError(
-                f"{directory} holds no {_FILE}. Give the folder of a faults run, or of FaultSet.save."
-            )
+        with refuse_os_errors(path, "read"):
+            if not path.is_file():
+                raise FileAccessError(
+                    f"{directory} holds no {_FILE}. Give the folder of a faults run, or of FaultSet.save."
+                )
         arrays, meta = read_archive(path)
         if meta.get("format") != "seismo3d faults" or meta.get("version") != _VERSION:
             found = f"{meta.get('format')!r}, version {meta.get('version')!r}"

@@ -225,7 +225,7 @@ def _zones(faults: FaultSet, graph: Any, frame: IndexFrame) -> tuple[Zone, ...]:
 def _density(faults: FaultSet, frame: IndexFrame, cell: tuple[int, int, int]) -> Float32Array:
     """Area in each cell over its volume; triangles are cut in sixteen, so that few reach over a cell's edge."""
     shape = np.array(np.shape(faults.labels))
-    size = np.array(cell)
+    size = np.array([min(side, int(n)) for side, n in zip(cell, shape)])
     counts = -(-shape // size)
     area = np.zeros(counts)
     for surface in faults.surfaces:

@@ -8,6 +8,8 @@ import pytest
 
 from seismo3d.errors import FileAccessError, ParameterError
 from seismo3d.io import _files
+from seismo3d.robot.sequence import read_sequence
+from seismo3d.seismic.faultset import FaultSet
 
 
 def write_and_fail(path, *, folder):
@@ -90,6 +92,19 @@ def test_outputs_are_refused_by_their_names_and_places(tmp_path):
     with pytest.raises(FileAccessError, match="is not a folder"):
         _files.check_output(tmp_path / "none" / "c.png", endings=(".png",))
     assert _files.check_output(tmp_path / "c.PNG", endings=(".png",)) == tmp_path / "c.PNG"
+
+
+def test_names_that_the_system_does_not_take_are_refused(tmp_path):
+    long = tmp_path / ("a" * 300)
+    with pytest.raises(FileAccessError, match=r"cannot be written: File name too long"):
+        write(long)
+    with pytest.raises(FileAccessError, match=r"cannot be written: File name too long"):
+        _files.check_output(tmp_path / f"{long.name}.png", endings=(".png",))
+    for take in (FaultSet.load, read_sequence):
+        with pytest.raises(FileAccessError, match=r"cannot be read: File name too long"):
+            take(long)
+    with pytest.raises(ParameterError, match=r"path is 'a.x00b'; expected the name of a file or folder"):
+        _files.as_path("a\0b")
 
 
 def write(path, *, meanwhile=lambda: None):

@@ -261,7 +261,7 @@ def test_xyz_dialects(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="three different numbers"):
         read_horizon(wide, columns=(3, 3, 5))
     assert read_horizon(wide, columns=(3, 4.0, 5)).points.tolist() == [[100, 200, 800], [110, 210, 801]]  # type: ignore[arg-type]
-    for columns in ((3, 4.5, 5), (3, "4", 5), 3):
+    for columns in ((3, 4.5, 5), (3, "4", 5), 3, np.array(3)):
         with pytest.raises(ParameterError, match=r"columns.* is .*; expected"):
             read_horizon(wide, columns=columns)  # type: ignore[arg-type]
     write_charisma_horizon(tmp_path / "c.txt", some_horizon())

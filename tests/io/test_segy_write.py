@@ -256,6 +256,15 @@ def test_what_is_not_finite_becomes_the_fill(tmp_path, awkward):
         np.testing.assert_array_equal(back.values[cube.live.values], throw.fillna(-9.0).values[cube.live.values])
 
 
+@pytest.mark.parametrize("fill", [np.nan, np.inf, 1e39, "nothing"])
+def test_a_fill_that_no_sample_can_be_is_refused_though_all_are_finite(tmp_path, fill):
+    with pytest.raises(ParameterError, match=r"^fill is .*; expected a (finite )?number"):
+        s3.write_segy(tmp_path / "t.sgy", np.zeros((2, 3, 4)), fill=fill)
+    with pytest.raises(ParameterError, match=r"^title is .*; expected str\. Give text, or leave it out"):
+        s3.write_segy(tmp_path / "t.sgy", np.zeros((2, 3, 4)), title=np.zeros(3))
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("lazy", [False, True])
 @pytest.mark.parametrize("like", ["input", None])
 def test_samples_too_large_for_single_precision_are_refused(tmp_path, maker, lazy, like):

@@ -149,6 +149,9 @@ def test_density_counts_area_where_it_lies() -> None:
     # the last cell along the crosslines has 5 of 35: no fault there
     assert cut.density.shape == (3, 2, 1)
     assert cut.density[1, 0, 0] == pytest.approx(39.0 / (35.0 * 50.0), rel=0.06)
+    whole = network_of(faults, upright, cell=10**30).density
+    assert whole.shape == (1, 1, 1)
+    np.testing.assert_array_equal(whole, network_of(faults, upright, cell=1000).density)
 
 
 def test_same_whatever_the_order_of_faults() -> None:
