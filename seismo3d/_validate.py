@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -46,6 +46,15 @@ def as_flag(value: Any, name: str) -> bool:
     if not isinstance(value, (bool, np.bool_)):
         raise ParameterError(f"{name} is {told(value)}; expected True or False.")
     return bool(value)
+
+
+def check_list(values: Any, name: str, kind: type) -> None:
+    """Refuse what is no list of things of a kind."""
+    words = f"a {type(values).__name__}"
+    if isinstance(values, Sequence) and not isinstance(values, (str, bytes)):
+        words = next((f"a list with a {type(value).__name__}" for value in values if not isinstance(value, kind)), "")
+    if words:
+        raise ParameterError(f"{name} is {words}; expected a list of {kind.__name__}. Put one alone in a list.")
 
 
 def as_settings(settings: _Settings | None, kind: type[_Settings], name: str = "settings") -> _Settings:
@@ -99,9 +108,11 @@ def tell_weak(values: AnyArray, name: str) -> str:
 
 def as_number(value: Any, name: str, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:
     """Return a finite number within bounds, or refuse it by name."""
+    if isinstance(value, (str, bytes)):  # float would take "0.5", and whoever keeps the value as it came would not
+        raise ParameterError(f"{name} is {told(value)}; expected a number.")
     try:
         number = float(value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ParameterError(f"{name} is {told(value)}; expected a number.") from error
     inside = low < number < high if strict else low <= number <= high
     if not math.isfinite(number) or not inside:
@@ -130,7 +141,18 @@ def as_whole_number(value: Any, name: str, *, low: float = -math.inf, high: floa
     return int(number)
 
 
-def _as_array(values: ArrayLike, name: str) -> AnyArray:
+def as_numbers(values: Any, name: str, *, n: int, low: float = -math.inf, high: float = math.inf) -> tuple[float, ...]:
+    """Return so many finite numbers within bounds, or refuse them by name."""
+    try:
+        given = () if isinstance(values, (str, bytes)) else tuple(values)
+    except TypeError:
+        given = ()
+    if len(given) != n:
+        raise ParameterError(f"{name} is {told(values)}; expected {n} numbers.")
+    return tuple(as_number(value, name, low=low, high=high) for value in given)
+
+
+def as_array(values: ArrayLike, name: str) -> AnyArray:
     """Return values as an array, or refuse what is none, such as rows of different lengths."""
     try:
         return np.asarray(values)
@@ -140,7 +162,7 @@ def _as_array(values: ArrayLike, name: str) -> AnyArray:
 
 def as_real_array(values: ArrayLike, name: str, *, ndim: int | tuple[int, ...]) -> AnyArray:
     """Return a real numeric array with one of the wanted numbers of axes and at least one element."""
-    array = _as_array(values, name)
+    array = as_array(values, name)
     wanted = (ndim,) if isinstance(ndim, int) else ndim
     if array.dtype.kind not in "fiub":
         raise ShapeError(f"{name} has elements of type {array.dtype}; expected real numbers. Convert it first.")
@@ -157,7 +179,7 @@ def as_points(
 ) -> Float64Array:
     """Return points as a C-ordered float64 array of shape (n, d), one point a row."""
     dims = (dim,) if isinstance(dim, int) else dim
-    points = _as_array(values, name)
+    points = as_array(values, name)
     wanted = " or ".join(f"(n, {d})" for d in dims)
     if points.dtype.kind not in "fiu":
         raise ShapeError(

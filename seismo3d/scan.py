@@ -9,7 +9,7 @@ import numpy as np
 
 from seismo3d._edges import edge_elements
 from seismo3d._typing import AnyArray, ArrayLike, Float32Array, Float64Array
-from seismo3d._validate import as_number, as_points, as_real_array, freeze
+from seismo3d._validate import as_array, as_kind, as_number, as_points, as_real_array, freeze, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.camera import PinholeCamera, as_camera
 from seismo3d.geometry.voxels import downsample_points, estimate_normals
@@ -74,6 +74,10 @@ class Scan:
     features: Features | None = None
     raster: Raster | None = None
 
+    def __post_init__(self) -> None:
+        if getattr(self.points, "dtype", None) != np.float64 or self.points.ndim != 2:
+            raise ShapeError(f"points is {told(self.points)}; expected rows of float64. Make it by Scan.from_points.")
+
     @property
     def dim(self) -> int:
         """Number of dimensions, 2 or 3."""
@@ -119,6 +123,8 @@ class Scan:
                 raise ShapeError(f"weights has shape {w.shape}; expected ({len(p)},), one a point.")
             if not np.isfinite(w).all() or (w < 0).any() or not w.sum() > 0:
                 raise ParameterError("weights holds negative, infinite or only zero values; expected finite weights.")
+        if features is not None:
+            as_kind(features, Features, "features", remedy="Give Features(points, descriptors), or leave it out.")
         return cls(_own(p, points), n, w, features)
 
     @classmethod
@@ -285,7 +291,7 @@ def as_scan(data: Scan | ArrayLike | str | Path, name: str) -> Scan:
         return data
     if isinstance(data, str | Path):
         return Scan.from_file(data)
-    array = np.asarray(data)
+    array = as_array(data, name)
     if array.ndim == 2 and not {2, 3}.isdisjoint(array.shape):
         points = as_points(array, name, finite=False)
         if len(points) == 0:
@@ -312,9 +318,9 @@ def one_channel(image: ArrayLike, name: str = "image") -> AnyArray:
 
 def _two_spacings(spacing: object) -> tuple[float, float]:
     """Return the distances of neighbouring columns and rows from one number for both, or from two."""
-    both = np.atleast_1d(np.asarray(spacing))
-    if both.shape not in ((1,), (2,)):
-        raise ParameterError(f"spacing is {spacing!r}; expected a number, or two: of columns and of rows.")
+    both = spacing if isinstance(spacing, (tuple, list, np.ndarray)) and np.ndim(spacing) else (spacing,)
+    if len(both) not in (1, 2):
+        raise ParameterError(f"spacing is {told(spacing)}; expected a number, or two: of columns and of rows.")
     dx, dy = (as_number(one, "spacing", low=0.0, strict=True) for one in (both[0], both[-1]))
     return dx, dy
 

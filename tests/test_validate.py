@@ -31,7 +31,15 @@ def test_a_number_out_of_bounds_is_refused_in_words(bounds: dict[str, float], va
 
 
 def test_a_number_within_bounds_comes_back() -> None:
-    assert as_number("0.5", "size", low=0.5) == 0.5
+    assert as_number(np.float32(0.5), "size", low=0.5) == 0.5
+
+
+@pytest.mark.parametrize("value", ["0.5", b"0.5", 10**400, None, 1j], ids=str)
+def test_text_is_no_number_even_where_it_could_be_read_as_one(value: object) -> None:
+    with pytest.raises(ParameterError, match=r"^size is .*; expected a number\.$"):
+        as_number(value, "size")
+    with pytest.raises(ParameterError, match=r"^voxel_size is "):
+        s3.robot.MapperSettings(voxel_size=value)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("d", [2, 3])

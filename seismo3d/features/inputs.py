@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, BoolArray, Float32Array, Float64Array
+from seismo3d._validate import as_array
 from seismo3d.errors import ShapeError
 
 MIN_SIDE = 16
@@ -35,7 +36,7 @@ def as_grid(values: Any, name: str) -> AnyArray:
     raster = getattr(values, "raster", values)
     if raster is None:
         raise ShapeError(f"{name} is a scan of points alone; expected one made from an image or a volume.")
-    grid = np.asarray(getattr(raster, "values", raster))
+    grid = as_array(getattr(raster, "values", raster), name)
     if grid.dtype.kind not in "fiub":
         raise ShapeError(f"{name} has elements of type {grid.dtype}; expected real numbers. Convert it first.")
     if grid.ndim == 3 and grid.shape[2] in (3, 4) and min(grid.shape[:2]) >= MIN_SIDE:
@@ -106,7 +107,7 @@ def as_grey(grid: AnyArray, mask: ArrayLike | None, name: str) -> Grey:
     """
     known = np.isfinite(grid) if grid.dtype.kind == "f" else None
     if mask is not None:
-        given = np.asarray(mask)
+        given = as_array(mask, f"mask of {name}")
         if given.shape != grid.shape:
             raise ShapeError(f"mask of {name} has shape {given.shape}; expected that of {name}, {grid.shape}.")
         known = given.astype(np.bool_) if known is None else known & given.astype(np.bool_)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
-from seismo3d._validate import as_number, as_points, as_real_array
+from seismo3d._validate import as_number, as_numbers, as_points, as_real_array, as_whole_number, told
 from seismo3d.errors import ParameterError, ShapeError
 
 
@@ -43,10 +43,18 @@ class PinholeCamera:
         as_number(self.fx, "fx", low=0.0, strict=True)
         as_number(self.fy, "fy", low=0.0, strict=True)
         as_number(self.depth_scale, "depth_scale", low=0.0, strict=True)
+        as_number(self.cx, "cx")
+        as_number(self.cy, "cy")
+        as_whole_number(self.width, "width", low=0)
+        as_whole_number(self.height, "height", low=0)
+        if not isinstance(self.distortion, (tuple, list, np.ndarray)) or np.ndim(self.distortion) != 1:
+            raise ParameterError(f"distortion is {told(self.distortion)}; expected up to five: k1 k2 p1 p2 k3.")
         if len(self.distortion) > 5:
             raise ParameterError(
                 f"distortion has {len(self.distortion)} coefficients; expected at most 5: k1 k2 p1 p2 k3."
             )
+        given = as_numbers(self.distortion, "distortion", n=len(self.distortion))
+        object.__setattr__(self, "distortion", given)
 
     def rays(self, pixels: ArrayLike) -> Float64Array:
         """Return the points at depth 1 that pixels (column, row) look at; shape (n, 2) in, (n, 2) out."""
@@ -107,7 +115,7 @@ def as_camera(camera: object) -> PinholeCamera:
     for name in ("fx", "fy", "cx", "cy", "distortion", "depth_scale", "width", "height"):
         value = camera.get(name) if isinstance(camera, dict) else getattr(camera, name, None)
         if value is not None:
-            values[name] = tuple(float(v) for v in value) if name == "distortion" else value
+            values[name] = value
     missing = [name for name in ("fx", "fy", "cx", "cy") if name not in values]
     if missing:
         raise ParameterError(f"camera has no {', '.join(missing)}; expected a PinholeCamera or its fields.")

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
-from seismo3d._validate import as_points, as_real_array, freeze, told
+from seismo3d._validate import as_array, as_points, as_real_array, freeze, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.reference_systems import WEB_MERCATOR, same_system, short_name, unit_of
 
@@ -53,7 +53,7 @@ class MapGrid:
     @classmethod
     def from_elevation(cls, elevation: Any) -> MapGrid:
         """Return the grid of a DataArray as ``read_elevation`` gives it, or of a bare array, whose unit is a cell."""
-        shape = np.shape(elevation)
+        shape = as_array(elevation, "elevation").shape if isinstance(elevation, (list, tuple)) else np.shape(elevation)
         if len(shape) != 2:
             raise ShapeError(f"elevation has shape {shape}; expected (rows, columns).")
         attrs = getattr(elevation, "attrs", {})

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._validate import as_number, is_among, told
+from seismo3d._validate import as_array, as_number, is_among, told
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.axis import USUAL_UNITS, unit_of
 
@@ -52,7 +52,7 @@ def as_cube(
         return _ordered(values, name)
     if not is_among(domain, USUAL_UNITS):
         raise ParameterError(f"domain is {told(domain)}; expected 'time' or 'depth'.")
-    data = values if _is_lazy(values) else np.asarray(values)
+    data = values if _is_lazy(values) else as_array(values, name)
     _refuse_elements(data, name)
     if data.ndim not in (2, 3):
         raise ShapeError(f"{name} has shape {data.shape}; expected (inline, crossline, sample) or (trace, sample).")

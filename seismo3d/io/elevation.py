@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray
+from seismo3d._validate import as_kind, as_real_array, as_whole_number, is_among, told
 from seismo3d.errors import (
     FileAccessError,
     FormatError,
@@ -78,6 +79,7 @@ def read_elevation(path: str | Path, *, band: int = 1) -> Any:
         If cells hold a usual value for nothing that is not declared as such.
     """
     path = as_readable_file(path)
+    band = as_whole_number(band, "band", low=1)
     suffix = path.suffix.lower()
     if suffix in RASTERS:
         return _read_raster(path, band)
@@ -113,7 +115,7 @@ def write_elevation(path: str | Path, elevation: Any) -> Path:
     """
     path = check_output(path, endings=WRITTEN_SUFFIXES)
     grid = MapGrid.from_elevation(elevation)
-    values = np.asarray(getattr(elevation, "values", elevation))
+    values = as_real_array(getattr(elevation, "values", elevation), "elevation", ndim=2)
     nodata = getattr(elevation, "attrs", {}).get("nodata") if values.dtype.kind in "iu" else None
     suffix = path.suffix.lower()
     with written_aside(path) as aside, refuse_os_errors(path, "write"):
@@ -154,7 +156,12 @@ def make_elevation(
     """
     import xarray
 
-    z = np.asarray(values)
+    z = as_real_array(values, name, ndim=2)
+    as_kind(crs, str, "crs", remedy="Give an authority's code, such as 'EPSG:32611', or well-known text.")
+    if not is_among(crs_unit, ("", "metre", "degree")):
+        raise ParameterError(f"crs_unit is {told(crs_unit)}; expected 'metre', 'degree' or ''.")
+    if nodata is not None and not isinstance(nodata, (int, float, np.integer, np.floating)):
+        raise ParameterError(f"nodata is {told(nodata)}; expected a number. Leave it out where NaN stands for nothing.")
     bad = ~np.isfinite(z) if z.dtype.kind == "f" else np.zeros(z.shape, bool)
     if nodata is not None and np.isfinite(nodata):
         bad |= z == nodata
@@ -213,7 +220,7 @@ def _read_raster(path: Path, band: int) -> Any:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
             with rasterio.open(path) as file:
-                if not 1 <= band <= file.count:
+                if band > file.count:
                     raise FormatError(
                         f"{path.name} has {file.count} bands; band {band} was asked for. Count them from 1."
                     )

@@ -15,7 +15,7 @@ from seismo3d._validate import as_points
 from seismo3d.errors import FormatError, Seismo3dWarning
 from seismo3d.io._column_names import find_names
 from seismo3d.io._decimal_commas import may_have_decimal_commas
-from seismo3d.io._files import as_readable_file, check_output, refuse_os_errors, written_aside
+from seismo3d.io._files import as_path, as_readable_file, check_output, refuse_os_errors, written_aside
 from seismo3d.io._las import read_las
 from seismo3d.io._pcd import read_pcd
 from seismo3d.io._ply import read_ply, write_ply
@@ -75,7 +75,7 @@ def read_points(path: str | Path) -> PointFile:
     Seismo3dWarning
         If rows hold values that are not finite.
     """
-    path = Path(path)
+    path = as_path(path)
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise FormatError(f"{path.name} ends in {path.suffix!r}; expected one of {', '.join(sorted(_READERS))}.")

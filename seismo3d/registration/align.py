@@ -119,6 +119,8 @@ def align_pairs(
             raise ParameterError(f"features is {told(features)}; expected two arrays of points, (target, source).")
         g, f = _as_pairs(features[0], features[1], "features[0]", "features[1]", dim=p.shape[1])
         pairs.append((g, f, None, _as_weights(feature_weights, len(f), "feature_weights")))
+    elif feature_weights is not None:
+        raise ParameterError("feature_weights is given without features; expected both. Drop it, or pass features.")
     if alpha is not None:
         as_number(alpha, "alpha", low=0.0, high=1.0)
         if features is None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import is_among, told
+from seismo3d._validate import as_number, as_numbers, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.registration.result import MODELS
 
@@ -42,6 +43,13 @@ class Constraints:
     rotation: tuple[Bound, ...] | None = None
     translation: tuple[Bound, ...] | None = None
     scale: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("rotation", "translation"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _as_bounds(getattr(self, name), name))
+        if self.scale is not None:
+            object.__setattr__(self, "scale", as_numbers(self.scale, "scale", n=2))
 
     def limits(
         self, model: str, dim: int, size: float, *, usual_scale: tuple[float, float] = (0.0, math.inf)
@@ -79,6 +87,28 @@ def model_number(model: str) -> int:
     if not is_among(model, MODELS):
         raise ParameterError(f"model is {told(model)}; expected one of {', '.join(MODELS)}.")
     return MODELS.index(model)
+
+
+def _as_bounds(bounds: Any, name: str) -> tuple[Bound, ...]:
+    """Return a bound an axis, or refuse what is none."""
+    if not isinstance(bounds, (tuple, list)) and getattr(bounds, "ndim", 0) != 1:
+        raise ParameterError(f"{name} is {told(bounds)}; expected one bound an axis: None, a number or (low, high).")
+    return tuple(_as_bound(bound, name) for bound in bounds)
+
+
+def _as_bound(bound: Any, name: str) -> Bound:
+    if bound is None:
+        return None
+    if not isinstance(bound, (tuple, list, np.ndarray)):
+        return _as_end(bound, name)
+    if len(bound) != 2:
+        raise ParameterError(f"{name} is bounded by {told(bound)}; expected None, a number or (low, high).")
+    return _as_end(bound[0], name), _as_end(bound[1], name)
+
+
+def _as_end(end: Any, name: str) -> float:
+    """Return a number, be it infinite: a range may be open."""
+    return end if isinstance(end, float) and math.isinf(end) else as_number(end, name)
 
 
 def _pairs(bounds: tuple[Bound, ...] | None, count: int, name: str, unit: float) -> list[tuple[float, float]]:

@@ -10,11 +10,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
-from seismo3d._validate import as_kind, as_number, told
+from seismo3d._validate import as_kind, as_number, check_list, told
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.io.horizons import HorizonPoints
-from seismo3d.seismic.picks import check_list, finite_percentile, place_horizon
+from seismo3d.seismic.picks import finite_percentile, place_horizon
 
 # line numbers, or indices, that differ by no more are of one trace
 _ONE_TRACE = 0.5

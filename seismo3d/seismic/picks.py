@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d._validate import as_whole_number
-from seismo3d.errors import GeometryError, ParameterError
+from seismo3d.errors import GeometryError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io.fault_sticks import FaultStick
 from seismo3d.io.horizons import HorizonPoints
@@ -138,15 +137,6 @@ def horizon_seeds(horizon: HorizonPoints, cube: Any, *, count: int = 25) -> Floa
     geometry = SurveyGeometry.from_cube(cube)
     lines = geometry.inline.coordinate(at[:, 0]), geometry.crossline.coordinate(at[:, 1])
     return np.column_stack([*lines, grid[tuple(at.T)]])
-
-
-def check_list(values: Any, name: str, kind: type) -> None:
-    """Refuse what is no list of picks of a kind."""
-    told = f"a {type(values).__name__}"
-    if isinstance(values, Sequence) and not isinstance(values, str):
-        told = next((f"a list with a {type(value).__name__}" for value in values if not isinstance(value, kind)), "")
-    if told:
-        raise ParameterError(f"{name} is {told}; expected a list of {kind.__name__}. Put one alone in a list.")
 
 
 def finite_percentile(values: Float64Array, percent: float) -> float:

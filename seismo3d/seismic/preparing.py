@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
-from seismo3d._validate import as_strong
+from seismo3d._validate import as_array, as_strong
 from seismo3d.errors import Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import unit_of
 from seismo3d.geometry.survey import SurveyGeometry
@@ -58,7 +58,7 @@ def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[flo
     ParameterError
         If amplitudes are too large or too small for single precision.
     """
-    values = cube if hasattr(cube, "dims") else np.asarray(cube)
+    values = cube if hasattr(cube, "dims") else as_array(cube, "cube")
     sampling = describe_volume(values)
     amplitudes = as_strong(np.asarray(getattr(values, "values", values)), "cube")
     if amplitudes.ndim == 2:

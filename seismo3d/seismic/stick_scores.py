@@ -11,13 +11,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from seismo3d._typing import BoolArray, Float64Array, IntArray
-from seismo3d._validate import as_number
+from seismo3d._validate import as_number, check_list
 from seismo3d.errors import GeometryError
 from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.io.fault_sticks import FaultStick
 from seismo3d.seismic.cube_checks import placing_cube
 from seismo3d.seismic.faultset import FaultSet
-from seismo3d.seismic.picks import check_list, finite_percentile, place_stick
+from seismo3d.seismic.picks import finite_percentile, place_stick
 
 # more than half of a picked fault, or of a traced one, decides
 _HALF = 0.5

@@ -12,7 +12,7 @@ import numpy as np
 
 from seismo3d._stages import as_progress
 from seismo3d._typing import Float32Array, Float64Array, Progress
-from seismo3d._validate import as_kind, as_settings, freeze
+from seismo3d._validate import as_array, as_kind, as_settings, freeze
 from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.seismic._kernels_tracks import lies_in_data
@@ -134,7 +134,7 @@ def trace_tracks(
     settings = as_settings(settings, TrackSettings)
     check_event(event)
     report = as_progress(progress)
-    describe_volume(cube if hasattr(cube, "dtype") else np.asarray(cube))
+    describe_volume(cube if hasattr(cube, "dtype") else as_array(cube, "cube"))
     is_volume = np.ndim(cube) == 3
     if is_volume and layers is not None:
         as_kind(layers, LayerModel, "layers", remedy="Give what model_layers returned, or leave it out.")

@@ -12,6 +12,7 @@ from seismo3d.errors import (
     MissingDependencyError,
     ParameterError,
     Seismo3dWarning,
+    ShapeError,
 )
 from seismo3d.geometry.map_grid import MapGrid
 from seismo3d.io.elevation import holds_elevation, make_elevation, read_elevation, write_elevation
@@ -61,6 +62,18 @@ def test_integers_with_nodata_become_nan(tmp_path):
     assert read.values[0, 5] == 5.0
     with pytest.raises(FormatError, match="has 1 bands; band 2"):
         read_elevation(tmp_path / "a.tif", band=2)
+    for band in (0, "1", 1.5, [1]):
+        with pytest.raises(ParameterError, match=r"^band is .*; expected a (finite |whole )?number"):
+            read_elevation(tmp_path / "a.tif", band=band)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros((2, 3, 4)), np.zeros((2, 3), complex), [["a", "b"]], np.zeros((0, 3))])
+def test_what_is_no_map_of_numbers_is_neither_made_nor_written(tmp_path, wrong):
+    with pytest.raises(ShapeError, match=r"^elevation has "):
+        make_elevation(wrong)
+    with pytest.raises(ShapeError, match=r"^elevation has "):
+        write_elevation(tmp_path / "a.npz", wrong)
+    assert not list(tmp_path.iterdir())
 
 
 def test_scale_offset_and_mask_of_a_band_count(tmp_path):

@@ -210,6 +210,8 @@ def test_refusals(rng):
         align_pairs(p, p, weights=-np.ones(10))
     with pytest.raises(ParameterError, match="Drop alpha"):
         align_pairs(p, p, alpha=0.5)
+    with pytest.raises(ParameterError, match="feature_weights is given without features"):
+        align_pairs(p, p, feature_weights=np.ones(10))
     with pytest.raises(ParameterError, match="homogeneous"):
         align_pairs(p, p, prior=np.diag([1.0, 1, -1, 1]))
     with pytest.raises(ParameterError, match="expected 3"):
