@@ -15,8 +15,10 @@ from matplotlib.figure import Figure
 import seismo3d as s3
 from seismo3d._stages import as_progress
 from seismo3d._validate import told
-from seismo3d.errors import ParameterError
+from seismo3d.errors import ParameterError, ShapeError
+from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.io.horizons import HorizonPoints
+from seismo3d.seismic.loop_closure import LoopClosure
 
 CUBE = np.random.default_rng(1).normal(size=(24, 24, 48)).astype(np.float32)
 IMAGE = np.random.default_rng(2).integers(0, 255, (64, 64)).astype(np.uint8)
@@ -27,6 +29,8 @@ PLACED = make_cube()
 FAULTS = make_faults(PLACED)
 OPEN = s3.robot.Occupancy(np.zeros((60, 60)), np.zeros((60, 60)), 0.05)
 CAMERA = s3.robot.Camera(s3.synthetic.rgbd_sequence(frames=1, size=(32, 24)).camera)
+CLOSURE = LoopClosure(0.0, 0.0, 0, 1, np.zeros(PLACED.shape[:2], np.float32))
+LINES = s3.terrain.LineamentSet((), MAP, s3.terrain.MapGrid.from_elevation(MAP))
 PICKS = HorizonPoints("top", POINTS, np.full((200, 2), np.nan))
 WRONG: dict[str, Any] = {
     "array": np.zeros((4, 5)),
@@ -68,6 +72,30 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "plan_path robot": lambda wrong: s3.robot.plan_path(OPEN, (1.0, 1.0), (2.0, 2.0), robot=wrong),
     "plan_path unknown": lambda wrong: s3.robot.plan_path(OPEN, (1.0, 1.0), (2.0, 2.0), unknown=wrong),
     "occupancy_map occupancy": s3.plot.occupancy_map,
+    "Camera lens": s3.robot.Camera,
+    "Camera clock_offset": lambda wrong: s3.robot.Camera(CAMERA.lens, clock_offset=wrong),
+    "PinholeCamera cx": lambda wrong: PinholeCamera(500.0, 500.0, wrong, 240.0),
+    "PinholeCamera distortion": lambda wrong: PinholeCamera(500.0, 500.0, 320.0, 240.0, wrong),
+    "PinholeCamera width": lambda wrong: PinholeCamera(500.0, 500.0, 320.0, 240.0, width=wrong),
+    "Occupancy origin": lambda wrong: s3.robot.Occupancy(np.zeros((4, 4)), np.zeros((4, 4)), 0.05, wrong),
+    "MapperSettings terms": lambda wrong: s3.robot.MapperSettings(terms=wrong),
+    "MapperSettings measure": lambda wrong: s3.robot.MapperSettings(measure=wrong),
+    "MapperSettings filtered": lambda wrong: s3.robot.MapperSettings(filtered=wrong),
+    "MapperSettings keep_every": lambda wrong: s3.robot.MapperSettings(keep_every=wrong),
+    "Scan.from_elevation spacing": lambda wrong: s3.Scan.from_elevation(MAP, wrong),
+    "Scan.from_points features": lambda wrong: s3.Scan.from_points(POINTS, features=wrong),
+    "CubeRecipe shape": lambda wrong: s3.synthetic.CubeRecipe(shape=wrong),
+    "CubeRecipe wavelength": lambda wrong: s3.synthetic.CubeRecipe(wavelength=wrong),
+    "CubeRecipe unconformity": lambda wrong: s3.synthetic.CubeRecipe(unconformity=wrong),
+    "CubeRecipe noise": lambda wrong: s3.synthetic.CubeRecipe(noise=wrong),
+    "CubeRecipe smiles": lambda wrong: s3.synthetic.CubeRecipe(smiles=wrong),
+    "CubeRecipe population": lambda wrong: s3.synthetic.CubeRecipe(population=wrong),
+    "CubeRecipe faults": lambda wrong: s3.synthetic.CubeRecipe(faults=wrong),
+    "SyntheticFault centre": lambda wrong: s3.synthetic.SyntheticFault(wrong, 0.0, 60.0, 5.0),
+    "SyntheticFault throw": lambda wrong: s3.synthetic.SyntheticFault((1.0, 1.0, 1.0), 0.0, 60.0, wrong),
+    "SyntheticFault profile": lambda wrong: s3.synthetic.SyntheticFault((1.0, 1.0, 1.0), 0.0, 60.0, 5.0, wrong),
+    "FaultPopulation count": lambda wrong: s3.synthetic.FaultPopulation(count=wrong),
+    "FaultPopulation families": lambda wrong: s3.synthetic.FaultPopulation(families=wrong),
     "score_horizon picks": lambda wrong: s3.score_horizon([PICKS], wrong, tolerance=4.0),
     "score_horizon extent": lambda wrong: s3.score_horizon([PICKS], PICKS, tolerance=4.0, extent=wrong),
     "align_pairs model": lambda wrong: s3.align_pairs(POINTS, POINTS, model=wrong),
@@ -85,6 +113,19 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "compare least_patch": lambda wrong: s3.terrain.compare(MAP, MAP, least_patch=wrong),
     "scarps found": lambda wrong: s3.terrain.scarps(MAP, wrong),
     "to_geojson found": s3.terrain.to_geojson,
+    "to_geojson scarps": lambda wrong: s3.terrain.to_geojson(LINES, wrong),
+    "make_elevation nodata": lambda wrong: s3.terrain.make_elevation(MAP, nodata=wrong),
+    "make_elevation crs_unit": lambda wrong: s3.terrain.make_elevation(MAP, crs_unit=wrong),
+    "terrain.register matches": lambda wrong: s3.terrain.register(MAP, MAP, matches=wrong),
+    "plot.terrain outcrops": lambda wrong: s3.plot.terrain(MAP, outcrops=wrong),
+    "strike_rose from_north": lambda wrong: s3.plot.strike_rose(FAULTS, from_north=wrong),
+    "time_lapse_section alignment": lambda wrong: s3.plot.time_lapse_section(PLACED, PLACED, wrong),
+    "plot.matches found": lambda wrong: s3.plot.matches(IMAGE, IMAGE, wrong),
+    "plot.cube window_size": lambda wrong: s3.plot.cube(PLACED, window_size=wrong, off_screen=True),
+    "save_scene size": lambda wrong: s3.plot.save_scene("none.png", PLACED, size=wrong),
+    "Constraints rotation": lambda wrong: s3.Constraints(rotation=wrong),
+    "Constraints translation": lambda wrong: s3.Constraints(translation=(0.0, wrong, 0.0)),
+    "Constraints scale": lambda wrong: s3.Constraints(scale=wrong),
     "section inline": lambda wrong: s3.plot.section(PLACED, inline=wrong),
     "section colour": lambda wrong: s3.plot.section(PLACED, colour=wrong),
     "section cmap": lambda wrong: s3.plot.section(PLACED, cmap=wrong, ax=Figure().subplots()),
@@ -99,6 +140,7 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "flow_path_views path": lambda wrong: s3.plot.flow_path_views(wrong, FAULTS, PLACED),
     "track_map track": lambda wrong: s3.plot.track_map(wrong, PLACED),
     "loop_map closure": lambda wrong: s3.plot.loop_map(wrong, PLACED),
+    "loop_map most": lambda wrong: s3.plot.loop_map(CLOSURE, PLACED, most=wrong),
     "unfaulted_section axes": lambda wrong: s3.plot.unfaulted_section(PLACED, PLACED, axes=wrong),
     "plot.cube inline": lambda wrong: s3.plot.cube(PLACED, inline=wrong, off_screen=True),
     "plot.terrain lines": lambda wrong: s3.plot.terrain(MAP, lines=wrong),
@@ -147,6 +189,50 @@ def test_one_track_in_place_of_a_list_is_refused() -> None:
             draw(PLACED, track)
 
 
+def test_no_tracks_are_drawn_as_none() -> None:
+    axes = Figure().subplots()
+    s3.plot.track_section(PLACED, None, ax=axes)  # type: ignore[arg-type]
+    assert not axes.lines
+
+
+@pytest.mark.parametrize(
+    "take",
+    [
+        s3.as_cube,
+        s3.trace_faults,
+        s3.layer_time,
+        s3.loop_closure,
+        s3.find_horizons,
+        s3.describe,
+        s3.Scan.from_volume,
+        s3.plot.section,
+        s3.terrain.make_elevation,
+        s3.terrain.lineaments,
+        lambda rows: s3.trace_tracks(rows, SEEDS),
+        lambda rows: s3.align_cubes(rows, CUBE),
+        lambda rows: s3.describe(IMAGE, mask=rows),
+        lambda rows: s3.match(rows, IMAGE),
+        lambda rows: s3.register(rows, POINTS),
+        lambda rows: s3.terrain.register(rows, MAP),
+        lambda rows: s3.write_segy("none.sgy", rows),
+    ],
+)
+def test_rows_of_different_lengths_are_no_cube(take: Callable[[Any], Any]) -> None:
+    with pytest.raises(ShapeError, match=r"^[\w ]+ makes no array: .* Give rows of one length\.$"):
+        take([[[1.0, 2.0], [3.0]], [[1.0, 2.0], [3.0]]])
+
+
+@pytest.mark.parametrize("points", ["points", None, [[1, 2], [3, 4]], POINTS[0], POINTS * 1j], ids=str)
+def test_a_scan_of_no_points_is_told_how_to_be_made(points: Any) -> None:
+    with pytest.raises(ShapeError, match=r"^points is .*; expected rows of float64\. Make it by Scan\.from_points\.$"):
+        s3.Scan(points)
+
+
+def test_an_open_range_of_constraints_is_kept() -> None:
+    bounds = s3.Constraints(translation=([-np.inf, 0.5], np.array([-1, 1]), None))  # type: ignore[arg-type]
+    assert bounds.translation == ((-np.inf, 0.5), (-1.0, 1.0), None)
+
+
 def test_a_rendered_frame_is_told_from_a_camera_s() -> None:
     rendered = s3.synthetic.rgbd_sequence(frames=1, size=(32, 24))[0]
     with pytest.raises(ParameterError, match=r"expected RgbdFrame\. Give seismo3d\.robot\.RgbdFrame\.of\(rgb, depth"):
@@ -174,6 +260,7 @@ def test_layers_say_where_they_come_from() -> None:
         s3.terrain.read_elevation,
         s3.robot.read_sequence,
         s3.FaultSet.load,
+        s3.Scan.from_file,
         FAULTS.save,
         lambda wrong: s3.write_segy(wrong, PLACED, like=None),
         lambda wrong: s3.terrain.write_elevation(wrong, MAP),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d._validate import as_flag
 from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.plot.drawing import BLUE, check_axes, draw_rose, new_axes
 from seismo3d.plot.traces_of_faults import display_throw
@@ -39,11 +40,12 @@ def strike_rose(faults: Any, *, from_north: bool, bin_deg: float = 10.0, ax: Any
         If `bin_deg` is not 1 to 90.
     """
     check_faults(faults)
+    north = as_flag(from_north, "from_north")
     strikes = [np.asarray(s.strike_deg, dtype=np.float64) for s in faults.surfaces]
     weights = [weigh_vertices(s.vertices, s.cells) for s in faults.surfaces]
     strike, weight = (np.concatenate(x) if x else np.zeros(0) for x in (strikes, weights))
     known = np.isfinite(strike)
-    names = ["N", "E", "S", "W"] if from_north else ("inline axis", "crossline\naxis", "", "")
+    names = ["N", "E", "S", "W"] if north else ("inline axis", "crossline\naxis", "", "")
     return draw_rose(strike[known], weight[known], bin_deg=bin_deg, names=names, title="Strike", ax=ax)
 
 

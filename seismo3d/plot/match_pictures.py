@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d._validate import as_real_array, as_whole_number
+from seismo3d._validate import as_kind, as_real_array, as_whole_number
 from seismo3d.errors import ShapeError
+from seismo3d.features.matching import Matches
 from seismo3d.io._files import check_output
 from seismo3d.plot.drawing import bar_ends, check_axes
 from seismo3d.plot.picture_files import PICTURES, save_figure
@@ -41,6 +42,7 @@ def matches(target: Any, source: Any, found: Any, *, n_shown: int = 200, ax: Any
     ShapeError
         If the matches have another number of axes than the images.
     """
+    as_kind(found, Matches, "found", remedy="Give what match returned.")
     first, places_t = _picture(target, found.points_target, "target")
     second, places_s = _picture(source, found.points_source, "source")
     n = as_whole_number(n_shown, "n_shown", low=0, high=1e6)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d._validate import as_number
+from seismo3d._validate import as_number, as_numbers, as_whole_number
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import amplitude_limits
 from seismo3d.plot.pictures import as_tracks, axis_coordinates, find_index, live_on_slice
@@ -86,7 +86,14 @@ def cube(
     walls = choose_slices(cube, inline=inline, crossline=crossline, sample=sample)
     maps = [_index_map(track, cube) for track in as_tracks(tracks)]
     off_screen = not has_screen() if off_screen is None else off_screen
-    size = list(window_size) if window_size else None
+    size = (
+        None
+        if window_size is None
+        else [
+            as_whole_number(side, "window_size", low=1, high=16384)
+            for side in as_numbers(window_size, "window_size", n=2)
+        ]
+    )
     with windowless() if off_screen else nullcontext():
         plotter = pv.Plotter(off_screen=off_screen, window_size=size, theme=pv.themes.DocumentTheme())
     _add_slices(plotter, cube, frame, walls, cmap=cmap, clip=clip)

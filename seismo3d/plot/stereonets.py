@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d._validate import as_kind, as_number
+from seismo3d._validate import as_flag, as_kind, as_number
 from seismo3d.geometry.bearings import whole_deg
 from seismo3d.plot.drawing import check_axes
 from seismo3d.plot.traces_of_faults import SURFACE_COLOURS
@@ -36,6 +36,7 @@ def stereonet(network: Any, *, from_north: bool, sigma: float = 3.0, ax: Any = N
         set as a great circle; contours every two standard deviations above an even spread. Without faults the bare net.
     """
     as_kind(network, FractureNetwork, "network", remedy="Give what fracture_network returned.")
+    north = as_flag(from_north, "from_north")
     width = as_number(sigma, "sigma", low=0.1, high=100.0)
     if ax is None:
         import matplotlib.pyplot as plt
@@ -44,7 +45,7 @@ def stereonet(network: Any, *, from_north: bool, sigma: float = 3.0, ax: Any = N
     check_axes(ax)
     if len(network.poles.directions):
         _draw_density(ax, network, width)
-    _draw_net(ax, from_north)
+    _draw_net(ax, north)
     _draw_sets(ax, network)
     return ax
 

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_kind
+from seismo3d._validate import as_kind, check_list
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
 from seismo3d.plot.drawing import NO_DATA, bar_ends, check_axes, draw_rose, label_axes, new_axes
 from seismo3d.terrain.change import Change
+from seismo3d.terrain.fault_outcrops import Outcrop
 from seismo3d.terrain.lineament_search import LineamentSet
 from seismo3d.terrain.scarp_profiles import Scarp
 
@@ -39,6 +40,7 @@ def terrain(elevation: Any, *, lines: Any = None, outcrops: Any = (), ax: Any = 
     grid, z = MapGrid.from_elevation(elevation), elevation_values(elevation, least=2)
     if lines is not None:
         as_kind(lines, LineamentSet, "lines", remedy="Give what lineaments returned.")
+    check_list(outcrops, "outcrops", Outcrop)
     ax = _map_axes(grid) if ax is None else check_axes(ax)
     _draw_grid(ax, grid, np.ma.masked_invalid(_hillshade(z, grid)), cmap="gray", vmin=0.0, vmax=1.0)
     shown = set()

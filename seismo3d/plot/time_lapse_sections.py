@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float64Array
+from seismo3d._validate import as_kind
+from seismo3d.errors import ShapeError
 from seismo3d.geometry.axis import unit_of
 from seismo3d.plot.drawing import NO_DATA, amplitude_limits, bar_ends, check_all_axes, draw_amplitudes, label_axes
 from seismo3d.plot.pictures import Picture, axis_coordinates, take_picture
 from seismo3d.seismic.preparing import find_level
+from seismo3d.seismic.time_lapse import CubeAlignment
 
 # share of a sample that the colours of shifts reach at least
 _LEAST_SHIFT = 0.01
@@ -39,6 +42,13 @@ def time_lapse_section(
         Base and differences on one colour scale. The monitor is brought to the base's strength first; places that one
         of the two does not reach are empty. Shifts of both signs are red and blue about white.
     """
+    as_kind(alignment, CubeAlignment, "alignment", remedy="Give what align_cubes returned.")
+    for name, cube in (("base", base), ("monitor", monitor)):
+        if np.shape(cube) != np.shape(alignment.shift):
+            raise ShapeError(
+                f"{name} has shape {np.shape(cube)} and the alignment {np.shape(alignment.shift)}; expected the same. "
+                "Give the cubes that were aligned."
+            )
     if axes is None:
         import matplotlib.pyplot as plt
 

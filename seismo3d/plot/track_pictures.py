@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray
-from seismo3d._validate import as_kind, as_whole_number
+from seismo3d._validate import as_kind, as_number, as_whole_number
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import NO_DATA, check_axes, check_colour_map, new_axes
 from seismo3d.plot.map_frame import MapFrame
@@ -126,12 +126,13 @@ def loop_map(closure: Any, cube: Any, *, cmap: str = "magma_r", most: float = 1.
         raise ShapeError(
             f"closure has shape {closure.error.shape}; expected {np.shape(cube)[:-1]}. Give the cube it is of."
         )
+    highest = as_number(most, "most", low=0.0, strict=True)
     frame = MapFrame.from_cube(cube)
     ax = new_axes(8.0, 6.0) if ax is None else check_axes(ax)
     ax.set_facecolor(NO_DATA)
     check_colour_map(cmap)
     error = np.ma.masked_invalid(closure.error)
-    drawn = ax.pcolormesh(frame.columns, frame.rows, error, cmap=cmap, vmin=0.0, vmax=most, shading="nearest")
+    drawn = ax.pcolormesh(frame.columns, frame.rows, error, cmap=cmap, vmin=0.0, vmax=highest, shading="nearest")
     frame.lay_out(ax)
     ax.figure.colorbar(drawn, ax=ax, label="Median loop error (samples)", pad=0.02, shrink=0.8, extend="max")
     return ax
@@ -161,18 +162,19 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
     ShapeError
         If a track is of another cube.
     """
-    for track in as_tracks(tracks):
+    shown = as_tracks(tracks)
+    for track in shown:
         _check(track, cube)
     ax = section(cube, ax=ax, **where)
     picture = take_picture(cube, inline=where.get("inline"), crossline=where.get("crossline"))
     step = _largest_step(cube)
-    for number, track in enumerate(tracks):
+    for number, track in enumerate(shown):
         depth = np.asarray(track.depth)
         line = depth if picture.axis < 0 else np.take(depth, int(picture.index), axis=picture.axis)
         columns, line = _broken(np.asarray(picture.columns), line, step)
         ax.plot(columns, line, color="black", linewidth=3.0)
         ax.plot(columns, line, color=_COLOURS[number % len(_COLOURS)], linewidth=1.6, label=f"track {number + 1}")
-    if len(tracks) > 1:
+    if len(shown) > 1:
         # above the picture, where it hides nothing
         ax.legend(
             loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=_LEGEND_COLUMNS, fontsize="small",

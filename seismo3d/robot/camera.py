@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
-from seismo3d._validate import as_number, as_real_array, freeze
+from seismo3d._validate import as_kind, as_number, as_real_array, as_whole_number, freeze
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.camera import PinholeCamera, as_camera
+
+_OF_ARRAYS = "Make the frame by RgbdFrame.of(rgb, depth, time)."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +42,7 @@ class Camera:
     name: str = "camera"
 
     def __post_init__(self) -> None:
+        as_kind(self.lens, PinholeCamera, "lens", remedy="Give seismo3d.geometry.camera.PinholeCamera(fx, fy, cx, cy).")
         T = np.array(as_real_array(self.T_body_camera, "T_body_camera", ndim=2), dtype=np.float64)
         if not _is_motion(T):
             raise ParameterError(
@@ -91,7 +94,12 @@ class RgbdFrame:
     def __post_init__(self) -> None:
         as_number(self.time, "time")
         as_number(self.depth_time, "depth_time")
-        if self.rgb is not None and self.rgb.dtype != np.uint8:
+        as_whole_number(self.camera, "camera", low=0)
+        as_kind(self.depth, np.ndarray, "depth", remedy=_OF_ARRAYS)
+        if self.rgb is None:
+            return
+        as_kind(self.rgb, np.ndarray, "rgb", remedy=_OF_ARRAYS)
+        if self.rgb.dtype != np.uint8:
             raise ShapeError(
                 f"rgb has elements of type {self.rgb.dtype}; expected uint8, 0 to 255. Scale and convert it."
             )
@@ -100,7 +108,9 @@ class RgbdFrame:
     def of(cls, rgb: ArrayLike | None, depth: ArrayLike, time: float, *, camera: int = 0) -> RgbdFrame:
         """Return a frame of arrays, colour (0 to 255) and depth taken at one time."""
         stamp = as_number(time, "time")
-        return cls(stamp, stamp, None if rgb is None else _as_colour(rgb), np.asarray(depth), camera)
+        return cls(
+            stamp, stamp, None if rgb is None else _as_colour(rgb), as_real_array(depth, "depth", ndim=2), camera
+        )
 
 
 def _as_colour(rgb: ArrayLike) -> AnyArray:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float32Array, Float64Array
-from seismo3d._validate import as_number, as_points, as_real_array, freeze
+from seismo3d._validate import as_number, as_numbers, as_points, as_real_array, freeze
 from seismo3d.errors import FormatError, ParameterError, ShapeError
 from seismo3d.geometry.rotations import transform_points
 from seismo3d.io.numpy_files import read_npz
@@ -51,14 +51,14 @@ class Occupancy:
         height = as_real_array(self.height, "height", ndim=2)
         if height.shape != cells.shape:
             raise ShapeError(f"height has shape {height.shape}; expected that of cells, {cells.shape}.")
-        T = np.array(self.T_world_map, dtype=np.float64)
+        T = np.array(as_real_array(self.T_world_map, "T_world_map", ndim=2), dtype=np.float64)
         if T.shape != (4, 4) or not np.isfinite(T).all():
             raise ShapeError(f"T_world_map has shape {T.shape}; expected a finite matrix of shape (4, 4).")
         values = {
             "cells": freeze(np.array(cells, dtype=np.uint8)),
             "height": freeze(np.array(height, dtype=np.float32)),
             "cell": as_number(self.cell, "cell", low=0.0, strict=True),
-            "origin": tuple(as_number(value, "origin") for value in self.origin),
+            "origin": as_numbers(self.origin, "origin", n=2),
             "T_world_map": freeze(T),
         }
         for name, value in values.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_number
+from seismo3d._validate import as_flag, as_kind, as_number, as_whole_number, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.robot.frames import MeasureSettings
 from seismo3d.robot.tracking import TERMS, Located
@@ -65,14 +65,17 @@ class MapperSettings:
     def __post_init__(self) -> None:
         as_number(self.voxel_size, "voxel_size", low=1e-4, high=1.0)
         as_number(self.band_voxels, "band_voxels", low=2.0, high=20.0)
-        as_number(self.enough_landmarks, "enough_landmarks", low=1)
-        as_number(self.calibrate_frames, "calibrate_frames", low=0)
+        as_whole_number(self.enough_landmarks, "enough_landmarks", low=1)
+        as_whole_number(self.calibrate_frames, "calibrate_frames", low=0)
         as_number(self.view_distance, "view_distance", low=0.0, strict=True)
-        as_number(self.new_map_after, "new_map_after", low=0)
-        as_number(self.keep_every, "keep_every", low=1)
-        as_number(self.n_threads, "n_threads", low=0, high=1024)
-        if self.terms not in TERMS:
-            raise ParameterError(f"terms is {self.terms!r}; expected one of {', '.join(TERMS)}.")
+        as_whole_number(self.new_map_after, "new_map_after", low=0)
+        as_whole_number(self.keep_every, "keep_every", low=1)
+        as_whole_number(self.n_threads, "n_threads", low=0, high=1024)
+        as_kind(self.measure, MeasureSettings, "measure", remedy="Give MeasureSettings(...), or leave it out.")
+        as_flag(self.filtered, "filtered")
+        as_flag(self.landmarks_in_state, "landmarks_in_state")
+        if not is_among(self.terms, TERMS):
+            raise ParameterError(f"terms is {told(self.terms)}; expected one of {', '.join(TERMS)}.")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_number
+from seismo3d._validate import as_number, as_numbers, as_whole_number, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.synthetic import _kernels as kernels
 
@@ -84,8 +84,13 @@ class SyntheticFault:
         as_number(self.share, "share", low=0.0, high=1.0)
         as_number(self.drag, "drag", low=0.0)
         as_number(self.rake_deg, "rake_deg", low=20.0, high=160.0)
-        if self.profile not in _PROFILES:
-            raise ParameterError(f"profile is {self.profile!r}; expected one of {', '.join(_PROFILES)}.")
+        as_number(self.throw, "throw")
+        for name, n in (("centre", 3), ("semi_axes", 2), ("trend", 2), ("bend", 2), ("ripple", 3)):
+            as_numbers(getattr(self, name), name, n=n)
+        if self.listric is not None:
+            as_numbers(self.listric, "listric", n=2)
+        if not is_among(self.profile, _PROFILES):
+            raise ParameterError(f"profile is {told(self.profile)}; expected one of {', '.join(_PROFILES)}.")
         if min(self.semi_axes) <= 0.0:
             raise ParameterError(f"semi_axes are {self.semi_axes}; expected two positive lengths.")
         steepest = {
@@ -169,6 +174,13 @@ class FaultPopulation:
     profiles: tuple[float, float, float] = (0.5, 0.25, 0.25)
     trend: tuple[float, float] = (0.4, 0.6)
     spacing: float = 0.14
+
+    def __post_init__(self) -> None:
+        for name, n in (("count", 2), ("dip_deg", 2), ("throw", 2), ("profiles", 3), ("trend", 2)):
+            as_numbers(getattr(self, name), name, n=n)
+        as_whole_number(self.families, "families", low=1)
+        for name in ("strike_spread", "conjugate", "reverse", "curved", "listric", "buried", "oblique", "spacing"):
+            as_number(getattr(self, name), name, low=0.0)
 
 
 def sample_faults(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from seismo3d._validate import is_among, told
+from seismo3d._validate import as_kind, as_number, as_numbers, as_whole_number, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.synthetic.bodies import Channel
 from seismo3d.synthetic.faulting import FaultPopulation, SyntheticFault
@@ -88,7 +88,8 @@ class CubeRecipe:
     least_throw: float = 0.5
 
     def __post_init__(self) -> None:
-        if len(self.shape) != 3 or min(self.shape) < 1 or self.shape[2] < 8:
+        _check_kinds(self)
+        if min(self.shape) < 1 or self.shape[2] < 8:
             raise ParameterError(f"shape is {self.shape}; expected (inline, crossline, sample) with 8 samples or more.")
         if not 4.0 <= self.wavelength[0] <= self.wavelength[1]:
             raise ParameterError(f"wavelength is {self.wavelength}; expected a range of 4 samples or more.")
@@ -108,6 +109,34 @@ class CubeRecipe:
         if not 0 <= self.top_mute < self.shape[2]:
             raise ParameterError(f"top_mute is {self.top_mute}; expected 0 to {self.shape[2] - 1} samples.")
 
+
+def _check_kinds(recipe: CubeRecipe) -> None:
+    """Refuse by name what is no number where one is needed, no range of two, or no fault."""
+    for side in as_numbers(recipe.shape, "shape", n=3):
+        as_whole_number(side, "shape")
+    for name in _RANGES:
+        if getattr(recipe, name) is not None:
+            as_numbers(getattr(recipe, name), name, n=2)
+    for name in _NUMBERS:
+        if getattr(recipe, name) is not None:
+            as_number(getattr(recipe, name), name)
+    for name in _COUNTS:
+        as_whole_number(getattr(recipe, name), name, low=0)
+    if recipe.population is not None:
+        as_kind(recipe.population, FaultPopulation, "population", remedy="Give FaultPopulation(...), or None.")
+    for name, kind in (("faults", SyntheticFault), ("channels", Channel)):
+        held = getattr(recipe, name)
+        if not isinstance(held, (tuple, list)) or not all(isinstance(one, kind) for one in held):
+            raise ParameterError(f"{name} is {told(held)}; expected a tuple of {kind.__name__}.")
+
+
+_RANGES = (
+    "wavelength", "layer_spacing", "fold_slope", "tilt", "unconformity", "old_slope", "old_tilt", "noise_lateral",
+)  # fmt: skip
+_NUMBERS = (
+    "noise", "lateral_resolution", "smile_strength", "agc_window", "dead_traces", "missing_corner", "least_throw",
+)  # fmt: skip
+_COUNTS = ("n_channels", "smiles", "top_mute", "n_horizons")
 
 _EIGHT = FaultPopulation(
     count=(8, 8), families=2, strike_spread=20.0, conjugate=0.5, spacing=0.1, throw=(5.0, 25.0), reverse=0.1

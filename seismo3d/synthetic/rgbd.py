@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
-from seismo3d._validate import as_kind, as_number, as_whole_number, freeze, is_among, told
+from seismo3d._validate import as_kind, as_number, as_numbers, as_whole_number, freeze, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import exp_rotation
@@ -271,21 +270,15 @@ def rgbd_sequence(
     )  # fmt: skip
 
 
-def _as_pair(values: Any, name: str) -> tuple[Any, Any]:
-    if not isinstance(values, (tuple, list, np.ndarray)) or len(values) != 2:
-        raise ParameterError(f"{name} is {told(values)}; expected two numbers.")
-    return values[0], values[1]
-
-
 def _as_span(span: tuple[float, float], name: str) -> tuple[float, float]:
-    start, stop = (as_number(value, name) for value in _as_pair(span, name))
+    start, stop = as_numbers(span, name, n=2)
     if not start < stop:
         raise ParameterError(f"{name} is ({start:g}, {stop:g}); expected a start before its end, in seconds.")
     return start, stop
 
 
 def _default_camera(size: tuple[int, int]) -> PinholeCamera:
-    width, height = (as_whole_number(value, "size", low=16, high=8192) for value in _as_pair(size, "size"))
+    width, height = (as_whole_number(value, "size", low=16, high=8192) for value in as_numbers(size, "size", n=2))
     focal = 525.0 * width / 640.0
     return PinholeCamera(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1), (), 1.0, width, height)
 

@@ -20,6 +20,7 @@ from seismo3d._typing import Float64Array
 from seismo3d._validate import freeze, is_among, told
 from seismo3d.errors import GeometryError, ParameterError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values, refuse_apart, refuse_other_systems
+from seismo3d.registration.feature_pairs import as_pairs
 from seismo3d.terrain._kernels_align import resample
 from seismo3d.terrain.coarse import match_pose
 from seismo3d.terrain.fitting import Fit, Level, Pose, fit_pose, measure_covariance, relief
@@ -135,7 +136,7 @@ def register(
     vertical : {"offset", "tilt", "scaled"}
         Offset; offset and tilt; offset, tilt and scale of elevation.
     matches : (points_target, points_source) or object with these, optional
-        Matched places (column, row) to start from.
+        Matched places (column, row) to start from in place of features, where the maps do not fit as they lie.
 
     Returns
     -------
@@ -158,6 +159,8 @@ def register(
         raise ParameterError(f"model is {told(model)}; expected one of {', '.join(MODELS)}.")
     if not is_among(vertical, VERTICALS):
         raise ParameterError(f"vertical is {told(vertical)}; expected one of {', '.join(VERTICALS)}.")
+    if matches is not None:
+        as_pairs(matches)
     here, there = MapGrid.from_elevation(target), MapGrid.from_elevation(source)
     refuse_other_systems(here, there, ("target", "source"))
     refuse_apart(here, there, ("target", "source"))

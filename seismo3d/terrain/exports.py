@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._validate import as_kind
+from seismo3d._validate import as_kind, check_list
 from seismo3d.io._files import as_path, written_aside
 from seismo3d.io.elevation import has_rasterio, raster_suffix, write_elevation
 from seismo3d.terrain.lineament_search import Lineament, LineamentSet
@@ -33,6 +33,7 @@ def to_geojson(found: LineamentSet, scarps: Sequence[Scarp] = ()) -> dict[str, A
         RFC 7946 wants), else in the map's own coordinates, with a member ``crs`` that names the system.
     """
     as_kind(found, LineamentSet, "found", remedy="Give what lineaments returned.")
+    check_list(scarps, "scarps", Scarp)
     heights = {id(scarp.lineament): scarp for scarp in scarps}
     carry, member = _to_degrees(found)
     features = [

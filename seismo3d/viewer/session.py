@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array, Progress
-from seismo3d._validate import as_kind, told
+from seismo3d._validate import as_kind
 from seismo3d.errors import FileAccessError, GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.io._files import as_path
-from seismo3d.plot.pictures import axis_coordinates, axis_labels
+from seismo3d.plot.pictures import as_tracks, axis_coordinates, axis_labels
 from seismo3d.seismic.cube_checks import check_faults_of
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.tracks import Track
@@ -121,8 +121,7 @@ class Session:
     ) -> None:
         self.reader = SliceReader(cube)
         check_faults_of(cube, faults)
-        if not isinstance(tracks, (list, tuple)):
-            raise ParameterError(f"tracks is {told(tracks)}; expected a list of Track. Give a list, be it of one.")
+        tracks = as_tracks(tracks)
         for track in tracks:
             _check_track(track, self.reader.shape)
         self.cube = cube

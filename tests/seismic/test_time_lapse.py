@@ -173,6 +173,8 @@ def test_coordinates_and_units_are_those_of_the_base(folded: SyntheticCube) -> N
     axes = time_lapse_section(base, monitor, found, axes=Figure().subplots(1, 4), inline=1020)
     before, after = (np.abs(axes[k].images[0].get_array())[14:-16].mean() for k in (1, 2))
     assert after < 0.4 * before
+    with pytest.raises(ShapeError, match=r"^monitor has shape .* and the alignment .*; expected the same"):
+        time_lapse_section(base, monitor[:, 1:], found, inline=1020)
     # a monitor that lies deeper has nothing that meets the foot of the base: no difference is shown there
     unknown = np.ma.getmaskarray(axes[2].images[0].get_array())
     assert unknown[-1].all()
