@@ -28,7 +28,8 @@ MAP = np.random.default_rng(3).normal(size=(80, 80)).cumsum(0).cumsum(1)
 PLACED = make_cube()
 FAULTS = make_faults(PLACED)
 OPEN = s3.robot.Occupancy(np.zeros((60, 60)), np.zeros((60, 60)), 0.05)
-CAMERA = s3.robot.Camera(s3.synthetic.rgbd_sequence(frames=1, size=(32, 24)).camera)
+SEQUENCE = s3.synthetic.rgbd_sequence(frames=1, size=(32, 24))
+CAMERA = s3.robot.Camera(SEQUENCE.camera)
 CLOSURE = LoopClosure(0.0, 0.0, 0, 1, np.zeros(PLACED.shape[:2], np.float32))
 LINES = s3.terrain.LineamentSet((), MAP, s3.terrain.MapGrid.from_elevation(MAP))
 PICKS = HorizonPoints("top", POINTS, np.full((200, 2), np.nan))
@@ -71,6 +72,9 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "plan_path start": lambda wrong: s3.robot.plan_path(OPEN, wrong, (2.0, 2.0)),
     "plan_path robot": lambda wrong: s3.robot.plan_path(OPEN, (1.0, 1.0), (2.0, 2.0), robot=wrong),
     "plan_path unknown": lambda wrong: s3.robot.plan_path(OPEN, (1.0, 1.0), (2.0, 2.0), unknown=wrong),
+    "Planner.update_map occupancy": lambda wrong: s3.robot.Planner(OPEN, (1.0, 1.0), (2.0, 2.0)).update_map(wrong),
+    "PlaceIndex.query until": lambda wrong: s3.PlaceIndex().query(s3.describe(IMAGE), until=wrong),
+    "RgbdSequence.write progress": lambda wrong: SEQUENCE.write("none", progress=wrong),
     "occupancy_map occupancy": s3.plot.occupancy_map,
     "Camera lens": s3.robot.Camera,
     "Camera clock_offset": lambda wrong: s3.robot.Camera(CAMERA.lens, clock_offset=wrong),
@@ -143,6 +147,8 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "loop_map most": lambda wrong: s3.plot.loop_map(CLOSURE, PLACED, most=wrong),
     "unfaulted_section axes": lambda wrong: s3.plot.unfaulted_section(PLACED, PLACED, axes=wrong),
     "plot.cube inline": lambda wrong: s3.plot.cube(PLACED, inline=wrong, off_screen=True),
+    "plot.cube cmap": lambda wrong: s3.plot.cube(PLACED, cmap=wrong, off_screen=True),
+    "plot.cube off_screen": lambda wrong: s3.plot.cube(PLACED, off_screen=wrong),
     "plot.terrain lines": lambda wrong: s3.plot.terrain(MAP, lines=wrong),
     "lineament_rose lines": s3.plot.lineament_rose,
     "change_map change": s3.plot.change_map,
@@ -222,6 +228,13 @@ def test_rows_of_different_lengths_are_no_cube(take: Callable[[Any], Any]) -> No
         take([[[1.0, 2.0], [3.0]], [[1.0, 2.0], [3.0]]])
 
 
+@pytest.mark.parametrize("draw", [s3.plot.section, s3.plot.time_slice, s3.plot.cube, s3.viewer.Session])
+@pytest.mark.parametrize("kind", [complex, str, object])
+def test_cubes_that_are_no_real_numbers_are_not_drawn(draw: Callable[[Any], Any], kind: type) -> None:
+    with pytest.raises(ShapeError, match=r"^cube has elements of type .*; expected real numbers\. Convert it first"):
+        draw(np.zeros((4, 5, 6), kind))
+
+
 @pytest.mark.parametrize("points", ["points", None, [[1, 2], [3, 4]], POINTS[0], POINTS * 1j], ids=str)
 def test_a_scan_of_no_points_is_told_how_to_be_made(points: Any) -> None:
     with pytest.raises(ShapeError, match=r"^points is .*; expected rows of float64\. Make it by Scan\.from_points\.$"):
@@ -262,12 +275,16 @@ def test_layers_say_where_they_come_from() -> None:
         s3.FaultSet.load,
         s3.Scan.from_file,
         FAULTS.save,
+        OPEN.save,
+        SEQUENCE.write,
+        s3.robot.Mapper(CAMERA).save,
+        s3.robot.Trajectory(np.zeros(0), np.zeros((0, 4, 4)), np.zeros(0, int), np.zeros(0, int)).save_tum,
         lambda wrong: s3.write_segy(wrong, PLACED, like=None),
         lambda wrong: s3.terrain.write_elevation(wrong, MAP),
     ],
 )
 def test_what_is_no_path_is_refused(take: Callable[[Any], Any], wrong: Any) -> None:
-    with pytest.raises(ParameterError, match=r"(path|directory) is .*; expected the name of a file or folder"):
+    with pytest.raises(ParameterError, match=r"(path|directory|folder) is .*; expected the name of a file or folder"):
         take(wrong)
 
 

@@ -115,7 +115,7 @@ class PlaceIndex:
             If a volume is given.
         """
         n = as_whole_number(n_best, "n_best", low=1, high=1e9)
-        n_kept = len(self) if until is None else int(np.clip(until, 0, len(self)))
+        n_kept = len(self) if until is None else max(0, min(as_whole_number(until, "until"), len(self)))
         asked = _signatures(_of_image(features), self._n_points)
         sizes = np.array([len(s) for s in self._signatures[:n_kept]], dtype=np.int64)
         filled = np.flatnonzero(sizes)

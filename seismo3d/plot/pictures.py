@@ -111,6 +111,8 @@ def name_axes(cube: Any) -> tuple[str, ...]:
         if not hasattr(cube, "shape"):
             as_array(cube, "cube")
         names = {2: ("trace", "sample"), 3: ("inline", "crossline", "sample")}.get(np.ndim(cube), ())
+    if getattr(cube, "dtype", np.dtype(float)).kind not in "fiub":
+        raise ShapeError(f"cube has elements of type {cube.dtype}; expected real numbers. Convert it first.")
     if len(names) not in (2, 3):
         raise ShapeError(f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample) or (trace, sample).")
     return names

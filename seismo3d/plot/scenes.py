@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d._validate import as_number, as_numbers, as_whole_number
+from seismo3d._validate import as_flag, as_number, as_numbers, as_whole_number
 from seismo3d.errors import ShapeError
-from seismo3d.plot.drawing import amplitude_limits
+from seismo3d.plot.drawing import amplitude_limits, check_colour_map
 from seismo3d.plot.pictures import as_tracks, axis_coordinates, find_index, live_on_slice
 from seismo3d.plot.rendering import has_screen, windowless
 from seismo3d.plot.scene_frame import SceneFrame, far_slices, slice_points
@@ -81,19 +81,13 @@ def cube(
     import pyvista as pv
 
     check_colour(colour)
+    check_colour_map(cmap)
     check_faults_of(cube, faults)
     frame = SceneFrame.from_cube(cube, height=height)
     walls = choose_slices(cube, inline=inline, crossline=crossline, sample=sample)
     maps = [_index_map(track, cube) for track in as_tracks(tracks)]
-    off_screen = not has_screen() if off_screen is None else off_screen
-    size = (
-        None
-        if window_size is None
-        else [
-            as_whole_number(side, "window_size", low=1, high=16384)
-            for side in as_numbers(window_size, "window_size", n=2)
-        ]
-    )
+    off_screen = not has_screen() if off_screen is None else as_flag(off_screen, "off_screen")
+    size = None if window_size is None else _as_pixels(window_size)
     with windowless() if off_screen else nullcontext():
         plotter = pv.Plotter(off_screen=off_screen, window_size=size, theme=pv.themes.DocumentTheme())
     _add_slices(plotter, cube, frame, walls, cmap=cmap, clip=clip)
@@ -108,6 +102,12 @@ def cube(
     add_axes(plotter, cube, frame)
     aim_camera(plotter, frame.bounds)
     return plotter
+
+
+def _as_pixels(window_size: Any) -> list[int]:
+    """Return width and height, or refuse what is none."""
+    sides = as_numbers(window_size, "window_size", n=2)
+    return [as_whole_number(side, "window_size", low=1, high=16384) for side in sides]
 
 
 def choose_slices(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int64Array
-from seismo3d.io._files import written_aside
+from seismo3d.io._files import as_path, written_aside
 from seismo3d.robot import _kernels_blocks as blocks
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Mesh:
         Path
             The file.
         """
-        path = Path(path)
+        path = as_path(path)
         vertex = np.empty(len(self.points), dtype=[("p", "<f4", 3), ("c", "u1", 3)])
         vertex["p"], vertex["c"] = self.points, self.colours
         face = np.empty(len(self.triangles), dtype=[("n", "u1"), ("v", "<i4", 3)])

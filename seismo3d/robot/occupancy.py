@@ -82,7 +82,7 @@ class Occupancy:
 
     def centres(self, rows_columns: ArrayLike) -> Float64Array:
         """Return x and y of the centres of cells (row, column), of shape (n, 2) both."""
-        cells = np.asarray(rows_columns, dtype=np.float64)
+        cells = as_points(rows_columns, "rows_columns", dim=2)
         return np.asarray(cells[:, ::-1] * self.cell + self.origin)
 
     def in_world(self, xy: ArrayLike) -> Float64Array:
@@ -105,9 +105,9 @@ class Occupancy:
         FileAccessError
             If it cannot be written.
         """
-        from seismo3d.io._files import written_aside
+        from seismo3d.io._files import as_path, written_aside
 
-        final = Path(path)
+        final = as_path(path)
         with written_aside(final) as aside, aside.open("wb") as file:
             np.savez_compressed(
                 file,

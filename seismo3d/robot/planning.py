@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike
-from seismo3d._validate import as_kind, as_real_array, as_settings, freeze, told
+from seismo3d._validate import as_array, as_kind, as_points, as_real_array, as_settings, freeze, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.robot.dstar import DStarLite, Repair
 from seismo3d.robot.lattice import lattice_motions
@@ -133,10 +133,11 @@ class Planner:
         ShapeError, ParameterError
             If the cells are not of the map, or their values not what they can be.
         """
-        where, values = np.asarray(rows_columns, dtype=np.int64), np.asarray(cells)
+        values = as_array(cells, "cells")
         if not values.size:
             return 0
         as_real_array(values, "cells", ndim=1)
+        where = as_points(rows_columns, "rows_columns", dim=2).astype(np.int64)
         if where.shape != (len(values), 2):
             raise ShapeError(f"rows_columns has shape {where.shape}; expected ({len(values)}, 2), one cell a row.")
         if (where < 0).any() or (where >= self._cells.shape).any():
@@ -146,9 +147,12 @@ class Planner:
             )
         if not np.isin(values, (0, 1, 2)).all():
             raise ParameterError("cells holds other values than 0, 1 and 2; expected 0 free, 1 occupied, 2 unknown.")
-        self._cells[where[:, 0], where[:, 1]] = values
         if height is not None:
-            self._height[where[:, 0], where[:, 1]] = as_real_array(height, "height", ndim=1)
+            heights = as_real_array(height, "height", ndim=1)
+            if heights.shape != values.shape:
+                raise ShapeError(f"height has shape {heights.shape}; expected that of cells, {values.shape}.")
+            self._height[where[:, 0], where[:, 1]] = heights
+        self._cells[where[:, 0], where[:, 1]] = values
         return self._renew(where)
 
     def update_map(self, occupancy: Occupancy) -> int:
@@ -164,6 +168,7 @@ class Planner:
         ParameterError
             If its cells are not the same places.
         """
+        as_kind(occupancy, Occupancy, "occupancy", remedy="Give Occupancy(...), or what Mapper.occupancy returns.")
         old = self.occupancy
         same = occupancy.shape == old.shape and occupancy.cell == old.cell and occupancy.origin == old.origin
         if not same:

@@ -13,7 +13,7 @@ import numpy as np
 from seismo3d._typing import AnyArray
 from seismo3d.errors import FormatError
 from seismo3d.geometry.camera import PinholeCamera
-from seismo3d.io._files import as_readable_file, written_aside
+from seismo3d.io._files import as_path, as_readable_file, written_aside
 from seismo3d.io.numpy_files import read_npz, refuse_damage
 from seismo3d.robot.camera import Camera
 from seismo3d.robot.closures import Closure
@@ -51,7 +51,7 @@ def save_mapper(path: str | Path, mapper: Mapper) -> Path:
     arrays: dict[str, Any] = {"header": np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)}
     for place, state in enumerate(maps):
         arrays |= {f"map{place}_{name}": array for name, array in _packed(state).items()}
-    final = Path(path)
+    final = as_path(path)
     with written_aside(final) as aside, aside.open("wb") as file:
         np.savez_compressed(file, **arrays)
     return final

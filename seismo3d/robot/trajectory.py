@@ -11,7 +11,7 @@ import numpy as np
 from seismo3d._typing import Float64Array, Int64Array
 from seismo3d._validate import freeze
 from seismo3d.geometry.rotations import invert_transform, quaternion_from_rotation
-from seismo3d.io._files import written_aside
+from seismo3d.io._files import as_path, written_aside
 from seismo3d.robot.ekf import exp_motion, log_motion
 
 
@@ -100,7 +100,7 @@ class Trajectory:
         Path
             The file.
         """
-        path = Path(path)
+        path = as_path(path)
         with written_aside(path) as aside, aside.open("w", encoding="ascii") as file:
             file.write("# timestamp tx ty tz qx qy qz qw\n")
             is_one, current = len(np.unique(self.maps)) < 2, None

@@ -13,6 +13,7 @@ from seismo3d._validate import as_kind, as_number, as_numbers, as_whole_number, 
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import exp_rotation
+from seismo3d.io._files import as_path
 from seismo3d.synthetic import _kernels_render as k
 from seismo3d.synthetic.camera_paths import room_poses, terrain_poses
 from seismo3d.synthetic.depth_noise import NOISE_FREE, DepthNoise
@@ -157,8 +158,9 @@ class RgbdSequence:
         """
         from seismo3d.synthetic.rgbd_files import write_frames
 
-        write_frames(Path(folder), self, self.camera, progress=progress)
-        return Path(folder)
+        out = as_path(folder, "folder")
+        write_frames(out, self, self.camera, progress=progress)
+        return out
 
     def _within(self, span: tuple[float, float] | None, n: int) -> bool:
         return span is not None and span[0] <= self.stamps[n] - self.stamps[0] < span[1]

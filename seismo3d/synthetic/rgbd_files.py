@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seismo3d._stages import as_progress
 from seismo3d._typing import Progress
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.camera import PinholeCamera
@@ -45,14 +46,14 @@ def write_frames(
     FileAccessError
         If it cannot be written.
     """
+    report = as_progress(progress)
     with written_aside(folder, folder=True) as aside:
         (aside / "rgb").mkdir(parents=True)
         (aside / "depth").mkdir()
         lines: dict[str, list[str]] = {name: [] for name in _HEADS}
         for number, frame in enumerate(frames):
             _write_frame(aside, frame, lines)
-            if progress is not None:
-                progress("frames", (number + 1) / len(frames))
+            report("frames", (number + 1) / len(frames))
         for name, held in lines.items():
             (aside / f"{name}.txt").write_text("\n".join([*_HEADS[name], *held]) + "\n")
         words = asdict(replace(camera, depth_scale=PNG_DEPTH_SCALE))

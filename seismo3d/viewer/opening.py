@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from seismo3d._validate import as_whole_number
+from seismo3d._validate import as_kind, as_whole_number
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.tracks import Track
 from seismo3d.viewer.server import Viewer, check_installed
@@ -60,6 +60,7 @@ def show(
     """
     check_installed()
     port = as_whole_number(port, "port", low=0, high=65535)
+    as_kind(title, str, "title", remedy="Give text, or leave it out.")
     viewer = Viewer(Session(cube, faults, tracks=tracks, folder=folder), title=title, port=port)
     url = viewer.start()
     if open_browser:

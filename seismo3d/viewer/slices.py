@@ -12,7 +12,7 @@ import numpy as np
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import amplitude_limits
-from seismo3d.plot.pictures import is_live_counted, live_traces
+from seismo3d.plot.pictures import is_live_counted, live_traces, name_axes
 
 _KEPT_BYTES = 256 * 2**20
 # percentile of the amplitude's size that gets the strongest colour
@@ -62,7 +62,7 @@ class SliceReader:
     """
 
     def __init__(self, cube: Any) -> None:
-        if np.ndim(cube) != 3:
+        if len(name_axes(cube)) != 3:
             raise ShapeError(
                 f"cube has shape {np.shape(cube)}; expected (inline, crossline, sample). Draw a line by plot.section."
             )

@@ -5,7 +5,7 @@ import pytest
 
 from seismo3d.errors import FileAccessError, FormatError, ParameterError, ShapeError
 from seismo3d.geometry.rotations import exp_rotation, make_transform, transform_points
-from seismo3d.robot import Occupancy
+from seismo3d.robot import Occupancy, Planner
 
 
 @pytest.fixture
@@ -67,3 +67,18 @@ def test_refusals(occupancy, tmp_path):
     np.savez(tmp_path / "objects.npz", cells=np.array([{}], dtype=object), allow_pickle=True)
     with pytest.raises(FormatError):
         Occupancy.load(tmp_path / "objects.npz")
+
+
+def test_cells_that_are_no_rows_and_columns_are_refused():
+    occupancy = Occupancy(np.zeros((60, 60)), np.zeros((60, 60)), 0.05)
+    with pytest.raises(ShapeError, match=r"^rows_columns has shape \(2,\); expected \(n, 2\)"):
+        occupancy.centres([1, 2])
+    planner = Planner(occupancy, (1.0, 1.0), (2.0, 2.0))
+    with pytest.raises(ShapeError, match=r"^rows_columns has elements of type <U1; expected real numbers"):
+        planner.update([["1", "2"]], [1])
+    with pytest.raises(ShapeError, match=r"^rows_columns has 1 rows with NaN"):
+        planner.update([[np.nan, 2.0]], [1])
+    with pytest.raises(ShapeError, match=r"^height has shape \(2,\); expected that of cells, \(1,\)"):
+        planner.update([[1, 2]], [1], height=[0.5, 0.5])
+    assert (planner._cells == 0).all()
+    assert (planner._height == 0.0).all()
