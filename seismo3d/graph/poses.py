@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import BoolArray, Float64Array, Int64Array
-from seismo3d._validate import as_number, freeze
+from seismo3d._validate import as_number, as_whole_number, freeze
 from seismo3d.errors import FormatError, GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.rotations import (
     adjoint,
@@ -135,13 +135,17 @@ def solve_poses(
     ------
     GeometryError
         If no pose is fixed.
+    ParameterError
+        If one is that the graph has not.
     """
     as_number(kernel_width, "kernel_width", low=0.0, strict=True)
-    if not fixed:
+    if len(fixed) == 0:
         raise GeometryError("fixed names no pose; expected at least one: relative poses leave the whole free.")
     T = graph.poses.copy()
     if len(graph.edges) == 0:
         return SolvedPoses(freeze(T), np.ones(0), 0.0, True, 0)
+    for pose in fixed:
+        as_whole_number(pose, "fixed", low=0, high=len(T) - 1)
     free = np.setdiff1d(np.arange(len(T)), np.asarray(fixed))
     errors = edge_errors(graph, T)
     squared = _squares(graph, errors)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seismo3d.errors import FormatError, GeometryError, ShapeError
+from seismo3d.errors import FormatError, GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.rotations import exp_rotation, left_jacobian, make_transform, random_rotation, rotation_angle
 from seismo3d.graph.poses import PoseGraph, edge_errors, read_g2o, solve_poses, write_g2o
 
@@ -107,6 +107,11 @@ def test_refusals(tmp_path: Path) -> None:
         PoseGraph.of([np.eye(4)] * 2, [(0, 3, np.eye(4), np.eye(6), False)])
     with pytest.raises(GeometryError, match="fixed names no pose"):
         solve_poses(PoseGraph.of([np.eye(4)], []), fixed=())
+    pair = PoseGraph.of([np.eye(4)] * 2, [(0, 1, np.eye(4), np.eye(6), False)])
+    assert solve_poses(pair, fixed=np.array([0])).converged  # type: ignore[arg-type]
+    for fixed in ([2], [-1], [0.5], ["0"]):
+        with pytest.raises(ParameterError, match=r"^fixed is "):
+            solve_poses(pair, fixed=fixed)  # type: ignore[arg-type]
     (tmp_path / "bad.g2o").write_text("VERTEX_SE2 0 1 2 3\n")
     with pytest.raises(FormatError, match="line 1"):
         read_g2o(tmp_path / "bad.g2o")
