@@ -141,12 +141,7 @@ def compare(
         as_kind(
             registration, ElevationRegistration, "registration", remedy="Give what register(before, after) returned."
         )
-    if registration is not None and registration.state == "poor_fit":
-        x, y, _ = registration.shift
-        raise GeometryError(
-            f"the registration of after on before is a poor fit, which moves it by {x:.5g}, {y:.5g}; expected one that "
-            "explains the relief. Compare the maps as they lie, without it (--no-align), or register them from matches."
-        )
+        _refuse_poor_fit(registration)
     here, there = MapGrid.from_elevation(before), MapGrid.from_elevation(after)
     refuse_other_systems(here, there, ("before", "after"))
     z = elevation_values(before, "before")
@@ -181,6 +176,15 @@ def compare(
         like_map(before, significant, "significant"),
         volumes[0][0], volumes[1][0], errors[0], errors[1], level,
     )  # fmt: skip
+
+
+def _refuse_poor_fit(registration: ElevationRegistration) -> None:
+    if registration.state == "poor_fit":
+        x, y, _ = registration.shift
+        raise GeometryError(
+            f"the registration of after on before is a poor fit, which moves it by {x:.5g}, {y:.5g}; expected one that "
+            "explains the relief. Compare the maps as they lie, without it (--no-align), or register them from matches."
+        )
 
 
 def compare_points(
