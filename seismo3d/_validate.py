@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -67,7 +68,44 @@ def as_settings(settings: _Settings | None, kind: type[_Settings], name: str = "
             f"{name} is of type {type(settings).__name__}; expected {kind.__name__}. "
             f"Give {kind.__name__}({names}), or leave it out."
         )
+    if is_dataclass(settings):
+        _check_fields(settings, name)
     return settings
+
+
+def _check_fields(settings: Any, name: str) -> None:
+    """Refuse settings with a field of another kind than its usual value; what it may be beyond that, it says itself."""
+    usual = type(settings)()
+    for field in fields(settings):
+        value, wanted = getattr(settings, field.name), getattr(usual, field.name)
+        if value is None and "None" in str(field.type):
+            continue
+        where = f"{name}.{field.name}"
+        if is_dataclass(wanted):
+            as_kind(value, type(wanted), where, remedy=f"Give {type(wanted).__name__}(...), or leave it out.")
+            _check_fields(value, where)
+        elif isinstance(wanted, (bool, int, float, tuple, str)) and not _is_like(value, wanted, field.type):
+            raise ParameterError(
+                f"{where} is {told(value)}; expected something like {wanted!r}. Leave it out for that."
+            )
+
+
+def _is_like(value: Any, wanted: Any, kind: Any = "...") -> bool:
+    """Tell whether a value is a flag, a number (be it infinite), a word, or some of these, as another one is."""
+    if isinstance(wanted, tuple):
+        is_open = "..." in str(kind)
+        return (
+            isinstance(value, (tuple, list))
+            and (is_open or len(value) == len(wanted))
+            and all(_is_like(one, wanted[0]) for one in value)
+        )
+    if isinstance(wanted, bool):
+        return isinstance(value, (bool, np.bool_))
+    if isinstance(wanted, str):
+        return isinstance(value, str)
+    whole = (int, np.integer)
+    is_number = isinstance(value, whole if isinstance(wanted, int) else (*whole, float, np.floating))
+    return is_number and not isinstance(value, bool) and not math.isnan(value)
 
 
 def as_single(values: AnyArray, name: str) -> Float32Array:

@@ -6,6 +6,10 @@ import pytest
 import seismo3d
 from seismo3d._validate import as_settings
 from seismo3d.errors import ParameterError
+from seismo3d.seismic.choosing import ChoiceSettings
+from seismo3d.seismic.faults import FaultSettings
+from seismo3d.seismic.layer_graph import LayerTimeSettings
+from seismo3d.seismic.shifts import ShiftSettings
 from seismo3d.seismic.tracks import TrackSettings
 from seismo3d.terrain.lineament_search import LineamentSettings
 
@@ -27,6 +31,47 @@ CALLS = {
 def test_settings_of_another_kind_are_refused(name, wrong):
     with pytest.raises(ParameterError, match=r"settings is of type \w+; expected \w+Settings\. Give \w+Settings\("):
         CALLS[name](wrong)
+
+
+@pytest.mark.parametrize(
+    ("field", "wrong", "like"),
+    [
+        ("near", "8", "expected something like [0-9]+"),
+        ("near", 8.5, "expected something like [0-9]+"),
+        ("near", True, "expected something like [0-9]+"),
+        ("most", np.zeros(3), r"expected something like [0-9.]+"),
+        ("most", np.nan, r"expected something like [0-9.]+"),
+        (
+            "layers",
+            LineamentSettings(),
+            r"expected LayerTimeSettings\. Give LayerTimeSettings\(\.\.\.\), or leave it out",
+        ),
+    ],
+)
+def test_a_setting_of_another_kind_than_its_usual_value_is_named(field, wrong, like):
+    with pytest.raises(ParameterError, match=rf"^settings\.{field} is .*; {like}"):
+        seismo3d.find_horizons(CUBE, 2, settings=TrackSettings(**{field: wrong}))
+
+
+def test_settings_of_settings_are_looked_at_too():
+    far = TrackSettings(layers=LayerTimeSettings(shifts=ShiftSettings(vertical="far")))
+    with pytest.raises(
+        ParameterError, match=r"^settings\.layers\.shifts\.vertical is 'far'; expected something like 6"
+    ):
+        as_settings(far, TrackSettings)
+    one = TrackSettings(layers=LayerTimeSettings(wide=(8.0,)))
+    with pytest.raises(
+        ParameterError, match=r"^settings\.layers\.wide is \(8\.0,\); expected something like \(8\.0, 8"
+    ):
+        as_settings(one, TrackSettings)
+    more = TrackSettings(layers=LayerTimeSettings(lengths=[1, 2, 4, 8]))
+    assert as_settings(more, TrackSettings) is more
+
+
+def test_an_open_bound_and_none_are_settings():
+    assert as_settings(LineamentSettings(gap=np.inf), LineamentSettings).gap == np.inf
+    wide = FaultSettings(choice=ChoiceSettings.for_section())
+    assert as_settings(wide, FaultSettings) is wide
 
 
 def test_constraints_of_another_kind_are_refused():
