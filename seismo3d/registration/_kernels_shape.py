@@ -98,6 +98,38 @@ def _axes(d: Float64Array, n: Float64Array, sign: float, out: Float64Array) -> b
     return True
 
 
+@nb.njit(cache=True, nogil=True, inline="always")
+def _turn_in_plane(ds: Float64Array, dt: Float64Array, R: Float64Array) -> None:
+    """Write the rotation about the third axis that turns one direction into another."""
+    R[:] = 0.0
+    R[2, 2] = 1.0
+    R[0, 0] = R[1, 1] = dt[0] * ds[0] + dt[1] * ds[1]
+    R[1, 0] = ds[0] * dt[1] - ds[1] * dt[0]
+    R[0, 1] = -R[1, 0]
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _turn_of_frames(frame_t: Float64Array, frame_s: Float64Array, R: Float64Array) -> None:
+    """Write the rotation that turns one frame into another."""
+    for a in range(3):
+        for b in range(3):
+            R[a, b] = frame_t[a, 0] * frame_s[b, 0] + frame_t[a, 1] * frame_s[b, 1] + frame_t[a, 2] * frame_s[b, 2]
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _count_close(target: Float64Array, source: Float64Array, R: Float64Array, shift: Float64Array, limit: float) -> int:
+    """Count the matches whose source comes to within the root of a limit of its target."""
+    count = 0
+    for k in range(target.shape[0]):
+        x, y, z = source[k, 0], source[k, 1], source[k, 2]
+        ex = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + shift[0] - target[k, 0]
+        ey = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + shift[1] - target[k, 1]
+        ez = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + shift[2] - target[k, 2]
+        if ex * ex + ey * ey + ez * ez < limit:
+            count += 1
+    return count
+
+
 @nb.njit(cache=True, nogil=True)
 def poses_from_pairs(
     target: Float64Array,
@@ -122,7 +154,7 @@ def poses_from_pairs(
     dt = np.empty(3)
     ds = np.empty(3)
     R = np.empty((3, 3))
-    n = target.shape[0]
+    shift = np.empty(3)
     for draw in range(draws.shape[0]):
         i, j = draws[draw, 0], draws[draw, 1]
         lt = 0.0
@@ -156,19 +188,9 @@ def poses_from_pairs(
             if not _axes(dt, target_normals[i], 1.0 if s == 0 else -1.0, frame_t):
                 continue
             if d == 2:
-                R[:] = 0.0
-                R[2, 2] = 1.0
-                R[0, 0] = R[1, 1] = dt[0] * ds[0] + dt[1] * ds[1]
-                R[1, 0] = ds[0] * dt[1] - ds[1] * dt[0]
-                R[0, 1] = -R[1, 0]
+                _turn_in_plane(ds, dt, R)
             else:
-                for a in range(3):
-                    for b in range(3):
-                        R[a, b] = (
-                            frame_t[a, 0] * frame_s[b, 0]
-                            + frame_t[a, 1] * frame_s[b, 1]
-                            + frame_t[a, 2] * frame_s[b, 2]
-                        )
+                _turn_of_frames(frame_t, frame_s, R)
             agree = 0.0
             for a in range(3):
                 moved = 0.0
@@ -177,31 +199,16 @@ def poses_from_pairs(
                 agree += moved * target_normals[j, a]
             if abs(agree) < 0.85:
                 continue
-            count = 0
-            shift0 = shift1 = shift2 = 0.0
             for a in range(3):
-                m = 0.5 * (target[i, a] + target[j, a])
+                shift[a] = 0.5 * (target[i, a] + target[j, a])
                 for b in range(3):
-                    m -= R[a, b] * 0.5 * (source[i, b] + source[j, b])
-                if a == 0:
-                    shift0 = m
-                elif a == 1:
-                    shift1 = m
-                else:
-                    shift2 = m
-            limit = tolerance * tolerance
-            for k in range(n):
-                x, y, z = source[k, 0], source[k, 1], source[k, 2]
-                ex = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + shift0 - target[k, 0]
-                ey = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + shift1 - target[k, 1]
-                ez = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + shift2 - target[k, 2]
-                if ex * ex + ey * ey + ez * ez < limit:
-                    count += 1
+                    shift[a] -= R[a, b] * 0.5 * (source[i, b] + source[j, b])
+            count = _count_close(target, source, R, shift, tolerance * tolerance)
             if count >= 3:
                 for a in range(3):
                     for b in range(3):
                         out[found, 3 * a + b] = R[a, b]
-                out[found, 9], out[found, 10], out[found, 11] = shift0, shift1, shift2
+                    out[found, 9 + a] = shift[a]
                 votes[found] = count
                 found += 1
                 if found == out.shape[0]:
