@@ -163,7 +163,7 @@ def make_elevation(
     if nodata is not None and not isinstance(nodata, (int, float, np.integer, np.floating)):
         raise ParameterError(f"nodata is {told(nodata)}; expected a number. Leave it out where NaN stands for nothing.")
     bad = ~np.isfinite(z) if z.dtype.kind == "f" else np.zeros(z.shape, bool)
-    if nodata is not None and np.isfinite(nodata):
+    if nodata is not None and np.isfinite(float(nodata)):
         bad |= z == nodata
     z = np.where(bad, np.float32(np.nan), z.astype(np.float32))
     attrs: dict[str, Any] = {"nodata": nodata}

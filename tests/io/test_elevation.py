@@ -67,6 +67,10 @@ def test_integers_with_nodata_become_nan(tmp_path):
             read_elevation(tmp_path / "a.tif", band=band)
 
 
+def test_a_whole_number_of_any_size_stands_for_nothing():
+    assert np.isfinite(make_elevation(np.ones((2, 3)), nodata=10**30).values).all()
+
+
 @pytest.mark.parametrize("wrong", [np.zeros((2, 3, 4)), np.zeros((2, 3), complex), [["a", "b"]], np.zeros((0, 3))])
 def test_what_is_no_map_of_numbers_is_neither_made_nor_written(tmp_path, wrong):
     with pytest.raises(ShapeError, match=r"^elevation has "):
