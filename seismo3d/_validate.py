@@ -49,6 +49,11 @@ def as_flag(value: Any, name: str) -> bool:
     return bool(value)
 
 
+def check_generator(rng: Any) -> None:
+    """Refuse what is no source of randomness."""
+    as_kind(rng, np.random.Generator, "rng", remedy="Give numpy.random.default_rng(seed).")
+
+
 def check_list(values: Any, name: str, kind: type) -> None:
     """Refuse what is no list of things of a kind."""
     words = f"a {type(values).__name__}"

@@ -21,6 +21,7 @@ from seismo3d.io.horizons import HorizonPoints
 from seismo3d.seismic.loop_closure import LoopClosure
 
 CUBE = np.random.default_rng(1).normal(size=(24, 24, 48)).astype(np.float32)
+RNG = np.random.default_rng(4)
 IMAGE = np.random.default_rng(2).integers(0, 255, (64, 64)).astype(np.uint8)
 POINTS = np.random.default_rng(2).normal(size=(200, 3))
 SEEDS = [(12, 12, 24.0)]
@@ -100,6 +101,19 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "SyntheticFault profile": lambda wrong: s3.synthetic.SyntheticFault((1.0, 1.0, 1.0), 0.0, 60.0, 5.0, wrong),
     "FaultPopulation count": lambda wrong: s3.synthetic.FaultPopulation(count=wrong),
     "FaultPopulation families": lambda wrong: s3.synthetic.FaultPopulation(families=wrong),
+    "coloured_noise rng": lambda wrong: s3.synthetic.coloured_noise(wrong, (4, 8), 0.1),
+    "coloured_noise lateral": lambda wrong: s3.synthetic.coloured_noise(RNG, (4, 8), 0.1, lateral=wrong),
+    "migration_smiles shape": lambda wrong: s3.synthetic.migration_smiles(RNG, wrong, 0.1, count=1),
+    "migration_smiles count": lambda wrong: s3.synthetic.migration_smiles(RNG, (4, 4, 16), 0.1, count=wrong),
+    "sample_faults population": lambda wrong: s3.synthetic.sample_faults(RNG, (8, 8, 16), wrong),
+    "sample_folding slope": lambda wrong: s3.synthetic.sample_folding(RNG, (8, 8, 16), slope=wrong, tilt=0.1),
+    "sample_folding width": lambda wrong: s3.synthetic.sample_folding(
+        RNG, (8, 8, 16), slope=0.1, tilt=0.1, width=wrong
+    ),
+    "present_slip cube": s3.synthetic.present_slip,
+    "exact_displacement cube": s3.synthetic.exact_displacement,
+    "places_before cube": lambda wrong: s3.synthetic.places_before(wrong, POINTS),
+    "make_cube recipe": s3.synthetic.make_cube,
     "score_horizon picks": lambda wrong: s3.score_horizon([PICKS], wrong, tolerance=4.0),
     "score_horizon extent": lambda wrong: s3.score_horizon([PICKS], PICKS, tolerance=4.0, extent=wrong),
     "align_pairs model": lambda wrong: s3.align_pairs(POINTS, POINTS, model=wrong),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float32Array, Float64Array
-from seismo3d._validate import freeze
+from seismo3d._validate import as_kind, as_points, freeze
 from seismo3d.errors import ShapeError
 from seismo3d.synthetic._kernels_cutoffs import find_counterparts, follow_grains, undo_all
 from seismo3d.synthetic.cubes import SyntheticCube
@@ -105,11 +105,12 @@ def places_before(cube: SyntheticCube, points: Float64Array) -> Float64Array:
         If the cube is a section.
     """
     run: Any = undo_all
-    return np.asarray(run(np.ascontiguousarray(points, dtype=np.float64), _faults_that_show(cube)[1]))
+    return np.asarray(run(as_points(points, "points", dim=3), _faults_that_show(cube)[1]))
 
 
 def _faults_that_show(cube: SyntheticCube) -> tuple[int, Float64Array]:
     """Return how many faults are older than an unconformity, and the others as the kernels take them."""
+    as_kind(cube, SyntheticCube, "cube", remedy="Give what fault_cube or make_cube returned.")
     if cube.faults.ndim != 3:
         raise ShapeError(f"cube has faults of shape {cube.faults.shape}; expected three axes. Make it with fault_cube.")
     n_old = sum(fault.buried for fault in cube.fault_list)

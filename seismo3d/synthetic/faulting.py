@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_number, as_numbers, as_whole_number, is_among, told
+from seismo3d._validate import as_kind, as_number, as_numbers, as_whole_number, check_generator, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.synthetic import _kernels as kernels
 
@@ -202,6 +202,9 @@ def sample_faults(
     tuple of SyntheticFault
         Buried ones first.
     """
+    check_generator(rng)
+    as_numbers(shape, "shape", n=3, low=1.0)
+    as_kind(population, FaultPopulation, "population", remedy="Give FaultPopulation(...).")
     n = int(rng.integers(population.count[0], population.count[1] + 1))
     first = rng.uniform(0.0, 180.0)
     step = 180.0 / max(population.families, 1)

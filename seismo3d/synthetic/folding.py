@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import Float64Array
+from seismo3d._validate import as_number, as_numbers, as_whole_number, check_generator
 from seismo3d.synthetic import _kernels as kernels
 
 
@@ -72,7 +73,12 @@ def sample_folding(
     ----------
     .. [1] X. Wu et al., Geophysics 84(3), IM35-IM45, 2019. :doi:`10.1190/geo2018-0646.1`
     """
-    ni, nx, ns = shape
+    check_generator(rng)
+    ni, nx, ns = (as_whole_number(side, "shape", low=1) for side in as_numbers(shape, "shape", n=3))
+    for name, number in (("slope", slope), ("tilt", tilt), ("base", base)):
+        as_number(number, name)
+    as_numbers(width, "width", n=2, low=0.0)
+    as_whole_number(n_bumps, "n_bumps", low=0)
     size = float(max(ni, nx))
     sigma = rng.uniform(width[0], width[1], n_bumps) * size
     centre = rng.uniform(-0.15, 1.15, (n_bumps, 2)) * (ni, nx)

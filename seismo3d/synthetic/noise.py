@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from seismo3d._typing import ArrayLike, Float32Array
-from seismo3d._validate import as_number, as_real_array
+from seismo3d._validate import as_number, as_numbers, as_real_array, as_whole_number, check_generator
 from seismo3d.synthetic.wavelets import ricker_table
 
 
@@ -32,6 +32,9 @@ def coloured_noise(
     """
     from scipy.ndimage import convolve1d, gaussian_filter1d
 
+    check_generator(rng)
+    as_number(peak_frequency, "peak_frequency", low=0.0, strict=True)
+    as_number(lateral, "lateral", low=0.0)
     noise = rng.standard_normal(shape, dtype=np.float32)
     noise = convolve1d(noise, ricker_table(peak_frequency, 1).astype(np.float32), axis=-1, mode="wrap")
     if lateral > 0.0:
@@ -93,10 +96,11 @@ def migration_smiles(
     """
     from seismo3d.synthetic.wavelets import ricker
 
-    out = np.zeros(shape, np.float32)
-    ni, nx, ns = shape
+    check_generator(rng)
+    ni, nx, ns = (as_whole_number(side, "shape", low=1) for side in as_numbers(shape, "shape", n=3))
+    out = np.zeros((ni, nx, ns), np.float32)
     sample = np.arange(ns, dtype=np.float64)
-    for _ in range(count):
+    for _ in range(as_whole_number(count, "count", low=0)):
         place = rng.uniform(0.05, 0.95, 3) * shape
         radius = rng.uniform(0.35, 0.9) * ns
         strength = rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.0)

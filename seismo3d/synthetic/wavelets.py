@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from seismo3d._typing import ArrayLike, Float64Array
-from seismo3d._validate import as_number
+from seismo3d._validate import as_array, as_number
+from seismo3d.errors import ShapeError
 
 
 def ricker(time: ArrayLike, peak_frequency: float) -> Float64Array:
@@ -36,7 +37,10 @@ def ricker(time: ArrayLike, peak_frequency: float) -> Float64Array:
     [0.927, 1.0, 0.927]
     """
     frequency = as_number(peak_frequency, "peak_frequency", low=0.0, strict=True)
-    u = (np.pi * frequency * np.asarray(time, dtype=np.float64)) ** 2
+    times = as_array(time, "time")
+    if times.size and times.dtype.kind not in "fiub":
+        raise ShapeError(f"time has elements of type {times.dtype}; expected real numbers.")
+    u = (np.pi * frequency * times.astype(np.float64)) ** 2
     return np.asarray((1.0 - 2.0 * u) * np.exp(-u))
 
 

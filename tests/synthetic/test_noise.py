@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from seismo3d.errors import ParameterError
+from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.synthetic import apply_agc, coloured_noise, migration_smiles, ricker
 from seismo3d.synthetic.noise import root_mean_square
 
@@ -52,3 +52,10 @@ def test_smile_is_a_bowl():
     assert rim.any()
     assert depth[rim].mean() < depth[lowest] - 2
     assert 0.3 < strength.max() <= 1.0
+
+
+def test_times_of_a_wavelet_are_real_numbers():
+    assert ricker([], 0.1).shape == (0,)
+    for times in (["1"], [1j], [None]):
+        with pytest.raises(ShapeError, match=r"^time has elements of type .*; expected real numbers"):
+            ricker(times, 0.1)
