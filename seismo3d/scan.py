@@ -106,7 +106,7 @@ class Scan:
         weights : array_like of shape (n,), optional
             Not negative, at least one positive.
         features : Features, optional
-            Keypoints with descriptors in the same frame.
+            Keypoints with descriptors in the same frame, kept with the scan: ``register`` takes matched ones.
 
         Returns
         -------

@@ -19,6 +19,7 @@ from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.io.horizons import HorizonPoints
 from seismo3d.seismic.loop_closure import LoopClosure
+from seismo3d.seismic.picks import horizon_seeds
 
 CUBE = np.random.default_rng(1).normal(size=(24, 24, 48)).astype(np.float32)
 RNG = np.random.default_rng(4)
@@ -115,6 +116,8 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "places_before cube": lambda wrong: s3.synthetic.places_before(wrong, POINTS),
     "make_cube recipe": s3.synthetic.make_cube,
     "score_horizon picks": lambda wrong: s3.score_horizon([PICKS], wrong, tolerance=4.0),
+    "score_horizon extent of": lambda wrong: s3.score_horizon([PICKS], PICKS, tolerance=4.0, extent=(0.0, wrong)),
+    "horizon_seeds horizon": lambda wrong: horizon_seeds(wrong, PLACED),
     "score_horizon extent": lambda wrong: s3.score_horizon([PICKS], PICKS, tolerance=4.0, extent=wrong),
     "align_pairs model": lambda wrong: s3.align_pairs(POINTS, POINTS, model=wrong),
     "align_pairs features": lambda wrong: s3.align_pairs(POINTS, POINTS, features=wrong),

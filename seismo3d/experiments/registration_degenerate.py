@@ -50,7 +50,6 @@ class SceneFigures:
     """Share of right answers and median displacement (metres) by method, and the mean number of directions reported."""
 
     scene: str
-    n_repeats: int
     success: dict[str, float]
     displacement: dict[str, float]
     n_unobservable: float
@@ -150,7 +149,6 @@ def run_scene(scene: str, *, n_repeats: int, seed: int = 0) -> SceneFigures:
             off[method].append(float(np.sqrt(squares.mean())))
     return SceneFigures(
         scene,
-        n_repeats,
         {m: float(np.mean(np.array(off[m]) < RIGHT)) for m in METHODS},
         {m: float(np.median(off[m])) for m in METHODS},
         float(np.mean(unobservable)),

@@ -92,8 +92,8 @@ def _change_of_shape(before: Pairs, after: Pairs) -> Float64Array:
     """Largest stretch of the change between two sets of affine maps over its smallest."""
     if len(before) == 0:
         return np.empty(0)
-    stretch = np.linalg.svd(np.linalg.solve(before.linear, after.linear), compute_uv=False)
-    return np.asarray(stretch[:, 0] / np.maximum(stretch[:, 1], 1e-9))
+    factors = np.linalg.svd(np.linalg.solve(before.linear, after.linear), compute_uv=False)
+    return np.asarray(factors[:, 0] / np.maximum(factors[:, 1], 1e-9))
 
 
 def polish_pairs(

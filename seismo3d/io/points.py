@@ -12,7 +12,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, ArrayLike, Float64Array
 from seismo3d._validate import as_points
-from seismo3d.errors import FormatError, Seismo3dWarning
+from seismo3d.errors import FormatError, Seismo3dWarning, ShapeError
 from seismo3d.io._column_names import find_names
 from seismo3d.io._decimal_commas import may_have_decimal_commas
 from seismo3d.io._files import as_path, as_readable_file, check_output, refuse_os_errors, written_aside
@@ -121,6 +121,8 @@ def write_points(path: str | Path, points: ArrayLike, *, normals: ArrayLike | No
     path = check_output(path, endings=WRITTEN_SUFFIXES)
     p = as_points(points, "points")
     n = None if normals is None else as_points(normals, "normals", dim=p.shape[1])
+    if n is not None and n.shape != p.shape:
+        raise ShapeError(f"normals has shape {n.shape}; expected {p.shape}, one a point.")
     table = p if n is None else np.hstack([p, n])
     suffix = path.suffix.lower()
     with written_aside(path) as aside:

@@ -110,7 +110,8 @@ def score_horizon(
     reach = same_trace_distance(tracks) if apart is None else as_number(apart, "apart", low=0.0)
     if extent is None:
         extent = (-np.inf, np.inf) if cube is None else sample_extent(cube)
-    if not isinstance(extent, (tuple, list)) or len(extent) != 2:
+    is_pair = isinstance(extent, (tuple, list)) and len(extent) == 2
+    if not is_pair or not all(isinstance(end, (int, float, np.number)) for end in extent):
         raise ParameterError(f"extent is {told(extent)}; expected (shallowest, deepest).")
     low, high = extent
     is_inside = (picks.points[:, 2] > low) & (picks.points[:, 2] < high)

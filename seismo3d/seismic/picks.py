@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_whole_number
+from seismo3d._validate import as_kind, as_whole_number
 from seismo3d.errors import GeometryError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.io.fault_sticks import FaultStick
@@ -119,6 +119,7 @@ def horizon_seeds(horizon: HorizonPoints, cube: Any, *, count: int = 25) -> Floa
     -----
     The first is the point nearest to the middle of them all; each further one lies farthest from those before it.
     """
+    as_kind(horizon, HorizonPoints, "horizon", remedy="Give what read_horizon returned.")
     wanted = as_whole_number(count, "count", low=1)
     grid = grid_horizon(horizon, cube)
     known = np.isfinite(grid)

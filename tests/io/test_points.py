@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seismo3d.errors import FileAccessError, FormatError, ParameterError, Seismo3dWarning
+from seismo3d.errors import FileAccessError, FormatError, ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.io import _lzf
 from seismo3d.io import points as points_module
 from seismo3d.io.points import read_points, write_points
@@ -168,6 +168,8 @@ def test_missing_files_and_unknown_outputs_are_refused(tmp_path):
         read_points(tmp_path / "no.ply")
     with pytest.raises(ParameterError, match=r"expected \.ply"):
         write_points(tmp_path / "a.las", POINTS)
+    with pytest.raises(ShapeError, match=r"^normals has shape .*; expected .*, one a point"):
+        write_points(tmp_path / "a.ply", POINTS, normals=NORMALS[1:])
 
 
 @pytest.mark.parametrize("name", ["a.ply", "a.xyz", "a.npy", "q.NPY", "q.XYZ"])
