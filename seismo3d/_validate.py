@@ -187,7 +187,7 @@ def as_whole_number(value: Any, name: str, *, low: float = -math.inf, high: floa
 def as_numbers(values: Any, name: str, *, n: int, low: float = -math.inf, high: float = math.inf) -> tuple[float, ...]:
     """Return so many finite numbers within bounds, or refuse them by name."""
     try:
-        given = () if isinstance(values, (str, bytes)) else tuple(values)
+        given = () if isinstance(values, (str, bytes, set, dict)) else tuple(values)
     except TypeError:
         given = ()
     if len(given) != n:

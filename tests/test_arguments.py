@@ -103,6 +103,7 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "FaultPopulation count": lambda wrong: s3.synthetic.FaultPopulation(count=wrong),
     "FaultPopulation families": lambda wrong: s3.synthetic.FaultPopulation(families=wrong),
     "coloured_noise rng": lambda wrong: s3.synthetic.coloured_noise(wrong, (4, 8), 0.1),
+    "coloured_noise shape": lambda wrong: s3.synthetic.coloured_noise(RNG, wrong, 0.1),
     "coloured_noise lateral": lambda wrong: s3.synthetic.coloured_noise(RNG, (4, 8), 0.1, lateral=wrong),
     "migration_smiles shape": lambda wrong: s3.synthetic.migration_smiles(RNG, wrong, 0.1, count=1),
     "migration_smiles count": lambda wrong: s3.synthetic.migration_smiles(RNG, (4, 4, 16), 0.1, count=wrong),
@@ -256,6 +257,13 @@ def test_cubes_that_are_no_real_numbers_are_not_drawn(draw: Callable[[Any], Any]
 def test_a_scan_of_no_points_is_told_how_to_be_made(points: Any) -> None:
     with pytest.raises(ShapeError, match=r"^points is .*; expected rows of float64\. Make it by Scan\.from_points\.$"):
         s3.Scan(points)
+
+
+@pytest.mark.parametrize("name", ["wavelength", "tilt", "noise", "dead_traces"])
+@pytest.mark.parametrize("wrong", [None, {4.0, 5.0}, {"low": 4.0, "high": 5.0}], ids=["none", "set", "dict"])
+def test_a_recipe_needs_its_numbers_in_their_order(name: str, wrong: Any) -> None:
+    with pytest.raises(ParameterError, match=rf"^{name} is .*; expected (2 numbers|a number)"):
+        s3.synthetic.CubeRecipe(**{name: wrong})
 
 
 def test_an_open_range_of_constraints_is_kept() -> None:

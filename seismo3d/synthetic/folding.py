@@ -78,7 +78,7 @@ def sample_folding(
     for name, number in (("slope", slope), ("tilt", tilt), ("base", base)):
         as_number(number, name)
     as_numbers(width, "width", n=2, low=0.0)
-    as_whole_number(n_bumps, "n_bumps", low=0)
+    n_bumps = as_whole_number(n_bumps, "n_bumps", low=0)
     size = float(max(ni, nx))
     sigma = rng.uniform(width[0], width[1], n_bumps) * size
     centre = rng.uniform(-0.15, 1.15, (n_bumps, 2)) * (ni, nx)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from seismo3d._typing import ArrayLike, Float32Array
-from seismo3d._validate import as_number, as_numbers, as_real_array, as_whole_number, check_generator
+from seismo3d._validate import as_number, as_numbers, as_real_array, as_whole_number, check_generator, told
+from seismo3d.errors import ParameterError
 from seismo3d.synthetic.wavelets import ricker_table
 
 
@@ -33,6 +34,10 @@ def coloured_noise(
     from scipy.ndimage import convolve1d, gaussian_filter1d
 
     check_generator(rng)
+    if not isinstance(shape, (tuple, list)) or not shape:
+        raise ParameterError(f"shape is {told(shape)}; expected the lengths of the axes, samples last.")
+    for side in shape:
+        as_whole_number(side, "shape", low=1)
     as_number(peak_frequency, "peak_frequency", low=0.0, strict=True)
     as_number(lateral, "lateral", low=0.0)
     noise = rng.standard_normal(shape, dtype=np.float32)

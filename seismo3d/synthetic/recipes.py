@@ -115,10 +115,10 @@ def _check_kinds(recipe: CubeRecipe) -> None:
     for side in as_numbers(recipe.shape, "shape", n=3):
         as_whole_number(side, "shape")
     for name in _RANGES:
-        if getattr(recipe, name) is not None:
+        if name != "unconformity" or recipe.unconformity is not None:
             as_numbers(getattr(recipe, name), name, n=2)
     for name in _NUMBERS:
-        if getattr(recipe, name) is not None:
+        if name != "agc_window" or recipe.agc_window is not None:
             as_number(getattr(recipe, name), name)
     for name in _COUNTS:
         as_whole_number(getattr(recipe, name), name, low=0)
