@@ -8,7 +8,7 @@ from seismo3d._lazy import lazily
 
 if TYPE_CHECKING:
     from seismo3d.robot.calibration import calibrate_timing
-    from seismo3d.robot.camera import Camera, RgbdFrame
+    from seismo3d.robot.camera import Camera, LensErrors, RgbdFrame
     from seismo3d.robot.mapper import Mapper
     from seismo3d.robot.occupancy import Occupancy
     from seismo3d.robot.planning import Path, Planner, RobotLimits, plan_path
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _PUBLIC = {
     "Camera": "seismo3d.robot.camera",
     "Closed": "seismo3d.robot.results",
+    "LensErrors": "seismo3d.robot.camera",
     "Mapper": "seismo3d.robot.mapper",
     "MapperSettings": "seismo3d.robot.results",
     "Occupancy": "seismo3d.robot.occupancy",
@@ -37,6 +38,7 @@ _PUBLIC = {
 __all__ = [
     "Camera",
     "Closed",
+    "LensErrors",
     "Mapper",
     "MapperSettings",
     "Occupancy",

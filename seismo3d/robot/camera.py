@@ -14,6 +14,36 @@ from seismo3d.geometry.camera import PinholeCamera, as_camera
 _OF_ARRAYS = "Make the frame by RgbdFrame.of(rgb, depth, time)."
 
 
+@dataclass(frozen=True, slots=True)
+class LensErrors:
+    """How far what is stated of a lens may be off, standard deviations; 0 for what is known exactly.
+
+    The defaults are what cameras have that were calibrated once, or whose maker's numbers are used.
+
+    Attributes
+    ----------
+    scale : float
+        Of the depth, as a share of it.
+    focal : float
+        Of the focal length, as a share of it.
+    centre : float
+        Of the principal point, in focal lengths.
+    """
+
+    scale: float = 0.01
+    focal: float = 0.01
+    centre: float = 0.005
+
+    def __post_init__(self) -> None:
+        for name in ("scale", "focal", "centre"):
+            as_number(getattr(self, name), name, low=0.0, high=0.5)
+
+    def spread(self, by_lens: Float64Array) -> Float64Array:
+        """Return the covariance (6, 6) of a pose that changes with the lens's constants as told, (6, 4)."""
+        root = by_lens * [self.scale, self.focal, self.centre, self.centre]
+        return np.asarray(root @ root.T)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
     """A colour and depth camera, its depth registered to its colour.
@@ -32,6 +62,8 @@ class Camera:
         Seconds from the exposure of depth to its stamp, more than of colour: depth takes longer to compute. None:
         found while mapping.
     name : str
+    errors : LensErrors
+        How far the lens may be otherwise than stated: what poses may be off by it is in their covariance.
     """
 
     lens: PinholeCamera
@@ -40,6 +72,7 @@ class Camera:
     readout: float | None = None
     depth_delay: float | None = None
     name: str = "camera"
+    errors: LensErrors = field(default_factory=LensErrors)
 
     def __post_init__(self) -> None:
         as_kind(self.lens, PinholeCamera, "lens", remedy="Give seismo3d.geometry.camera.PinholeCamera(fx, fy, cx, cy).")
@@ -50,6 +83,7 @@ class Camera:
                 "mirror, and a last row of 0 0 0 1."
             )
         object.__setattr__(self, "T_body_camera", freeze(T))
+        as_kind(self.errors, LensErrors, "errors", remedy="Give seismo3d.robot.LensErrors(...), or leave it out.")
         as_number(self.clock_offset, "clock_offset")
         if self.readout is not None:
             as_number(self.readout, "readout", low=0.0, high=0.2)

@@ -11,9 +11,10 @@ from seismo3d._typing import Float64Array, Int64Array
 from seismo3d.geometry.rotations import adjoint, invert_transform
 from seismo3d.graph.poses import PoseGraph, edge_errors
 from seismo3d.registration.result import Registration
-from seismo3d.robot.drift import step_covariance
+from seismo3d.robot.drift import step_errors
 from seismo3d.robot.ekf import exp_motion, log_motion
 from seismo3d.robot.keyframes import PlaceMemory
+from seismo3d.robot.pose_errors import PoseErrors
 
 _STEP_TURN, _STEP_SHIFT = 0.002, 0.003
 """Standard deviations of the pose from one keyframe to the next, rad and m."""
@@ -82,12 +83,12 @@ def make_graph(
     closures: list[Closure],
     *,
     parts: Sequence[int] | None = None,
-    covariances: Sequence[Float64Array] | None = None,
+    errors: Sequence[PoseErrors] | None = None,
 ) -> PoseGraph:
     """Return the graph of keyframes (n, 4, 4) with their closures, which count as doubtful.
 
     Each is tied to the one before it of the same part; all are one part by default. The tie is the looser the more the
-    covariances (6, 6) of the two, of perturbations on the left, differ.
+    errors of the two differ.
     """
     step = np.diag([_STEP_TURN**2] * 3 + [_STEP_SHIFT**2] * 3)
     last: dict[int, int] = {}
@@ -95,9 +96,7 @@ def make_graph(
     for k, part in enumerate([0] * len(poses) if parts is None else parts):
         if part in last:
             before = last[part]
-            spread = (
-                step if covariances is None else step + step_covariance(covariances[before], covariances[k], poses[k])
-            )
+            spread = step if errors is None else step + step_errors(errors[before], errors[k], poses[k])
             edges.append((before, k, invert_transform(poses[before]) @ poses[k], np.linalg.inv(spread), False))
         last[part] = k
     doubtful = [(c.target, c.source, c.T_target_source, c.information, True) for c in closures]

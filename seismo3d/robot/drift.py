@@ -1,7 +1,7 @@
 """How far the map itself may be off: what is mapped is no surer than the poses that it was mapped from.
 
 A frame is located against the map, and what the frame adds to the map inherits its error. So each view that the map
-remembers keeps the covariance of its pose against the map's first frame, and a frame that is located is as sure as the
+remembers keeps the errors of its pose against the map's first frame, and a frame that is located is as sure as the
 surest view that shows nearly the same, and less by what its own registration leaves open. Coming back to where the map
 began makes a camera sure again; what was mapped beyond a bare corridor stays as unsure as the way through it was.
 """
@@ -18,19 +18,20 @@ from seismo3d._typing import BoolArray, Float64Array
 from seismo3d.geometry.rotations import adjoint, invert_transform
 from seismo3d.graph.poses import PoseGraph
 from seismo3d.robot.landmarks import View, views_apart
+from seismo3d.robot.pose_errors import PoseErrors, differ_alike
 
-_SHARED = 0.4
+_SHARED = 0.3
 """Views that are no farther apart, by ``View.apart``, show so much in common that one is located by the other."""
 
 
-def map_covariance(
+def surest_view(
     views: Sequence[View],
     T_world_camera: Float64Array,
     *,
     foreseen: Float64Array | None = None,
     shown: Collection[int] = (),
-) -> Float64Array:
-    """Return how sure a map is of where the surfaces lie that a camera at a pose sees.
+) -> View | None:
+    """Return the view that says best where the surfaces lie that a camera at a pose sees.
 
     Parameters
     ----------
@@ -44,22 +45,20 @@ def map_covariance(
 
     Returns
     -------
-    ndarray of shape (6, 6), float64
-        Covariance of a perturbation on the left, (rotation, translation): the least of the views that show nearly the
-        same, else that of the nearest; zeros without views.
+    View or None
+        The one with the least covariance of those that show nearly the same, else the nearest; None without views.
     """
     if not views:
-        return np.zeros((6, 6))
+        return None
     apart = views_apart(views, T_world_camera)
     nearest = np.flatnonzero(apart <= max(_SHARED, apart.min())).tolist()
     if foreseen is not None:
         for k in nearest:
             if k not in shown:
-                unsure = step_covariance(views[k].covariance, foreseen, T_world_camera)
+                unsure = step_covariance(views[k].errors.total, foreseen, T_world_camera)
                 apart[k] += np.sqrt(np.trace(unsure[:3, :3])) + 0.5 * np.sqrt(np.trace(unsure[3:, 3:]))
-    shared = [k for k in nearest if apart[k] <= max(_SHARED, apart[nearest].min())]
-    held = [views[k].covariance for k in shared]
-    return held[int(np.argmin([_size(C, T_world_camera) for C in held]))]
+    shared = [views[k] for k in nearest if apart[k] <= max(_SHARED, apart[nearest].min())]
+    return shared[int(np.argmin([_size(view.errors.total, T_world_camera) for view in shared]))]
 
 
 def step_covariance(before: Float64Array, after: Float64Array, T_world_after: Float64Array) -> Float64Array:
@@ -82,6 +81,16 @@ def step_covariance(before: Float64Array, after: Float64Array, T_world_after: Fl
     to_pose = adjoint(invert_transform(T_world_after))
     values, vectors = np.linalg.eigh(to_pose @ (after - before) @ to_pose.T)
     return np.asarray((vectors * np.abs(values)) @ vectors.T)
+
+
+def step_errors(before: PoseErrors, after: PoseErrors, T_world_after: Float64Array) -> Float64Array:
+    """Return what two poses' errors of all kinds but the lens's say of the motion from one to the other.
+
+    As :func:`step_covariance`, and by how much what goes all the same way has grown.
+    """
+    to_pose = adjoint(invert_transform(T_world_after))
+    grown = to_pose @ differ_alike(before.alike, after.alike) @ to_pose.T
+    return np.asarray(step_covariance(before.covariance, after.covariance, T_world_after) + grown)
 
 
 def tie_covariances(graph: PoseGraph, covariances: Float64Array, *, known: BoolArray, used: BoolArray) -> Float64Array:

@@ -19,6 +19,7 @@ import numpy as np
 from seismo3d._typing import BoolArray, Float64Array, Int64Array
 from seismo3d.geometry.rotations import adjoint, invert_transform, left_jacobian, log_rotation, skew
 from seismo3d.robot import _kernels_twist as kernels
+from seismo3d.robot.pose_errors import PoseErrors
 
 _FLOOR = 0.0015**2
 """Variance that a registration has at least, rad^2 and m^2: the map's own errors are not in its covariance."""
@@ -77,7 +78,7 @@ class MotionFilter:
     ----------
     covariance : ndarray of shape (12 + 3 n, 12 + 3 n), float64
         Of the state against the map.
-    map_covariance : ndarray of shape (6, 6), float64
+    of_map : PoseErrors
         Of the map where the pose is known by it, against the map's first frame.
     """
 
@@ -86,14 +87,26 @@ class MotionFilter:
         self.T_world_body = T_world_body.copy()
         self.twist = np.zeros(6)
         self.covariance = np.diag([1e-10] * 6 + [0.5] * 3 + [0.25] * 3)
-        self.map_covariance = np.zeros((6, 6))
+        self.of_map = PoseErrors()
+        self._held: Float64Array | None = None
         self.landmarks = np.empty((0, 3))
         self._noise = np.diag([turning**2] * 3 + [moving**2] * 3)
 
     @property
     def pose_covariance(self) -> Float64Array:
         """Covariance (6, 6) of the pose against the map's first frame: a perturbation on the left."""
-        return np.asarray(self.covariance[:6, :6] + self.map_covariance)
+        return self.errors.total
+
+    @property
+    def errors(self) -> PoseErrors:
+        """Errors of the pose against the map's first frame."""
+        return self.of_map.beyond(PoseErrors(self.covariance[:6, :6] if self._held is None else self._held))
+
+    def covariance_at(self, delay: float) -> Float64Array:
+        """Return the covariance (6, 6) of the pose so many seconds later by the present velocity."""
+        turn = adjoint(self.T_world_body) * delay
+        moved = self.covariance[6:12, 6:12] + self._noise * (abs(delay) / 3.0)
+        return np.asarray(self.pose_covariance + turn @ moved @ turn.T)
 
     def turn(self, change: Float64Array) -> None:
         """Carry over a change (4, 4) of the world's frame; there must be no landmarks."""
@@ -101,6 +114,7 @@ class MotionFilter:
         out[:6, :6] = adjoint(change)
         self.T_world_body = change @ self.T_world_body
         self.covariance = out @ self.covariance @ out.T
+        self._held = None if self._held is None else out[:6, :6] @ self._held @ out[:6, :6].T
 
     def pose_at(self, time: float) -> Float64Array:
         """Return the pose at a time by the present velocity; the state stays as it is."""
@@ -108,7 +122,7 @@ class MotionFilter:
 
     def predict(self, time: float) -> None:
         """Move the state to a time; an earlier one moves it back."""
-        dt = time - self.time
+        dt, self._held = time - self.time, None
         self.T_world_body = self.pose_at(time)
         F = np.eye(12)
         F[:6, 6:] = adjoint(self.T_world_body) * dt
@@ -134,7 +148,7 @@ class MotionFilter:
         *,
         gate: float | None,
         blind: Float64Array | None = None,
-        map_covariance: Float64Array | None = None,
+        of_map: PoseErrors | None = None,
     ) -> Innovation:
         """Take in a measured pose at the state's time.
 
@@ -147,8 +161,8 @@ class MotionFilter:
             Largest squared Mahalanobis distance that is accepted; None accepts all.
         blind : ndarray of shape (k, 6), float64, optional
             Perturbations of which the measurement says nothing; the state stays as it is along them.
-        map_covariance : ndarray of shape (6, 6), float64, optional
-            Of what the pose was measured against; zeros by default.
+        of_map : PoseErrors, optional
+            Of what the pose was measured against; none by default.
 
         Returns
         -------
@@ -161,14 +175,26 @@ class MotionFilter:
         distance = float(z @ np.linalg.solve(rows @ self.covariance[:6, :6] @ rows.T + R, z))
         if gate is not None and not distance <= gate:
             return Innovation(distance, accepted=False)
-        of_map = np.zeros((6, 6)) if map_covariance is None else map_covariance
+        found = PoseErrors() if of_map is None else of_map
         if keep is not None:
             # along what is blind the pose still hangs on what it was measured against before
-            told, untold = keep[:6, :6], np.eye(6) - keep[:6, :6]
-            of_map = told @ of_map @ told.T + untold @ self.map_covariance @ untold.T
-        self.map_covariance = of_map
+            told = keep[:6, :6]
+            found = self.of_map.carried(np.eye(6) - told).beyond(found.carried(told))
+        self.of_map = found
         self._correct(rows @ np.eye(6, len(self.covariance)), z, R, keep)
         return Innovation(distance, accepted=True)
+
+    def hold(self, T_world_body: Float64Array, covariance: Float64Array, *, blind: Float64Array) -> None:
+        """Put the pose where it was measured, all of it: so it fits the map, and is as sure as the measurement.
+
+        Along what is blind (k, 6), and where the covariance (6, 6) is infinite, it is as sure as the state is.
+        """
+        self.T_world_body = T_world_body
+        if not np.isfinite(covariance).all():
+            return
+        told = self._beside(blind)[1][:6, :6] if len(blind) else np.eye(6)
+        untold = np.eye(6) - told
+        self._held = told @ covariance @ told.T + untold @ self.covariance[:6, :6] @ untold.T
 
     def add_landmark(self, point: Float64Array, covariance: Float64Array) -> None:
         """Take a point of the world into the state.

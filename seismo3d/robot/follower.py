@@ -9,15 +9,17 @@ import numpy as np
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d.geometry.rotations import adjoint, invert_transform
 from seismo3d.robot.camera import Camera, RgbdFrame
-from seismo3d.robot.drift import map_covariance
+from seismo3d.robot.drift import surest_view
 from seismo3d.robot.ekf import MotionFilter, of_measurement
 from seismo3d.robot.frames import Coming, Measured, Timing
 from seismo3d.robot.keyframes import Keyframe
 from seismo3d.robot.landmarks import Sightings
 from seismo3d.robot.local_maps import LocalMaps
 from seismo3d.robot.locator import Locator, is_certain, is_denied, is_reached, is_sound
+from seismo3d.robot.pose_errors import PoseErrors
 from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.semantic_landmarks import LandmarkBook
+from seismo3d.robot.shared_errors import find_shared_errors
 from seismo3d.robot.state import MapState
 from seismo3d.robot.tracking import Located
 
@@ -84,7 +86,7 @@ class Follower:
             self._filter = MotionFilter(now, last[0].T_world_camera @ T if last else T)
             if last:
                 self._filter.covariance[:6, :6] = np.eye(6) * _PAUSE**2
-                self._filter.map_covariance = map_covariance(self._maps.current.views, last[0].T_world_camera)
+                self._rest_on_map(last[0].T_world_camera)
         if not self._settings.filtered:
             self._filter.twist[:] = 0.0
         self._filter.predict(now)
@@ -123,8 +125,7 @@ class Follower:
         self._book.forget(self._filter)
         if self._filter is not None:
             self._filter.turn(change)
-            T_world_camera = self._filter.T_world_body @ self._cameras[0].T_body_camera
-            self._filter.map_covariance = map_covariance(self._maps.current.views, T_world_camera)
+            self._rest_on_map(self._filter.T_world_body @ self._cameras[0].T_body_camera)
 
     def _sight(self, grey: AnyArray | None, number: int, timing: Timing) -> tuple[Float64Array, Sightings]:
         """Update the filter by its landmarks; return the camera's pose, and the sightings that are left."""
@@ -179,7 +180,7 @@ class Follower:
                     # it moved faster than foreseen: that says how fast
                     self._take(again, number, there)
                     return "tracked", again
-                self._go_on(state, again.T_world_camera, number, covariance=again.covariance)
+                self._go_on(state, again.T_world_camera, number, found=(again, there))
                 return "relocated", again
         return None
 
@@ -208,25 +209,46 @@ class Follower:
         if self._filter is None:
             return
         T_world_body = located.T_world_camera @ invert_transform(self._cameras[number].T_body_camera)
-        views = Counter(seen.names[located.landmark_weights > 0.0, 0].tolist())
-        of_map = map_covariance(
-            self._maps.current.views, located.T_world_camera, foreseen=self._filter.pose_covariance,
-            shown=[view for view, count in views.items() if count >= _LEAST_SHOWN],
-        )  # fmt: skip
-        self._filter.update(T_world_body, located.covariance, gate=None, blind=located.blind, map_covariance=of_map)
-        self._filter.T_world_body = T_world_body
+        of_map = self._errors_there(located, number, seen, foreseen=self._filter.pose_covariance)
+        self._filter.update(T_world_body, located.covariance, gate=None, blind=located.blind, of_map=of_map)
+        self._filter.hold(T_world_body, located.covariance, blind=located.blind)
         if self._settings.filtered and self._settings.landmarks_in_state and len(seen):
             self._book.learn(self._filter, seen, located.landmark_weights, located.T_world_camera)
 
+    def _errors_there(
+        self, located: Located, number: int, seen: Sightings, *, foreseen: Float64Array | None = None
+    ) -> PoseErrors:
+        """Return how far the map, and what a frame that was located by some landmarks has wrong with it, put it off."""
+        views = self._maps.current.views
+        counts = Counter(seen.names[located.landmark_weights > 0.0, 0].tolist())
+        shown = [view for view, count in counts.items() if count >= _LEAST_SHOWN]
+        base = surest_view(views, located.T_world_camera, foreseen=foreseen, shown=shown)
+        if base is None:
+            return PoseErrors()
+        return base.errors.beyond(find_shared_errors(located, seen, views, base, self._cameras[number].lens))
+
+    def _rest_on_map(self, T_world_camera: Float64Array) -> None:
+        """Let the filter's pose be as far off as the map is where a camera looks."""
+        base = surest_view(self._maps.current.views, T_world_camera)
+        if base is not None:
+            self.motion.of_map = base.errors
+
     def _go_on(
-        self, state: MapState, T_world_camera: Float64Array, number: int, *, covariance: Float64Array | None = None
+        self,
+        state: MapState,
+        T_world_camera: Float64Array,
+        number: int,
+        *,
+        found: tuple[Located, Sightings] | None = None,
     ) -> None:
-        """Go on from a pose in a local map, found there with a covariance, and with nothing known of the velocity."""
+        """Go on from a pose in a local map, found there by some landmarks, with nothing known of the velocity."""
         if state is not self._maps.current:
             self._maps.go_to(state)
         T_world_body = T_world_camera @ invert_transform(self._cameras[number].T_body_camera)
         self._book.forget(None)
         self._filter = MotionFilter(0.0 if self._filter is None else self._filter.time, T_world_body)
-        if covariance is not None:
-            self._filter.covariance[:6, :6] = of_measurement(covariance)
-            self._filter.map_covariance = map_covariance(state.views, T_world_camera)
+        if found is not None:
+            located, seen = found
+            self._filter.covariance[:6, :6] = of_measurement(located.covariance)
+            self._filter.of_map = self._errors_there(located, number, seen)
+            self._filter.hold(T_world_body, located.covariance, blind=located.blind)

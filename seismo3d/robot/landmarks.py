@@ -14,10 +14,11 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array, Int64Array
 from seismo3d.geometry.camera import PinholeCamera
-from seismo3d.geometry.rotations import adjoint, skew
+from seismo3d.geometry.rotations import skew
 from seismo3d.robot import _kernels_follow as following
 from seismo3d.robot.ekf import exp_motion
 from seismo3d.robot.frames import Timing
+from seismo3d.robot.pose_errors import PoseErrors
 from seismo3d.robot.tsdf import Prediction
 
 _FARTHEST = 0.9
@@ -48,8 +49,8 @@ class View:
     points : ndarray of shape (n, 3), float64
         Landmarks in the world.
     camera : int
-    covariance : ndarray of shape (6, 6), float64
-        Of the pose against the map's first frame: a perturbation on the left, (rotation, translation).
+    errors : PoseErrors
+        Of the pose against the map's first frame.
     """
 
     T_world_camera: Float64Array
@@ -57,14 +58,13 @@ class View:
     pixels: Float64Array
     points: Float64Array
     camera: int = 0
-    covariance: Float64Array = field(default_factory=lambda: np.zeros((6, 6)))
+    errors: PoseErrors = field(default_factory=PoseErrors)
 
     def moved(self, change: Float64Array) -> View:
         """Return the view after a change (4, 4) of the world's frame."""
         points = self.points @ change[:3, :3].T + change[:3, 3]
-        turn = adjoint(change)
-        covariance = turn @ self.covariance @ turn.T
-        return replace(self, T_world_camera=change @ self.T_world_camera, points=points, covariance=covariance)
+        T = change @ self.T_world_camera
+        return replace(self, T_world_camera=T, points=points, errors=self.errors.moved(change))
 
     def apart(self, T_world_camera: Float64Array) -> float:
         """Return how far another view is: angle between the two in radians plus half the distance in metres."""

@@ -18,6 +18,8 @@ from seismo3d.graph.poses import PoseGraph, solve_poses
 from seismo3d.robot.closures import Closure, closure_information, correct_poses
 from seismo3d.robot.ekf import log_motion
 from seismo3d.robot.keyframes import Keyframe
+from seismo3d.robot.landmarks import View
+from seismo3d.robot.pose_errors import PoseErrors
 from seismo3d.robot.state import MapState
 from seismo3d.robot.trajectory import Trajectory
 from seismo3d.robot.tsdf import SurfaceMap
@@ -188,7 +190,7 @@ def absorb(base: MapState, part: MapState, T_base_part: Float64Array, links: lis
     solved = solution.poses
     change_poses(part, np.array([invert_transform(T_base_part) @ T for T in solved[first:]]))
     base.memory.move(solved)
-    base.views[first:] = [view.moved(T_base_part) for view in part.views]
+    base.views[first:] = _hung_on(base.views, [view.moved(T_base_part) for view in part.views], links)
     base.tie_covariances(graph, solution.weights, known=first)
     old, new = len(base.poses), [replace(p, T_world_camera=T_base_part @ p.T_world_camera) for p in part.poses]
     both = base.poses + new
@@ -200,6 +202,13 @@ def absorb(base: MapState, part: MapState, T_base_part: Float64Array, links: lis
     base.packing = [*kept, *joined]
     for number in range(len(kept), len(base.packing)):
         fuse(base.surface, base, number)
+
+
+def _hung_on(base: list[View], part: list[View], links: list[Closure]) -> list[View]:
+    """Return a part's views with what the lens does to them told from where the base began: by the links' mean."""
+    between = [base[link.target].errors.by_lens - part[link.source].errors.by_lens for link in links]
+    off = PoseErrors(by_lens=np.mean(between, axis=0))
+    return [replace(view, errors=view.errors.beyond(off)) for view in part]
 
 
 def change_poses(state: MapState, key_poses: Float64Array) -> None:

@@ -211,14 +211,15 @@ class Mapper:
             stamp = frame.time + camera.clock_offset
             self.state.poses.append(TimedPose(stamp, motion.time, T, twist, number, frame.camera, self.state.part))
             new = self._recorder.record(
-                self.state, coming.measured(), frame.camera, T, twist, timing, number, motion.pose_covariance
+                self.state, coming.measured(), frame.camera, T, twist, timing, number, motion.errors
             )
             change = self._join() if new and self.maps.resting else None
             if change is not None:
                 state, T = "joined", change @ T
-        T_stamp = T @ exp_motion(twist * (timing.colour_lead + 0.5 * timing.readout))
-        covariance = freeze(motion.pose_covariance)
-        return Tracked(state, freeze(T_stamp), covariance, located, self.state.number)
+        ahead = timing.colour_lead + 0.5 * timing.readout
+        T_stamp = T @ exp_motion(twist * ahead)
+        covariance = motion.covariance_at(ahead) + camera.errors.spread(motion.of_map.by_lens)
+        return Tracked(state, freeze(T_stamp), freeze(covariance), located, self.state.number)
 
     def _join(self) -> Float64Array | None:
         """Join the map with another that its newest keyframe shows; return the change of the pose where one is."""

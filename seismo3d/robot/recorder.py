@@ -15,6 +15,7 @@ from seismo3d.robot.keyframes import make_keyframe
 from seismo3d.robot.landmarks import make_view, views_apart
 from seismo3d.robot.locator import Locator
 from seismo3d.robot.moving import MotionMemory, without
+from seismo3d.robot.pose_errors import PoseErrors
 from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.state import MapState
 from seismo3d.robot.tsdf import SurfaceMap
@@ -68,11 +69,11 @@ class Recorder:
         twist: Float64Array,
         timing: Timing,
         frame: int,
-        covariance: Float64Array,
+        errors: PoseErrors,
     ) -> bool:
         """Put a frame of a camera, the last one among the map's poses, into the map, less what moves in it.
 
-        Its pose's covariance is remembered with what it shows.
+        The errors of its pose are remembered with what it shows.
 
         Returns
         -------
@@ -96,7 +97,7 @@ class Recorder:
         if new:
             prediction, lens = self._locator.cast(surface, measured, number, T, coarser=2), self._cameras[number].lens
             view = make_view(measured.grey, lens, prediction, twist, timing, camera=number, moving=moving)
-            state.views.append(replace(view, covariance=covariance))
+            state.views.append(replace(view, errors=errors))
             described = partial(make_keyframe, frame, number, T, measured.grey, part=state.part)
             state.memory.expect(self._pool.submit(described, without(measured.depth, moving)))
         return new

@@ -14,6 +14,7 @@ from seismo3d.robot.drift import tie_covariances
 from seismo3d.robot.kept import KeptFrame
 from seismo3d.robot.keyframes import PlaceMemory
 from seismo3d.robot.landmarks import View
+from seismo3d.robot.pose_errors import PoseErrors
 from seismo3d.robot.trajectory import TimedPose
 from seismo3d.robot.tsdf import SurfaceMap
 
@@ -96,8 +97,8 @@ class MapState:
     @property
     def graph(self) -> PoseGraph:
         """Keyframes as poses, their order, closures and joints as edges."""
-        parts, covariances = [k.part for k in self.memory.keyframes], [view.covariance for view in self.views]
-        return make_graph(self.key_poses, self.joints + self.closures, parts=parts, covariances=covariances)
+        parts, errors = [k.part for k in self.memory.keyframes], [view.errors for view in self.views]
+        return make_graph(self.key_poses, self.joints + self.closures, parts=parts, errors=errors)
 
     def tie_covariances(self, graph: PoseGraph, weights: Float64Array, *, known: int | None = None) -> None:
         """Make the views surer that a graph's edges, by their weights in its solution, tie to surer ones.
@@ -105,6 +106,9 @@ class MapState:
         ``known`` is the number of the views, from the first, whose covariances mean something yet; all by default.
         """
         is_known = np.arange(len(self.views)) < (len(self.views) if known is None else known)
-        before = np.array([view.covariance for view in self.views])
+        before = np.array([view.errors.total for view in self.views])
         after = tie_covariances(graph, before, known=is_known, used=weights > LEAST_WEIGHT)
-        self.views = [replace(view, covariance=C) for view, C in zip(self.views, after)]
+        self.views = [
+            view if (held == C).all() else replace(view, errors=PoseErrors(C, by_lens=view.errors.by_lens))
+            for view, held, C in zip(self.views, before, after)
+        ]

@@ -15,12 +15,13 @@ from seismo3d.errors import FormatError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.io._files import as_path, as_readable_file, written_aside
 from seismo3d.io.numpy_files import read_npz, refuse_damage
-from seismo3d.robot.camera import Camera
+from seismo3d.robot.camera import Camera, LensErrors
 from seismo3d.robot.closures import Closure
 from seismo3d.robot.frames import MeasureSettings
 from seismo3d.robot.kept import KeptFrame
 from seismo3d.robot.keyframes import describe_keyframe
 from seismo3d.robot.landmarks import View
+from seismo3d.robot.pose_errors import PoseErrors
 from seismo3d.robot.results import MapperSettings
 from seismo3d.robot.state import MapState
 from seismo3d.robot.trajectory import TimedPose
@@ -28,7 +29,7 @@ from seismo3d.robot.trajectory import TimedPose
 if TYPE_CHECKING:
     from seismo3d.robot.mapper import Mapper
 
-_VERSION = 5
+_VERSION = 6
 
 
 def save_mapper(path: str | Path, mapper: Mapper) -> Path:
@@ -93,7 +94,9 @@ def _packed(state: MapState) -> dict[str, Any]:
         "kept_numbers": np.array([[k.pose, k.camera, *k.shape] for k in state.kept], dtype=np.int64).reshape(-1, 4),
         "view_poses": np.array([v.T_world_camera for v in state.views]).reshape(-1, 4, 4),
         "view_cameras": np.array([v.camera for v in state.views], dtype=np.int64),
-        "view_covariances": np.array([v.covariance for v in state.views]).reshape(-1, 6, 6),
+        "view_covariances": np.array([v.errors.covariance for v in state.views]).reshape(-1, 6, 6),
+        "view_alike": np.array([v.errors.alike for v in state.views]).reshape(-1, 6, 6),
+        "view_by_lens": np.array([v.errors.by_lens for v in state.views]).reshape(-1, 6, 4),
     }
     arrays |= _joined("key_grey", [_png(k.grey) for k in keys])
     arrays |= _joined("key_depth", [_png(k.depth) for k in keys])
@@ -135,7 +138,7 @@ def _check(arrays: dict[str, AnyArray], n_cameras: int) -> None:
         "keys": (n,), "distance": (n, 512), "root": (n, 512), "colour": (n, 512, 3), "times_shown": (n,),
         "poses": (n_poses, 4, 4), "times": (n_poses, 11), "key_numbers": (n_keys, 4), "key_poses": (n_keys, 4, 4),
         "kept_numbers": (n_kept, 4), "view_poses": (n_keys, 4, 4), "view_cameras": (n_keys,),
-        "view_covariances": (n_keys, 6, 6),
+        "view_covariances": (n_keys, 6, 6), "view_alike": (n_keys, 6, 6), "view_by_lens": (n_keys, 6, 4),
     }  # fmt: skip
     counts = {"key_grey": n_keys, "key_depth": n_keys, "kept_depth": n_kept, "kept_colour": n_kept}
     counts |= {f"view_{name}": n_keys for name in ("grey", "pixels", "points")}
@@ -147,9 +150,8 @@ def _check(arrays: dict[str, AnyArray], n_cameras: int) -> None:
         shapes[f"{name}_information"] = (n_links, 6, 6)
     wrong = [name for name, shape in shapes.items() if arrays[name].shape != shape]
     wrong += [name for name in counts if not _is_split(arrays[f"{name}_ends"], len(arrays[name]))]
-    wrong += [
-        name for name in ("poses", "key_poses", "view_poses", "view_covariances") if not np.isfinite(arrays[name]).all()
-    ]
+    finite = ("poses", "key_poses", "view_poses", "view_covariances", "view_alike", "view_by_lens")
+    wrong += [name for name in finite if not np.isfinite(arrays[name]).all()]
     cameras = arrays["times"][:, 9], arrays["key_numbers"][:, 1], arrays["kept_numbers"][:, 1], arrays["view_cameras"]
     wrong += ["cameras"] * any(not np.isin(held, np.arange(n_cameras)).all() for held in cameras)
     wrong += ["kept_numbers"] * (not np.isin(arrays["kept_numbers"][:, 0], np.arange(n_poses)).all())
@@ -186,10 +188,11 @@ def _fill(state: MapState, arrays: dict[str, AnyArray]) -> None:
     ):
         state.packing.append(KeptFrame(int(pose), int(camera), (int(rows), int(columns)), depth, colour))
     parts = (_split(arrays, name) for name in ("view_grey", "view_pixels", "view_points"))
-    held = (arrays[f"view_{name}"] for name in ("poses", "cameras", "covariances"))
-    for T, camera, covariance, grey, pixels, points in zip(*held, *parts):
+    held = (arrays[f"view_{name}"] for name in ("poses", "cameras", "covariances", "alike", "by_lens"))
+    for T, camera, covariance, alike, by_lens, grey, pixels, points in zip(*held, *parts):
         image = _image(grey) if grey.size else np.empty((0, 0), np.uint8)
-        state.views.append(View(T, image, pixels.reshape(-1, 2), points.reshape(-1, 3), int(camera), covariance))
+        places = pixels.reshape(-1, 2), points.reshape(-1, 3)
+        state.views.append(View(T, image, *places, int(camera), PoseErrors(covariance, alike, by_lens)))
     for name, links in (("joints", state.joints), ("closures", state.closures)):
         ends = (arrays[f"{name}_{part}"] for part in ("ends", "poses", "information"))
         links += [Closure(int(i), int(j), T, W) for (i, j), T, W in zip(*ends)]
@@ -197,12 +200,14 @@ def _fill(state: MapState, arrays: dict[str, AnyArray]) -> None:
 
 def _camera_fields(camera: Camera) -> dict[str, Any]:
     fields = {name: getattr(camera, name) for name in ("clock_offset", "readout", "depth_delay", "name")}
-    return {**fields, "lens": asdict(camera.lens), "T_body_camera": camera.T_body_camera.tolist()}
+    parts = {"lens": asdict(camera.lens), "errors": asdict(camera.errors)}
+    return {**fields, **parts, "T_body_camera": camera.T_body_camera.tolist()}
 
 
 def _as_camera(fields: dict[str, Any]) -> Camera:
     lens = {**fields["lens"], "distortion": tuple(fields["lens"]["distortion"])}
-    return Camera(**{**fields, "lens": PinholeCamera(**lens), "T_body_camera": np.array(fields["T_body_camera"])})
+    parts = {"lens": PinholeCamera(**lens), "errors": LensErrors(**fields["errors"])}
+    return Camera(**{**fields, **parts, "T_body_camera": np.array(fields["T_body_camera"])})
 
 
 def _png(image: AnyArray | None) -> AnyArray:

@@ -7,35 +7,40 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seismo3d.geometry.rotations import adjoint, exp_rotation, invert_transform, make_transform
+from seismo3d.geometry.rotations import exp_rotation, invert_transform, make_transform
 from seismo3d.graph.poses import PoseGraph
-from seismo3d.robot.drift import map_covariance, step_covariance, tie_covariances
+from seismo3d.robot.drift import step_covariance, step_errors, surest_view, tie_covariances
 from seismo3d.robot.landmarks import View
+from seismo3d.robot.pose_errors import PoseErrors
 
 
 def make_view(place: list[float], variance: float) -> View:
     nothing = np.empty((0, 0), np.uint8), np.empty((0, 2)), np.empty((0, 3))
-    return replace(View(make_transform(np.eye(3), place), *nothing), covariance=variance * np.eye(6))
+    return replace(
+        View(make_transform(np.eye(3), place), *nothing),
+        errors=PoseErrors(0.5 * variance * np.eye(6), 0.5 * variance * np.eye(6)),
+    )
 
 
 def test_a_map_is_as_sure_as_the_surest_view_that_shows_nearly_the_same() -> None:
-    views = [make_view([0.0, 0.0, 0.0], 1e-6), make_view([0.0, 0.0, 0.6], 4e-6), make_view([0.0, 0.0, 1.2], 9e-6)]
-    here = make_transform(np.eye(3), [0.0, 0.0, 0.7])
-    np.testing.assert_array_equal(map_covariance(views, here), views[0].covariance)
-    there = make_transform(np.eye(3), [0.0, 0.0, 1.3])
-    np.testing.assert_array_equal(map_covariance(views, there), views[1].covariance)
-    turned = make_transform(exp_rotation([0.0, 2.0, 0.0]), [0.0, 0.0, 1.3])  # sees nothing of any: the nearest
-    np.testing.assert_array_equal(map_covariance(views, turned), views[2].covariance)
-    np.testing.assert_array_equal(map_covariance([], here), np.zeros((6, 6)))
+    views = [make_view([0.0, 0.0, 0.0], 1e-6), make_view([0.0, 0.0, 0.4], 4e-6), make_view([0.0, 0.0, 0.8], 9e-6)]
+    here = make_transform(np.eye(3), [0.0, 0.0, 0.5])
+    assert surest_view(views, here) is views[0]
+    there = make_transform(np.eye(3), [0.0, 0.0, 0.95])
+    assert surest_view(views, there) is views[1]
+    turned = make_transform(exp_rotation([0.0, 2.0, 0.0]), [0.0, 0.0, 0.95])  # sees nothing of any: the nearest
+    assert surest_view(views, turned) is views[2]
+    assert surest_view([], here) is None
 
 
 def test_a_moved_view_is_as_sure_as_before_in_its_own_frame(rng: np.random.Generator) -> None:
     root = rng.normal(size=(6, 6))
-    view = replace(make_view([0.3, -0.2, 1.0], 0.0), covariance=root @ root.T)
+    errors = PoseErrors(root @ root.T, 0.3 * root @ root.T, rng.normal(size=(6, 4)))
+    view = replace(make_view([0.3, -0.2, 1.0], 0.0), errors=errors)
     moved = view.moved(make_transform(exp_rotation([0.3, 1.2, -0.5]), [4.0, 1.0, -2.0]))
-    own = [adjoint(invert_transform(v.T_world_camera)) @ v.covariance @ adjoint(invert_transform(v.T_world_camera)).T
-           for v in (view, moved)]  # fmt: skip
-    np.testing.assert_allclose(own[0], own[1], atol=1e-9)
+    own = [v.errors.moved(invert_transform(v.T_world_camera)) for v in (view, moved)]
+    for name in ("covariance", "alike", "by_lens"):
+        np.testing.assert_allclose(getattr(own[0], name), getattr(own[1], name), atol=1e-9)
 
 
 def test_a_step_is_as_unsure_as_one_end_is_surer_than_the_other() -> None:
@@ -46,6 +51,12 @@ def test_a_step_is_as_unsure_as_one_end_is_surer_than_the_other() -> None:
             step_covariance(before, after, T), np.diag([0.0, 0.0, 0.0, 0.04 - 1e-6, 0.0, 0.0]), atol=1e-12
         )
     np.testing.assert_array_equal(step_covariance(sure, sure, T), np.zeros((6, 6)))
+
+
+def test_what_goes_all_the_same_way_grows_by_a_steps_standard_deviation() -> None:
+    """From 30 to 32 mm it has grown by 2, not by the root of 32^2 - 30^2."""
+    before, after = (PoseErrors(1e-6 * np.eye(6), sigma**2 * np.eye(6)) for sigma in (0.030, 0.032))
+    np.testing.assert_allclose(step_errors(before, after, np.eye(4)), 0.002**2 * np.eye(6), atol=1e-9)
 
 
 @pytest.mark.parametrize("known", [4, 2])

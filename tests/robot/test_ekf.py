@@ -5,6 +5,7 @@ import pytest
 
 from seismo3d.geometry.rotations import adjoint, exp_rotation, invert_transform, make_transform, rotation_angle
 from seismo3d.robot.ekf import Glimpses, MotionFilter, exp_motion, log_motion
+from seismo3d.robot.pose_errors import PoseErrors
 
 
 def test_exp_and_log_are_inverse(rng: np.random.Generator) -> None:
@@ -196,13 +197,42 @@ def test_along_what_is_blind_a_pose_still_hangs_on_what_it_hung_on() -> None:
     motion = MotionFilter(0.0, np.eye(4))
     sure, unsure = 1e-6 * np.eye(6), 0.04 * np.eye(6)
     small, along = 1e-6 * np.eye(6), np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
-    motion.update(np.eye(4), small, gate=None, map_covariance=unsure)
-    np.testing.assert_allclose(motion.map_covariance, unsure)
-    motion.update(np.eye(4), small, gate=None, blind=along, map_covariance=sure)
-    np.testing.assert_allclose(motion.map_covariance, np.diag([1e-6] * 5 + [0.04]), atol=1e-12)
-    np.testing.assert_allclose(motion.pose_covariance, motion.covariance[:6, :6] + motion.map_covariance)
-    motion.update(np.eye(4), small, gate=None, map_covariance=sure)
-    np.testing.assert_allclose(motion.map_covariance, sure)
+    motion.update(np.eye(4), small, gate=None, of_map=PoseErrors(unsure))
+    np.testing.assert_allclose(motion.of_map.covariance, unsure)
+    motion.update(np.eye(4), small, gate=None, blind=along, of_map=PoseErrors(sure))
+    np.testing.assert_allclose(motion.of_map.covariance, np.diag([1e-6] * 5 + [0.04]), atol=1e-12)
+    np.testing.assert_allclose(motion.pose_covariance, motion.covariance[:6, :6] + motion.of_map.covariance)
+    motion.update(np.eye(4), small, gate=None, of_map=PoseErrors(sure))
+    np.testing.assert_allclose(motion.of_map.covariance, sure)
+
+
+def test_a_pose_that_is_held_is_as_sure_as_its_measurement_and_where_that_is_blind_as_the_state() -> None:
+    motion = MotionFilter(0.0, np.eye(4))
+    motion.covariance[:6, :6] = 0.04 * np.eye(6)
+    measured, T = 1e-6 * np.eye(6), exp_motion(np.full(6, 0.01))
+    motion.hold(T, measured, blind=np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]))
+    np.testing.assert_array_equal(motion.T_world_body, T)
+    np.testing.assert_allclose(motion.pose_covariance.diagonal()[[0, 1, 2, 3, 4]], 1e-6, rtol=0.1)
+    assert motion.pose_covariance[5, 5] == pytest.approx(0.04, rel=0.01)
+    motion.hold(T, measured, blind=np.empty((0, 6)))
+    np.testing.assert_array_equal(motion.pose_covariance, measured)
+    before = motion.pose_covariance
+    motion.turn(T)
+    np.testing.assert_allclose(motion.pose_covariance, adjoint(T) @ before @ adjoint(T).T)
+    motion.predict(0.1)
+    assert (motion.pose_covariance.diagonal() > 0.04).all()  # what was foreseen is the state's again
+
+
+def test_a_pose_at_another_time_is_as_unsure_as_the_velocity_too() -> None:
+    motion = MotionFilter(0.0, np.eye(4))
+    np.testing.assert_array_equal(motion.covariance_at(0.0), motion.pose_covariance)
+    motion.covariance[6:12, 6:12] = np.diag([0.04] * 3 + [0.01] * 3)
+    for delay in (0.03, -0.03):
+        spread = np.sqrt(motion.covariance_at(delay).diagonal())
+        least = 0.03 * np.repeat([0.2, 0.1], 3)
+        most = np.hypot(least, np.repeat([0.4, 0.25], 3) * np.sqrt(0.03**3 / 3.0) + 1e-4)
+        assert (spread >= least).all()
+        assert (spread <= most).all()
 
 
 def test_a_change_of_the_world_leaves_the_covariance_in_the_bodys_frame(rng: np.random.Generator) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,8 @@ import pytest
 
 from seismo3d.errors import FormatError, ParameterError, ShapeError
 from seismo3d.geometry.camera import PinholeCamera
-from seismo3d.geometry.rotations import invert_transform, rotation_angle
-from seismo3d.robot import Camera, Mapper, MapperSettings, RgbdFrame, follower
+from seismo3d.geometry.rotations import adjoint, invert_transform, rotation_angle
+from seismo3d.robot import Camera, LensErrors, Mapper, MapperSettings, RgbdFrame, follower
 from seismo3d.robot.ekf import log_motion
 from seismo3d.robot.kept import KeptFrame
 from seismo3d.robot.locator import Locator
@@ -219,7 +220,7 @@ def test_at_the_end_of_a_bare_corridor_the_camera_is_sure_again(rng: np.random.G
     assert [tracked.state for tracked in found[-20:]] == ["tracked"] * 20
     along = [tracked.T_world_camera[2, 3] for tracked in found]
     assert along[-1] - along[-20] == pytest.approx(0.02 * 19, abs=0.01)
-    assert found[-1].covariance[5, 5] < 0.005**2
+    assert found[-1].covariance[5, 5] < 0.005**2 + (0.01 * along[-1]) ** 2  # as far as the depth's scale is known
 
 
 def test_a_noisier_camera_is_followed_too() -> None:
@@ -275,6 +276,37 @@ def test_a_map_is_sure_where_it_began_and_less_on_the_other_side() -> None:
     for tracked, T in zip(found[1:], sequence.poses[1:]):
         off = log_motion(tracked.T_world_camera @ invert_transform(first @ T))
         assert off @ np.linalg.solve(tracked.covariance, off) < 40.0  # chi-square of six degrees: 1 in 2 million
+
+
+def wave_with_range(frame: RgbdFrame) -> RgbdFrame:
+    """A frame with what a time-of-flight camera has wrong: a wave of 1 cm over the range."""
+    wavy = frame.depth + 0.01 * np.sin(2.0 * np.pi * frame.depth / 0.8)
+    return RgbdFrame.of(frame.rgb, wavy.astype(np.float32), frame.time)
+
+
+@pytest.mark.parametrize("case", ["as it is", "waves", "focal length", "scale"])
+def test_how_far_poses_are_off_is_what_their_covariance_says(
+    case: str, room: tuple[RgbdSequence, list[RgbdFrame]]
+) -> None:
+    """With a lens that is known exactly, and one that is off by twice of what is stated to be its error."""
+    sequence, frames = room
+    lens, errors = sequence.camera, LensErrors(0.0, 0.0, 0.0)
+    if case == "waves":
+        frames = [wave_with_range(frame) for frame in frames]
+    elif case == "focal length":
+        lens, errors = replace(lens, fx=1.02 * lens.fx, fy=1.02 * lens.fy), LensErrors(0.0, 0.01, 0.0)
+    elif case == "scale":
+        lens, errors = replace(lens, depth_scale=1.02), LensErrors(0.01, 0.0, 0.0)
+    mapper = Mapper(Camera(lens, readout=0.0, depth_delay=0.0, errors=errors), settings=SETTINGS)
+    found = [mapper.add(frame) for frame in frames]
+    assert all(tracked.is_located for tracked in found)
+    first, ratios = invert_transform(sequence.poses[0]), []
+    for tracked, T in zip(found[10:], sequence.poses[10:]):
+        off = tracked.T_world_camera[:3, 3] - (first @ T)[:3, 3]
+        to_camera = adjoint(invert_transform(tracked.T_world_camera))
+        spread = (to_camera @ tracked.covariance @ to_camera.T)[3:, 3:]
+        ratios.append(np.linalg.norm(off) / np.sqrt(np.trace(spread)))
+    assert 0.3 < np.median(ratios) < 4.0
 
 
 def test_a_place_that_looks_alike_on_a_bare_wall_is_not_where_the_camera_is(

@@ -77,6 +77,6 @@ def test_numbers_out_of_range_are_refused(kept: dict[str, Any], tmp_path: Path) 
 
 
 def test_another_version_is_refused(kept: dict[str, Any], tmp_path: Path) -> None:
-    header = kept["header"].tobytes().replace(b'"version": 5', b'"version": 1')
-    with pytest.raises(FormatError, match="is of version 1; expected 5"):
+    header = kept["header"].tobytes().replace(b'"version": 6', b'"version": 1')
+    with pytest.raises(FormatError, match="is of version 1; expected 6"):
         Mapper.load(write(tmp_path / "map.npz", kept | {"header": np.frombuffer(header, dtype=np.uint8)}))
