@@ -23,6 +23,8 @@ _FAIR = 0.4
 """Share of the vertices that agree with the map where nothing is wrong, even with half of the view unseen before."""
 _STEADY, _SCATTERED = 5.0, 15.0
 """Spreads of landmarks, pixels: those below agree on a pose, those above on none, however many they are."""
+_SHARP = 1.0
+"""Spread below which half as many will do: that they meet by chance is the less likely the closer they meet."""
 _ALIKE, _RIVALS = 12, 2
 """Keyframes that look most alike, among which other places are sought, and how many of those are compared at most."""
 _ELSEWHERE = 1.0
@@ -142,7 +144,9 @@ def is_sound(located: Located, T_expected: Float64Array, *, n_lost: int) -> bool
         return False
     near = is_reached(T_expected, located.T_world_camera, reach=1.0 + min(n_lost, 30) / 15.0)
     doubt = n_lost > 0
-    steady = located.n_landmarks >= (40 if doubt else 20) and located.landmark_spread < _STEADY
+    few = 40 if doubt else 20
+    steady = located.n_landmarks >= few and located.landmark_spread < _STEADY
+    steady |= located.n_landmarks >= few // 2 and located.landmark_spread < _SHARP
     denied = located.n_landmarks >= 20 and located.landmark_spread > _SCATTERED and located.share < _FAIR
     return bool(near and (steady or located.share > (0.3 if doubt else 0.15)) and not denied)
 
