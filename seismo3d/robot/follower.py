@@ -146,6 +146,11 @@ class Follower:
         loose = bool(self.motion.covariance.diagonal()[:3].max() > _LOOSE**2)
         located = self._locator.locate(self._maps.current, measured, number, T, seen, loose=loose)
         sound = is_sound(located, T, n_lost=self.n_lost)
+        if not sound and located.converged:
+            # what the map shows from there may lead on: the first look was from where the frame was only expected
+            seen_there, again = self._look_at(self._maps.current, measured, number, located.T_world_camera, timing)
+            if is_sound(again, T, n_lost=self.n_lost):
+                located, seen, sound = again, seen_there, True
         if not (sound and is_certain(located)):
             found = self._place_elsewhere(measured, number, timing, located.share + 0.1 if sound else 0.0)
             if found is not None:

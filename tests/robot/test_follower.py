@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from seismo3d.geometry.rotations import make_transform
-from seismo3d.robot import Camera, Mapper, MapperSettings, RgbdFrame
+from seismo3d.robot import Camera, Mapper, MapperSettings, RgbdFrame, follower
 from seismo3d.robot.frames import Measurer
+from seismo3d.robot.locator import Locator
+from seismo3d.robot.tracking import Located
 from seismo3d.synthetic.rgbd import RgbdSequence, rgbd_sequence
 
 
@@ -48,6 +51,30 @@ def double_map(mapper: Mapper, shift: np.ndarray) -> None:
     for keyframe in list(state.memory.keyframes):
         state.memory.add(replace(keyframe, T_world_camera=shift @ keyframe.T_world_camera))
     state.views += [view.moved(shift) for view in state.views]
+
+
+def test_a_frame_that_is_not_found_at_once_is_looked_for_from_where_the_first_look_led(
+    turn: tuple[RgbdSequence, list[RgbdFrame]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sequence, frames = turn
+    mapper = map_turn((sequence, frames[:30]))
+    judge, starts, locate = follower.is_sound, [], Locator.locate
+    monkeypatch.setattr(Locator, "places", lambda *_: [])
+    monkeypatch.setattr(follower, "is_sound", lambda *a, **more: len(starts) > 1 and judge(*a, **more))
+
+    def watched(self: Locator, *given: Any, **more: Any) -> Located:
+        starts.append(given[3])
+        return locate(self, *given, **more)
+
+    monkeypatch.setattr(Locator, "locate", watched)
+    tracked = mapper.add(frames[30])
+    truth = np.linalg.inv(sequence.poses[0]) @ sequence.poses[30]
+    assert tracked.state == "tracked"
+    assert len(starts) == 2
+    off = [np.linalg.norm(T[:3, 3] - truth[:3, 3]) for T in starts]
+    assert off[1] < max(0.5 * off[0], 0.01)  # from where the first look led, not from what was expected
+    assert not np.array_equal(starts[0], starts[1])
+    np.testing.assert_allclose(tracked.T_world_camera[:3, 3], truth[:3, 3], atol=0.02)
 
 
 def test_a_leap_within_a_map_says_nothing_of_the_speed(turn: tuple[RgbdSequence, list[RgbdFrame]]) -> None:
