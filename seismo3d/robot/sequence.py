@@ -11,8 +11,9 @@ Layouts, by what a folder holds:
   each folder in one of the layouts above.
 
 Intrinsics are in ``camera.json`` (fx, fy, cx, cy, distortion, depth_scale, width, height; perhaps readout,
-depth_delay), or in a JSON file with Open3D's ``intrinsic_matrix``. 7-Scenes has none: 585, 585, 320, 240 of its
-authors hold. Depth is in ``depth_scale`` values a metre: 5000 in TUM, else 1000, unless the file says so.
+depth_delay, and in ``errors`` how far scale, focal and centre may be off), or in a JSON file with Open3D's
+``intrinsic_matrix``. 7-Scenes has none: 585, 585, 320, 240 of its authors hold. Depth is in ``depth_scale`` values a
+metre: 5000 in TUM, else 1000, unless the file says so.
 """
 
 from __future__ import annotations

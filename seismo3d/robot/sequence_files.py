@@ -16,7 +16,7 @@ from seismo3d._typing import AnyArray
 from seismo3d.errors import FileAccessError, FormatError, Seismo3dError, Seismo3dWarning
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.io._files import refuse_os_errors
-from seismo3d.robot.camera import Camera, as_robot_camera
+from seismo3d.robot.camera import Camera, LensErrors, as_robot_camera
 
 _SEVEN_SCENES = PinholeCamera(585.0, 585.0, 320.0, 240.0, (), 1000.0, 640, 480)
 
@@ -56,7 +56,8 @@ def _as_camera(fields: dict[str, Any], path: Path) -> Camera:
         times: dict[str, Any] = {
             name: float(fields[name]) for name in ("readout", "depth_delay", "clock_offset") if name in fields
         }
-        return replace(camera, name=str(fields.get("name", "camera")), **times)
+        errors = LensErrors(**fields["errors"]) if "errors" in fields else camera.errors
+        return replace(camera, name=str(fields.get("name", "camera")), errors=errors, **times)
     except (TypeError, ValueError, Seismo3dError) as error:
         raise FormatError(f"{path} does not describe a camera: {error}") from error
 

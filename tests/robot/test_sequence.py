@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from seismo3d.errors import FileAccessError, FormatError, Seismo3dWarning
+from seismo3d.robot.camera import LensErrors
 from seismo3d.robot.sequence import associate, read_sequence
 
 CAMERA = {"fx": 60.0, "fy": 61.0, "cx": 31.5, "cy": 23.5, "distortion": [0.1], "width": 64, "height": 48}
@@ -54,6 +55,17 @@ def test_associations_win_over_lists(tmp_path: Path) -> None:
     assert (sequence[0].time, sequence[0].depth_time) == (5.25, 5.26)
     assert sequence.camera.lens.depth_scale == 1000
     assert sequence.camera.readout == 0.01
+
+
+def test_a_camera_may_say_how_far_its_numbers_may_be_off(tmp_path: Path) -> None:
+    write_pair(tmp_path / "a.png", tmp_path / "b.png", 7)
+    (tmp_path / "associations.txt").write_text("5.25 a.png 5.26 b.png\n")
+    write_camera(tmp_path, errors={"scale": 0.002, "focal": 0})
+    assert read_sequence(tmp_path).camera.errors == LensErrors(0.002, 0.0, LensErrors().centre)
+    for errors in (0.01, {"focus": 0.1}, {"scale": -1.0}, [0.1]):
+        write_camera(tmp_path, errors=errors)
+        with pytest.raises(FormatError, match=r"camera\.json does not describe a camera"):
+            read_sequence(tmp_path)
 
 
 def write_associations(folder: Path, times: list[tuple[object, object]]) -> None:
