@@ -217,7 +217,7 @@ def trace_faults(
         farther=settings.section.farther if is_section else 0.0,
     )  # fmt: skip
     report("scan", 0.0)
-    ridges = _find_ridges(found, (volume, valid), slopes, settings, progress)
+    ridges = _find_ridges(found, (volume, valid), slopes, settings, report)
     strong = ridges.select(ridges.score >= score_at_noise(settings.least_score, found.noise))
     report("link", 0.0)
     sheets = find_candidates(strong, ridges, found.known.shape, found.noise, settings)
@@ -313,10 +313,10 @@ def _find_ridges(
     data: tuple[Float32Array, BoolArray],
     slopes: tuple[Float32Array, Float32Array],
     settings: FaultSettings,
-    progress: Progress | None,
+    report: Progress,
 ) -> RidgePoints:
     """Scan the evidence of a cube in one piece, and thin it to crests that a fault may run along."""
-    ridges = thin(scan_planes(found, settings=settings.scan, progress=progress), found, least=0.0)
+    ridges = thin(scan_planes(found, settings=settings.scan, progress=report), found, least=0.0)
     if 1 in data[0].shape[:2]:
         return weigh_crests(*data, slopes, ridges, settings=settings.section)
     return leave_layers(ridges, slopes, settings.scan)
