@@ -99,6 +99,9 @@ class ChoiceSettings:
     company_half, company_score : float
         Share of it whose sides match below which its mean support is the second: weak ridges between layers and faults
         match here and there by chance.
+    company_low_deg, company_low_score : tuple of (float, float)
+        Mean support that it needs at these dips, and in between what is proportional: along unconformities and gentle
+        bends of layers weak ridges line up that are less steep than most faults.
     company_throw, company_fit : tuple of (float, float)
         Smallest median fit where its sides match, and smallest median throw at that fit: of sloping ones, and of steep
         ones. At a perfect fit `least_throw` is enough, in between what is proportional.
@@ -165,6 +168,8 @@ class ChoiceSettings:
     company_matched: tuple[float, float] = (0.3, 0.45)
     company_half: float = 0.5
     company_score: float = 0.35
+    company_low_deg: tuple[float, float] = (45.0, 55.0)
+    company_low_score: tuple[float, float] = (0.3, 0.2)
     company_throw: tuple[float, float] = (1.0, 1.4)
     company_fit: tuple[float, float] = (0.6, 0.75)
     leftover_strength: float = 12.0
@@ -443,13 +448,14 @@ def _find_alone(reaches: dict[int, float], kept: dict[int, SheetNodes], settings
 
 def _is_told_company(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
     """Tell whether a sheet is strong enough, and its sides match and move, as a weaker fault's do."""
-    matched, fit = share_matched(sheet, throw), median_fit(sheet, throw)
-    steep = int(dip_deg(sheet) >= settings.steep_deg)
+    matched, fit, dip = share_matched(sheet, throw), median_fit(sheet, throw), dip_deg(sheet)
+    steep = int(dip >= settings.steep_deg)
     enough = settings.company_fit[steep]
     least_fit = float(np.interp(matched, settings.company_matched, (settings.company_fit[1], enough)))
     least_throw = float(np.interp(fit, (enough, 1.0), (settings.company_throw[steep], settings.least_throw)))
-    return (
+    return bool(
         strength(sheet) >= settings.company_strength
+        and mean_support(sheet) >= np.interp(dip, settings.company_low_deg, settings.company_low_score)
         and median_throw(throw) >= least_throw
         and (
             (matched >= settings.company_matched[0] and fit >= least_fit) or _is_told_by_little(sheet, throw, settings)

@@ -151,6 +151,15 @@ def test_a_bend_over_a_low_fault_is_no_company():
     assert chosen(candidate(dip=75.0), bend) == [0, 1]
 
 
+@pytest.mark.parametrize(
+    ("dip", "score", "joins"), [(40.0, 0.28, False), (40.0, 0.32, True), (50.0, 0.24, False), (50.0, 0.28, True)]
+)
+def test_low_company_needs_more_support(dip, score, joins):
+    """Along unconformities and gentle bends weak ridges line up."""
+    sheet = candidate(60, 20, origin=(5.0, 0.0), dip=dip, score=score)
+    assert chosen(HOST, sheet) == [0, *[1] * joins]
+
+
 def test_what_slopes_may_fit_less_well_than_what_may_be_a_channels_edge():
     assert chosen(HOST, candidate(40, 20, origin=(5.0, 0.0), score=0.42, fit=0.7)) == [0]
     sloping = candidate(40, 20, origin=(5.0, 0.0), score=0.42, fit=0.7, dip=50.0)
