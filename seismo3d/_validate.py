@@ -195,12 +195,25 @@ def as_numbers(values: Any, name: str, *, n: int, low: float = -math.inf, high: 
     return tuple(as_number(value, name, low=low, high=high) for value in given)
 
 
+def as_whole_numbers(
+    values: Any, name: str, *, n: int, low: float = -math.inf, high: float = math.inf
+) -> tuple[int, ...]:
+    """Return so many whole numbers within bounds, or refuse them by name."""
+    return tuple(as_whole_number(value, name, low=low, high=high) for value in as_numbers(values, name, n=n))
+
+
 def as_array(values: ArrayLike, name: str) -> AnyArray:
     """Return values as an array, or refuse what is none, such as rows of different lengths."""
     try:
         return np.asarray(values)
     except (TypeError, ValueError) as error:
         raise ShapeError(f"{name} makes no array: {str(error).rstrip('.')}. Give rows of one length.") from error
+
+
+def check_array(values: Any, name: str) -> None:
+    """Refuse what makes no array; what is one already, be it on disk, is not read."""
+    if not hasattr(values, "dtype"):
+        as_array(values, name)
 
 
 def as_real_array(values: ArrayLike, name: str, *, ndim: int | tuple[int, ...]) -> AnyArray:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array
-from seismo3d._validate import as_array, as_number, told
+from seismo3d._validate import as_number, check_array, told
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.axis import unit_of
 
@@ -108,8 +108,7 @@ def name_axes(cube: Any) -> tuple[str, ...]:
     if hasattr(cube, "dims"):
         names = tuple(str(name) for name in cube.dims)
     else:
-        if not hasattr(cube, "shape"):
-            as_array(cube, "cube")
+        check_array(cube, "cube")
         names = {2: ("trace", "sample"), 3: ("inline", "crossline", "sample")}.get(np.ndim(cube), ())
     if getattr(cube, "dtype", np.dtype(float)).kind not in "fiub":
         raise ShapeError(f"cube has elements of type {cube.dtype}; expected real numbers. Convert it first.")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
-from seismo3d._validate import as_flag, as_number, as_numbers, as_whole_number
+from seismo3d._validate import as_flag, as_number, as_whole_numbers
 from seismo3d.errors import ShapeError
 from seismo3d.plot.drawing import amplitude_limits, check_colour_map
 from seismo3d.plot.pictures import as_tracks, axis_coordinates, find_index, live_on_slice
@@ -106,8 +106,7 @@ def cube(
 
 def _as_pixels(window_size: Any) -> list[int]:
     """Return width and height, or refuse what is none."""
-    sides = as_numbers(window_size, "window_size", n=2)
-    return [as_whole_number(side, "window_size", low=1, high=16384) for side in sides]
+    return list(as_whole_numbers(window_size, "window_size", n=2, low=1, high=16384))
 
 
 def choose_slices(

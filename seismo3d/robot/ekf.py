@@ -12,7 +12,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -100,7 +100,8 @@ class MotionFilter:
     @property
     def errors(self) -> PoseErrors:
         """Errors of the pose against the map's first frame."""
-        return self.of_map.beyond(PoseErrors(self.covariance[:6, :6] if self._held is None else self._held))
+        own = self.covariance[:6, :6] if self._held is None else self._held
+        return replace(self.of_map, covariance=self.of_map.covariance + own)
 
     def covariance_at(self, delay: float) -> Float64Array:
         """Return the covariance (6, 6) of the pose so many seconds later by the present velocity."""

@@ -277,7 +277,7 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
     significance = np.array([strength(sheet) for sheet, _ in candidates])
     hosts: list[_Chosen] = []
     kept: dict[int, SheetNodes] = {}
-    small: list[int] = []
+    reaches: dict[int, float] = {}
     leftover = np.array([sheet.leftover for sheet, _ in candidates], bool)
     for n in (int(n) for n in np.lexsort((-significance, leftover))):
         sheet, throw = candidates[n]
@@ -294,14 +294,13 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
         is_host = stands and significance[n] >= settings.host_strength
         is_bend = not is_host and any(_is_bend(sheet, host.sheet, settings) for host in near)
         is_small = not stands and not near and _moves_by_little(sheet, throw, settings)
-        joins = (bool(near) or is_small) and _is_new(sheet, throw, nodes, kept.values(), settings)
-        if not is_bend and (stands or joins):
+        joins = bool(near) or is_small
+        if not is_bend and (stands or (joins and _is_new(sheet, throw, nodes, kept.values(), settings))):
             kept[n] = nodes
             if is_small:
-                small.append(n)
+                reaches[n] = float(np.sqrt(sheet.area))
         if is_host:
             hosts.append(_Chosen(sheet, throw, nodes))
-    reaches = {n: float(np.sqrt(candidates[n][0].area)) for n in small}
     return sorted(set(kept) - _find_alone(reaches, kept, settings))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_array, told
+from seismo3d._validate import check_array, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.geometry.axis import check_downwards
 from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry, usual_spacing
@@ -22,8 +22,7 @@ _SAME_PLACE = 0.25
 
 def check_order(cube: Any, name: str = "cube") -> None:
     """Refuse a DataArray whose axes, as far as they have usual names, are in another order, or whose samples run up."""
-    if not hasattr(cube, "dtype"):
-        as_array(cube, name)
+    check_array(cube, name)
     dims = [str(dim) for dim in getattr(cube, "dims", ())]
     known = [dim for dim in dims if dim in _ORDER]
     wanted = sorted(known, key=_ORDER.index)

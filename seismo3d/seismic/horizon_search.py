@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from seismo3d._stages import as_progress
 from seismo3d._typing import Float64Array, Progress
-from seismo3d._validate import as_array, as_kind, as_settings, as_whole_number, freeze
+from seismo3d._validate import as_kind, as_settings, as_whole_number, check_array, freeze
 from seismo3d.errors import ParameterError, Seismo3dWarning
 from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
 from seismo3d.seismic.layer_pieces import layer_pieces
@@ -76,8 +76,7 @@ def find_horizons(
     check_event(event)
     report = as_progress(progress)
     settings = as_settings(settings, TrackSettings)
-    if not hasattr(cube, "dtype"):
-        as_array(cube, "cube")
+    check_array(cube, "cube")
     is_section = np.ndim(cube) == 2
     if is_section and layers is not None:
         raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")

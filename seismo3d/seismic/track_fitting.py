@@ -27,7 +27,7 @@ _PASSING = 6.0
 # samples within which seeds agree
 _AGREE = 3.0
 # traces within which it is not known where a layer begins to lie over itself
-_EDGE = 1.5
+_EDGE = 1
 # samples by which a depth may miss the cube by rounding alone
 _ROUNDED = 1e-3
 
@@ -299,15 +299,14 @@ def _choose_upper(
     own = np.isin(parts, seeded) & there
     lies_twice = own.any(axis=0) & (there.sum(axis=0) > 1)
     twice, _ = ndimage.label(lies_twice)
-    within = ndimage.distance_transform_edt(np.pad(lies_twice, 1, mode="edge"))[1:-1, 1:-1]
-    rows, columns = np.indices(lies_twice.shape)
     for i, j, z in zip(*np.rint(index[:, :2]).astype(int).T, index[:, 2], strict=True):
         off = np.where(there[:, i, j], np.abs(crossings[:, i, j] - z), np.inf)
         nearest = int(off.argmin())
         below = own[nearest, i, j] and there[:nearest, i, j].any()
         if below and off[nearest] <= _PASSING:
-            around = np.hypot(rows - i, columns - j) <= _EDGE if within[i, j] <= _EDGE else True
-            rank[own & (twice == twice[i, j]) & around] = 0
+            around = slice(max(i - _EDGE, 0), i + _EDGE + 1), slice(max(j - _EDGE, 0), j + _EDGE + 1)
+            told = (slice(None), slice(None)) if lies_twice[around].all() else around
+            rank[:, *told][own[:, *told] & (twice[told] == twice[i, j])] = 0
     best = rank.argmin(axis=0)[None]
     depth = np.take_along_axis(crossings, best, axis=0)[0]
     return depth, np.where(np.isfinite(depth), np.take_along_axis(parts, best, axis=0)[0], -1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_number, as_numbers, as_whole_number, check_generator
+from seismo3d._validate import as_number, as_numbers, as_whole_number, as_whole_numbers, check_generator
 from seismo3d.synthetic import _kernels as kernels
 
 
@@ -74,7 +74,7 @@ def sample_folding(
     .. [1] X. Wu et al., Geophysics 84(3), IM35-IM45, 2019. :doi:`10.1190/geo2018-0646.1`
     """
     check_generator(rng)
-    ni, nx, ns = (as_whole_number(side, "shape", low=1) for side in as_numbers(shape, "shape", n=3))
+    ni, nx, ns = as_whole_numbers(shape, "shape", n=3, low=1)
     for name, number in (("slope", slope), ("tilt", tilt), ("base", base)):
         as_number(number, name)
     as_numbers(width, "width", n=2, low=0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from seismo3d._typing import ArrayLike, Float32Array
-from seismo3d._validate import as_number, as_numbers, as_real_array, as_whole_number, check_generator, told
+from seismo3d._validate import as_number, as_real_array, as_whole_number, as_whole_numbers, check_generator, told
 from seismo3d.errors import ParameterError
 from seismo3d.synthetic.wavelets import ricker_table
 
@@ -102,7 +102,7 @@ def migration_smiles(
     from seismo3d.synthetic.wavelets import ricker
 
     check_generator(rng)
-    ni, nx, ns = (as_whole_number(side, "shape", low=1) for side in as_numbers(shape, "shape", n=3))
+    ni, nx, ns = as_whole_numbers(shape, "shape", n=3, low=1)
     out = np.zeros((ni, nx, ns), np.float32)
     sample = np.arange(ns, dtype=np.float64)
     for _ in range(as_whole_number(count, "count", low=0)):

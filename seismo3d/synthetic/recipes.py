@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from seismo3d._validate import as_kind, as_number, as_numbers, as_whole_number, is_among, told
+from seismo3d._validate import as_kind, as_number, as_numbers, as_whole_number, as_whole_numbers, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.synthetic.bodies import Channel
 from seismo3d.synthetic.faulting import FaultPopulation, SyntheticFault
@@ -112,8 +112,7 @@ class CubeRecipe:
 
 def _check_kinds(recipe: CubeRecipe) -> None:
     """Refuse by name what is no number where one is needed, no range of two, or no fault."""
-    for side in as_numbers(recipe.shape, "shape", n=3):
-        as_whole_number(side, "shape")
+    as_whole_numbers(recipe.shape, "shape", n=3)
     for name in _RANGES:
         if name != "unconformity" or recipe.unconformity is not None:
             as_numbers(getattr(recipe, name), name, n=2)

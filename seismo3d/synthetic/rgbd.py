@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
-from seismo3d._validate import as_kind, as_number, as_numbers, as_whole_number, freeze, is_among, told
+from seismo3d._validate import as_kind, as_number, as_numbers, as_whole_number, as_whole_numbers, freeze, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.geometry.rotations import exp_rotation
@@ -280,7 +280,7 @@ def _as_span(span: tuple[float, float], name: str) -> tuple[float, float]:
 
 
 def _default_camera(size: tuple[int, int]) -> PinholeCamera:
-    width, height = (as_whole_number(value, "size", low=16, high=8192) for value in as_numbers(size, "size", n=2))
+    width, height = as_whole_numbers(size, "size", n=2, low=16, high=8192)
     focal = 525.0 * width / 640.0
     return PinholeCamera(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1), (), 1.0, width, height)
 
