@@ -56,9 +56,10 @@ class ChoiceSettings:
         A part of a sheet of at least this area, at its rim, is unbroken ground if its support is below the score and
         its sides fit unmoved by more than this, and by so much more than by its throw: one carried on over as large a
         part, though nothing matches there, is of the fault that ends before it.
-    layer_angle_deg : float
+    layer_angle_deg, thrust_angle_deg : float
         Least angle, in the median, between a sheet and the layers beside it, across its strike: what runs along steep
-        layers is one of them, whose neighbours do not fit where its dip is told wrongly.
+        layers is one of them, whose neighbours do not fit where its dip is told wrongly. The second is that of what is
+        of `sure_strength` and well told: thrusts climb through their layers at low angles.
     leaning, leaning_deg, leaning_score : float
         What is nearer to the layers than this share of its dip, and than this angle, leans over as they do: if it is
         weaker than `sure_strength`, it needs this mean support. What does not fit along steep layers spreads to the
@@ -74,13 +75,15 @@ class ChoiceSettings:
         in the median, and, if it is steep, from this height on: edges of channels are steep and low.
     sure_strength : float
         Strength of what is no channel's edge whatever its shape, unless it winds.
-    winding, winding_height : float
+    winding, winding_height, winding_extent : float
         Slope of its course along the strike, root mean square about a bend, from which on a sheet winds, and the median
-        height up to which it is a channel's edge then, however strong and near to a fault: faults bend, but rivers
-        meander.
+        height, and extent down the samples, up to which it is a channel's edge then, however strong and near to a
+        fault: faults bend, but rivers meander.
     unlike_fit, unlike_score : float
         What fits by less than the first, on the mean over the whole of it, stands by itself only with a mean support of
         the second: nothing tells that its sides, which are unlike wherever they are taken back to, were ever one.
+    in_view_fit : float
+        Mean fit, over those places whose throw leads to one within the cube, from which on it may all the same.
     little_matched, little_fit : float
         Share of what slopes, and median fit, from which on its sides are alike all the same: a large throw leads out of
         view from most places, and where it does not, chaotic beds and noise match by chance, but not so well.
@@ -144,6 +147,7 @@ class ChoiceSettings:
     unbroken_gain: float = 0.2
     unbroken_area: float = 300.0
     layer_angle_deg: float = 20.0
+    thrust_angle_deg: float = 10.0
     leaning: float = 0.75
     leaning_deg: float = 45.0
     leaning_score: float = 0.48
@@ -155,8 +159,10 @@ class ChoiceSettings:
     sure_strength: float = 33.0
     winding: float = 0.2
     winding_height: float = 40.0
+    winding_extent: float = 100.0
     unlike_fit: float = 0.25
     unlike_score: float = 0.65
+    in_view_fit: float = 0.4
     little_matched: float = 0.12
     little_fit: float = 0.8
     closed: float = 0.85
@@ -330,7 +336,7 @@ def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings, *, alone:
     """Tell whether a sheet is a fault by itself, alone or beside a strong one, where it may be that one once more."""
     height = vertical_extent(sheet)
     is_tall = height >= settings.tall
-    needs_less = is_tall or (alone and _is_well_told(sheet, throw, settings))
+    needs_less = is_tall or (alone and is_well_told(sheet, throw, settings))
     enough = settings.tall_strength if needs_less else settings.least_strength
     return (
         sheet.area >= settings.least_area
@@ -342,7 +348,7 @@ def _stands(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings, *, alone:
     )
 
 
-def _is_well_told(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
+def is_well_told(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
     """Tell whether most of a sheet's sides match well once moved, which neither noise nor an upright bend does."""
     return (
         share_matched(sheet, throw) >= settings.told_matched
@@ -357,11 +363,23 @@ def _is_unlike(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> boo
 
     So are the edges of chaotic beds, and what lines up in noise; and faults whose other side lies outside the cube.
     """
+    fit = float(throw.fit[sheet.inside].mean())
     return bool(
-        float(throw.fit[sheet.inside].mean()) < settings.unlike_fit
+        fit < settings.unlike_fit
+        and fit < settings.in_view_fit * _in_view(sheet, throw, settings)
         and mean_support(sheet) < settings.unlike_score
         and not _is_told_by_little(sheet, throw, settings)
     )
+
+
+def _in_view(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> float:
+    """Return the share of a sheet whose throw leads to a place within the cube; all of it where that is too little."""
+    return throw.in_view if throw.in_view * sheet.area >= settings.company_area else 1.0
+
+
+def _share_matched_in_view(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> float:
+    """Return the share whose sides match of that part of a sheet."""
+    return min(share_matched(sheet, throw) / _in_view(sheet, throw, settings), 1.0)
 
 
 def _is_told_by_little(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
@@ -385,6 +403,8 @@ def _is_clear(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool
 
 def _winds(sheet: Sheet, settings: ChoiceSettings) -> bool:
     """Tell whether a low sheet winds along its strike, as the edge of a channel does."""
+    if vertical_extent(sheet) > settings.winding_extent:
+        return False
     rows, columns = np.nonzero(sheet.inside)
     n_nodes = np.bincount(rows)
     there = np.flatnonzero(n_nodes)
@@ -415,7 +435,10 @@ def _may_join(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool
         sheet.area >= settings.company_area
         and vertical_extent(sheet) >= settings.least_height
         and length_down_dip(sheet) >= settings.company_length
-        and (share_matched(sheet, throw) >= settings.company_half or mean_support(sheet) >= settings.company_score)
+        and (
+            _share_matched_in_view(sheet, throw, settings) >= settings.company_half
+            or mean_support(sheet) >= settings.company_score
+        )
         and is_told(sheet, throw, settings)
     )
 
@@ -447,7 +470,7 @@ def _find_alone(reaches: dict[int, float], kept: dict[int, SheetNodes], settings
 
 def _is_told_company(sheet: Sheet, throw: SheetThrow, settings: ChoiceSettings) -> bool:
     """Tell whether a sheet is strong enough, and its sides match and move, as a weaker fault's do."""
-    matched, fit, dip = share_matched(sheet, throw), median_fit(sheet, throw), dip_deg(sheet)
+    matched, fit, dip = _share_matched_in_view(sheet, throw, settings), median_fit(sheet, throw), dip_deg(sheet)
     steep = int(dip >= settings.steep_deg)
     enough = settings.company_fit[steep]
     least_fit = float(np.interp(matched, settings.company_matched, (settings.company_fit[1], enough)))

@@ -43,7 +43,7 @@ from seismo3d.seismic.section_scores import (
     weigh_line,
 )
 from seismo3d.seismic.sheet_ends import end_along_layers, end_in_mutes, end_where_still
-from seismo3d.seismic.sheet_tips import continue_sheet, likeness_beyond
+from seismo3d.seismic.sheet_tips import continue_sheet, likeness_beyond, share_in_view
 from seismo3d.seismic.sheets import Sheet, SheetSettings
 from seismo3d.seismic.side_shifts import RegistrationSettings
 from seismo3d.seismic.surfaces import build_surface, order_by_area
@@ -376,7 +376,8 @@ def measure_moving(
     measured = replace(measured, runs_on=likeness_beyond(sheet, beyond))
     within = end_in_mutes(sheet, sides, shape)
     moving, throw = end_where_still(within, measured, sides, settings.choice, noise=noise)
-    return end_along_layers(moving, sides, settings.choice), throw
+    moving = end_along_layers(moving, throw, sides, settings.choice)
+    return moving, replace(throw, in_view=share_in_view(moving, throw.throw, shape))
 
 
 def finish_throws(

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array
-from seismo3d.seismic.choosing import ChoiceSettings
+from seismo3d.seismic.choosing import ChoiceSettings, is_well_told
 from seismo3d.seismic.misfit_settings import NOISES
 from seismo3d.seismic.sheet_measures import mean_support, strength
 from seismo3d.seismic.sheets import Sheet
@@ -116,17 +116,17 @@ def end_in_mutes(sheet: Sheet, sides: SheetSides, shape: tuple[int, ...]) -> She
     return sheet.only(np.zeros(sheet.w.shape, bool)) if 2 * along.sum() > along.size else ended
 
 
-def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) -> Sheet:
+def end_along_layers(sheet: Sheet, throw: SheetThrow, sides: SheetSides, settings: ChoiceSettings) -> Sheet:
     """Leave nothing of a sheet that runs along the layers beside it, or of a weak one that leans over as they do.
 
     Parameters
     ----------
-    sheet : Sheet
-        A sheet.
+    sheet, throw : Sheet, SheetThrow
+        A sheet and its throw.
     sides : SheetSides
         What was read on its two sides.
     settings : ChoiceSettings
-        The angle, and the support of what leans, that are needed.
+        The angles, and the support of what leans, that are needed.
 
     Returns
     -------
@@ -143,8 +143,11 @@ def end_along_layers(sheet: Sheet, sides: SheetSides, settings: ChoiceSettings) 
         return sheet
     angle, dip = np.median(apart[told]), np.median(np.broadcast_to(np.minimum(lean, np.pi - lean), told.shape)[told])
     leans = angle < min(settings.leaning * dip, np.radians(settings.leaning_deg))
-    is_sure = strength(sheet) >= settings.sure_strength or mean_support(sheet) >= settings.leaning_score
-    if angle >= np.radians(settings.layer_angle_deg) and not (leans and not is_sure):
+    is_sure = strength(sheet) >= settings.sure_strength
+    is_thrust = is_sure and is_well_told(sheet, throw, settings)
+    least = settings.thrust_angle_deg if is_thrust else settings.layer_angle_deg
+    is_weak = not is_sure and mean_support(sheet) < settings.leaning_score
+    if angle >= np.radians(least) and not (leans and is_weak):
         return sheet
     return sheet.only(np.zeros(sheet.w.shape, bool))
 

@@ -7,9 +7,11 @@ the ends were never one: so match the walls of a deep channel, whose fill happen
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetSides
 
@@ -21,6 +23,8 @@ _NODES = 8
 _KNOWN = 0.35
 # samples that a sheet may fall short of its fault's tip, where throws are too small to be seen
 _UNSEEN = 4.0
+# traces and samples outside the cube that still count as its rim
+_OUTSIDE = 0.5
 
 
 def continue_sheet(sheet: Sheet, n_samples: int) -> Sheet:
@@ -39,16 +43,12 @@ def continue_sheet(sheet: Sheet, n_samples: int) -> Sheet:
         What lies beyond the ends, without the sheet itself; its score is 0.
     """
     n_more = _BEYOND // sheet.step
-    rows, first, last = _ends(sheet.inside)
+    rows, ends = _straight_ends(sheet)
     column = np.arange(-n_more, sheet.w.shape[1] + n_more)
     w = np.full((len(sheet.w), len(column)), np.nan, np.float32)
-    reach = np.minimum(_NODES - 1, last - first)
-    for end, inwards in ((first, reach), (last, -reach)):
-        at_end = sheet.w[rows, end].astype(np.float64)
-        slope = (sheet.w[rows, end + inwards] - at_end) / np.where(inwards == 0, 1, inwards)
-        ahead = column - end[:, None]
-        beyond = (np.abs(ahead) <= n_more) & (ahead * np.sign(inwards)[:, None] < 0)
-        w[rows] = np.where(beyond, at_end[:, None] + slope[:, None] * ahead, w[rows])
+    for end in ends:
+        ahead = (column - end.column[:, None]) * end.outwards
+        w[rows] = np.where((ahead > 0) & (ahead <= n_more), end.height(column), w[rows])
     sample = sheet.first_sample + column * sheet.step
     w[:, (sample < 0) | (sample >= n_samples)] = np.nan
     first_sample = sheet.first_sample - n_more * sheet.step
@@ -95,6 +95,55 @@ def share_out_of_view(sheet: Sheet, throw: Float32Array) -> float:
     told: BoolArray = np.isfinite(source)
     out = (source < first[:, None] - spare) | (source > last[:, None] + spare)
     return float((out & told).sum()) / max(int(told.sum()), 1)
+
+
+def share_in_view(sheet: Sheet, throw: Float32Array, shape: tuple[int, ...]) -> float:
+    """Return the share of a sheet's places whose throw leads to one within the cube, where the sheet goes straight on.
+
+    The sides of the others cannot match: what lay there is not in the cube.
+    """
+    rows, ends = _straight_ends(sheet)
+    source: Float64Array = np.arange(sheet.w.shape[1]) - throw[rows] / sheet.step
+    told = np.isfinite(source)
+    out = np.zeros(source.shape, bool)
+    foot = sheet.origin + (sheet.first_s + rows)[:, None] * sheet.along
+    for end in ends:
+        beyond = told & ((source - end.column[:, None]) * end.outwards > 0)
+        row, _ = np.nonzero(beyond)
+        across = foot[row] + end.height(source)[beyond][:, None] * sheet.across
+        places = np.column_stack([across, sheet.first_sample + source[beyond] * sheet.step])
+        out[beyond] = ((places < -_OUTSIDE) | (places > np.array(shape) - 1 + _OUTSIDE)).any(axis=1)
+    return 1.0 - float(out.sum()) / max(int(told.sum()), 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _StraightEnd:
+    """One end of a sheet, the upper or the lower: of each of its rows the column, the height there and its slope.
+
+    `outwards` is the direction of columns that leads off the sheet, -1 or 1.
+    """
+
+    column: IntArray
+    at_end: Float64Array
+    slope: Float64Array
+    outwards: int
+
+    def height(self, column: AnyArray) -> Float64Array:
+        """Return how high rows lie, straight on, at columns of one or of each of them."""
+        return np.asarray(self.at_end[:, None] + self.slope[:, None] * (column - self.column[:, None]))
+
+
+def _straight_ends(sheet: Sheet) -> tuple[IntArray, tuple[_StraightEnd, _StraightEnd]]:
+    """Return the rows of a sheet that hold nodes, and how they go on at their ends; NaN where that is not told."""
+    rows, first, last = _ends(sheet.inside)
+    reach = np.minimum(_NODES - 1, last - first)
+    ends = []
+    for end, outwards in ((first, -1), (last, 1)):
+        inwards = -outwards * reach
+        at_end = sheet.w[rows, end].astype(np.float64)
+        slope = (sheet.w[rows, end + inwards] - at_end) / np.where(inwards == 0, np.nan, inwards)
+        ends.append(_StraightEnd(end, at_end, slope, outwards))
+    return rows, (ends[0], ends[1])
 
 
 def _ends(inside: BoolArray) -> tuple[IntArray, IntArray, IntArray]:

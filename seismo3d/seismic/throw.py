@@ -114,6 +114,8 @@ class SheetThrow:
     runs_on : float
         How alike, 1 at most, the layers on both sides are, unmoved, above its upper end and below its lower one: the
         lesser; 0 where that is not told.
+    in_view : float
+        Share of its places whose throw leads to one within the cube: no more of it can match.
     """
 
     throw: Float32Array
@@ -124,6 +126,7 @@ class SheetThrow:
     family: int = -1
     generation: int = 0
     runs_on: float = 0.0
+    in_view: float = 1.0
 
 
 def gather_sides(

@@ -42,6 +42,25 @@ def test_what_matches_next_to_nowhere_stands_by_strong_support_alone(change, sta
     assert chosen(candidate(**change)) == [0] * stands
 
 
+@pytest.mark.parametrize(
+    ("matched", "in_view", "stands"),
+    [(0.2, 1.0, False), (0.2, 0.3, True), (0.2, 0.6, False), (0.06, 0.03, False)],
+    ids=["all in view", "the rest out of the cube", "much of the rest within", "too little to tell"],
+)
+def test_what_leads_out_of_the_cube_need_not_match(matched, in_view, stands):
+    sheet, throw = candidate()
+    fit = np.where(np.arange(throw.fit.size).reshape(throw.fit.shape) < matched * throw.fit.size, 0.78, 0.0)
+    moved = replace(throw, fit=fit.astype(np.float32), in_view=in_view)
+    assert chosen((sheet, moved)) == [0] * stands
+
+
+@pytest.mark.parametrize(("in_view", "stays"), [(1.0, False), (0.5, True)])
+def test_company_must_match_where_its_throw_leads_within_the_cube(in_view, stays):
+    sheet, throw = candidate(20, 30, origin=(5.0, 10.0), dip=60.0, score=0.46, fit=0.7)
+    fit = np.where(np.arange(20)[:, None] < 5, throw.fit, np.float32(0.0))
+    assert chosen(HOST, (sheet, replace(throw, fit=fit, in_view=in_view))) == [0] + [1] * stays
+
+
 def test_a_tall_sheet_needs_less_strength_than_a_low_one():
     tall, low = candidate(16, 40, score=0.51), candidate(40, 16, score=0.51)
     assert strength(tall[0]) == pytest.approx(strength(low[0]))
@@ -340,6 +359,15 @@ ALONG = np.arange(130.0)
 def test_what_is_low_and_winds_is_a_channels_edge(offsets, columns, stands):
     winding = course_of(len(ALONG), columns, offsets)
     assert chosen(winding) == ([0] if stands else [])
+
+
+def test_a_fault_that_cuts_a_corner_of_the_cube_is_no_channels_edge():
+    """Its rows are short, for the cube ends; but it goes down through all of it."""
+    sheet, throw = course_of(len(ALONG), 70, 12.0 * np.sin(ALONG * 2.0 * np.pi / 64.0))
+    row, column = np.indices(sheet.w.shape)
+    corner = np.abs(column - 0.45 * row - 6) <= 7
+    assert chosen((sheet.only(corner), throw)) == [0]
+    assert chosen((sheet.only(corner & (row < 60)), throw)) == []
 
 
 def test_a_channels_edge_beside_a_fault_is_no_company():

@@ -155,8 +155,8 @@ def between_layers(sheet, *tilts_deg, known=1.0):
     ids=["gentler layers", "along them", "steeper layers", "upright layers", "low"],
 )
 def test_what_runs_along_the_layers_is_no_fault(dip, tilts_deg):
-    sheet, throw = candidate(dip=dip)
-    ended = end_along_layers(sheet, between_layers(sheet, *tilts_deg), SETTINGS)
+    sheet, throw = candidate(dip=dip, fit=0.7)
+    ended = end_along_layers(sheet, throw, between_layers(sheet, *tilts_deg), SETTINGS)
     assert not ended.inside.any()
     assert np.isnan(ended.score).all()
     assert choose_faults([(ended, throw)], SETTINGS) == []
@@ -168,8 +168,20 @@ def test_what_runs_along_the_layers_is_no_fault(dip, tilts_deg):
     ids=["layers less steep", "layers dip against it", "upright against it", "level layers", "sides that differ"],
 )
 def test_what_cuts_the_layers_stays_as_it_is(dip, tilts_deg):
-    sheet, _ = candidate(dip=dip)
-    assert end_along_layers(sheet, between_layers(sheet, *tilts_deg), SETTINGS) is sheet
+    sheet, throw = candidate(dip=dip, fit=0.7)
+    assert end_along_layers(sheet, throw, between_layers(sheet, *tilts_deg), SETTINGS) is sheet
+
+
+@pytest.mark.parametrize(
+    ("change", "tilt_deg", "is_kept"),
+    [({}, 15.0, True), ({}, 25.0, False), ({"fit": 0.7}, 15.0, False), ({"throw": 1.2}, 15.0, False),
+     ({"rows": 20}, 15.0, False)],
+    ids=["matches well", "along them", "matches badly", "hardly moves", "small"],
+)  # fmt: skip
+def test_a_thrust_climbs_through_its_layers_at_a_low_angle(change, tilt_deg, is_kept):
+    sheet, throw = candidate(**{"dip": 30.0, "score": 0.7} | change)
+    ended = end_along_layers(sheet, throw, between_layers(sheet, tilt_deg, tilt_deg), SETTINGS)
+    assert ended.inside.any() == is_kept
 
 
 @pytest.mark.parametrize(
@@ -186,13 +198,13 @@ def test_what_cuts_the_layers_stays_as_it_is(dip, tilts_deg):
     ids=["leans as they do", "to the other side", "gentler ones", "against them", "steep itself", "supported", "sure"],
 )
 def test_a_weak_sheet_that_leans_over_as_steep_layers_do_is_no_fault(change, tilts_deg, is_kept):
-    sheet, _ = candidate(**{"dip": 55.0, "score": 0.4} | change)
-    ended = end_along_layers(sheet, between_layers(sheet, *tilts_deg), SETTINGS)
+    sheet, throw = candidate(**{"dip": 55.0, "score": 0.4} | change)
+    ended = end_along_layers(sheet, throw, between_layers(sheet, *tilts_deg), SETTINGS)
     assert ended.inside.any() == is_kept
 
 
 def test_layers_that_are_not_known_end_no_sheet():
-    sheet, _ = candidate(dip=50.0)
-    assert end_along_layers(sheet, between_layers(sheet, 45.0, 45.0, known=0.0), SETTINGS) is sheet
-    line, _ = candidate(columns=1)
-    assert end_along_layers(line, between_layers(line, 45.0, 45.0), SETTINGS) is line
+    sheet, throw = candidate(dip=50.0)
+    assert end_along_layers(sheet, throw, between_layers(sheet, 45.0, 45.0, known=0.0), SETTINGS) is sheet
+    line, throw = candidate(columns=1)
+    assert end_along_layers(line, throw, between_layers(line, 45.0, 45.0), SETTINGS) is line

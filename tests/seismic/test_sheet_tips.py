@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seismo3d.seismic.sheet_tips import continue_sheet, likeness_beyond, share_out_of_view
+from seismo3d.seismic.sheet_tips import continue_sheet, likeness_beyond, share_in_view, share_out_of_view
 from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetSides
 
@@ -110,3 +110,27 @@ def test_a_throw_that_dies_at_both_ends_leads_nowhere_out():
     down = STEP * np.arange(COLUMNS)
     bell = 12.0 * np.sin(np.pi * down / down[-1]) ** 2
     assert share_out_of_view(plane(), np.tile(bell, (ROWS, 1)).astype(np.float32)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("shape", "throw", "share"),
+    [
+        ((100, 100, 100), 10.0, 1.0),
+        ((100, 100, FIRST + STEP * COLUMNS - 1), 10.0, 1.0),
+        ((100, 100, FIRST + STEP * COLUMNS - 1), -10.0, 10 / COLUMNS),
+        ((100, 100, 100), 80.0, 0.0),
+    ],
+    ids=["in the midst of the cube", "from above", "from below its bottom", "from above its top"],
+)
+def test_what_a_throw_leads_to_is_in_view_within_the_cube(shape, throw, share):
+    sheet = replace(plane(0.0), origin=np.array([20.0, 20.0]))
+    assert share_in_view(sheet, np.full(sheet.w.shape, throw, np.float32), shape) == pytest.approx(share)
+
+
+def test_a_sheet_that_leaves_the_cube_at_a_side_is_out_of_view_there():
+    """Half a trace a sample away, 10 samples farther up it lies 5 traces nearer to the side."""
+    sheet = sheet_of(np.full((ROWS, 1), 2.0) + 0.5 * STEP * np.arange(COLUMNS))
+    throw = np.full(sheet.w.shape, 10.0, np.float32)
+    assert share_in_view(sheet, throw, (100, 100, 100)) == pytest.approx((COLUMNS - 3) / COLUMNS)
+    throw[:, 5:] = np.nan
+    assert share_in_view(sheet, throw, (100, 100, 100)) == pytest.approx(2 / 5)
