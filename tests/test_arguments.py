@@ -18,6 +18,7 @@ from seismo3d._validate import told
 from seismo3d.errors import ParameterError, ShapeError
 from seismo3d.geometry.camera import PinholeCamera
 from seismo3d.io.horizons import HorizonPoints
+from seismo3d.plot.map_pictures import surface_picture
 from seismo3d.seismic.loop_closure import LoopClosure
 from seismo3d.seismic.picks import horizon_seeds
 
@@ -143,7 +144,8 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "strike_rose from_north": lambda wrong: s3.plot.strike_rose(FAULTS, from_north=wrong),
     "time_lapse_section alignment": lambda wrong: s3.plot.time_lapse_section(PLACED, PLACED, wrong),
     "plot.matches found": lambda wrong: s3.plot.matches(IMAGE, IMAGE, wrong),
-    "plot.cube window_size": lambda wrong: s3.plot.cube(PLACED, window_size=wrong, off_screen=True),
+    "plot.cube size": lambda wrong: s3.plot.cube(PLACED, size=wrong, off_screen=True),
+    "surface_picture size": lambda wrong: surface_picture(None, T_world_map=np.eye(4), size=wrong),
     "save_scene size": lambda wrong: s3.plot.save_scene("none.png", PLACED, size=wrong),
     "Constraints rotation": lambda wrong: s3.Constraints(rotation=wrong),
     "Constraints translation": lambda wrong: s3.Constraints(translation=(0.0, wrong, 0.0)),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
+from seismo3d._validate import as_whole_numbers
 from seismo3d.plot.drawing import check_axes, new_axes
 
 
@@ -67,7 +68,7 @@ def surface_picture(
     ndarray of shape (height, width, 3), uint8
         White where nothing is mapped; black without a mesh.
     """
-    width, height = size
+    width, height = as_whole_numbers(size, "size", n=2, low=1, high=16384)
     if len(mesh.triangles) == 0:
         return np.zeros((height, width, 3), dtype=np.uint8)
     R = np.asarray(T_world_map)[:3, :3]

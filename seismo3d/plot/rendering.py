@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from seismo3d._typing import AnyArray
-from seismo3d._validate import as_numbers
 from seismo3d.errors import RenderError
 from seismo3d.io._files import check_output, written_aside
 
@@ -139,8 +138,7 @@ def render_scene(cube: Any, *, size: tuple[int, int] = (1400, 950), **settings: 
     """Draw the 3D scene to an array of shape (height, width, 3), uint8; the rest as for :func:`save_scene`."""
     from seismo3d.plot.scenes import cube as draw_cube
 
-    as_numbers(size, "size", n=2)
-    plotter = draw_cube(cube, off_screen=True, window_size=size, **settings)
+    plotter = draw_cube(cube, off_screen=True, size=size, **settings)
     try:
         picture: AnyArray = plotter.screenshot(return_img=True)
     finally:

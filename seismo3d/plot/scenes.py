@@ -35,7 +35,7 @@ def cube(
     clip: float = 99.0,
     height: float = 0.6,
     off_screen: bool | None = None,
-    window_size: tuple[int, int] | None = None,
+    size: tuple[int, int] | None = None,
 ) -> Any:
     """Make a 3D scene: three slices of the cube, fault surfaces, tracks.
 
@@ -63,7 +63,7 @@ def cube(
         Height of the scene over its longer horizontal side.
     off_screen : bool, optional
         Draw without a window; by default where there is no display.
-    window_size : (int, int), optional
+    size : (int, int), optional
         Width and height in pixels.
 
     Returns
@@ -87,9 +87,9 @@ def cube(
     walls = choose_slices(cube, inline=inline, crossline=crossline, sample=sample)
     maps = [_index_map(track, cube) for track in as_tracks(tracks)]
     off_screen = not has_screen() if off_screen is None else as_flag(off_screen, "off_screen")
-    size = None if window_size is None else _as_pixels(window_size)
+    pixels = None if size is None else list(as_whole_numbers(size, "size", n=2, low=1, high=16384))
     with windowless() if off_screen else nullcontext():
-        plotter = pv.Plotter(off_screen=off_screen, window_size=size, theme=pv.themes.DocumentTheme())
+        plotter = pv.Plotter(off_screen=off_screen, window_size=pixels, theme=pv.themes.DocumentTheme())
     _add_slices(plotter, cube, frame, walls, cmap=cmap, clip=clip)
     for number, depth in enumerate(maps):
         points, cells = grid_cells(depth)
@@ -102,11 +102,6 @@ def cube(
     add_axes(plotter, cube, frame)
     aim_camera(plotter, frame.bounds)
     return plotter
-
-
-def _as_pixels(window_size: Any) -> list[int]:
-    """Return width and height, or refuse what is none."""
-    return list(as_whole_numbers(window_size, "window_size", n=2, low=1, high=16384))
 
 
 def choose_slices(
