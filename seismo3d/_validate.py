@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,8 +11,10 @@ import numpy as np
 from seismo3d._typing import AnyArray, ArrayLike, Float32Array, Float64Array
 from seismo3d.errors import ParameterError, ShapeError
 
-_Settings = TypeVar("_Settings")
 _Kind = TypeVar("_Kind")
+
+LONGEST = 100_000
+"""Traces or samples along the longest side of a cube to be made."""
 
 # characters of a value that an error shows
 _SHOWN = 80
@@ -61,56 +62,6 @@ def check_list(values: Any, name: str, kind: type) -> None:
         words = next((f"a list with a {type(value).__name__}" for value in values if not isinstance(value, kind)), "")
     if words:
         raise ParameterError(f"{name} is {words}; expected a list of {kind.__name__}. Put one alone in a list.")
-
-
-def as_settings(settings: _Settings | None, kind: type[_Settings], name: str = "settings") -> _Settings:
-    """Return settings as they are, the usual ones for none, or refuse what is of another kind."""
-    if settings is None:
-        return kind()
-    if not isinstance(settings, kind):
-        names = f"**{told(settings)}" if isinstance(settings, dict) else "..."
-        raise ParameterError(
-            f"{name} is of type {type(settings).__name__}; expected {kind.__name__}. "
-            f"Give {kind.__name__}({names}), or leave it out."
-        )
-    if is_dataclass(settings):
-        _check_fields(settings, name)
-    return settings
-
-
-def _check_fields(settings: Any, name: str) -> None:
-    """Refuse settings with a field of another kind than its usual value; what it may be beyond that, it says itself."""
-    usual = type(settings)()
-    for field in fields(settings):
-        value, wanted = getattr(settings, field.name), getattr(usual, field.name)
-        if value is None and "None" in str(field.type):
-            continue
-        where = f"{name}.{field.name}"
-        if is_dataclass(wanted):
-            as_kind(value, type(wanted), where, remedy=f"Give {type(wanted).__name__}(...), or leave it out.")
-            _check_fields(value, where)
-        elif isinstance(wanted, (bool, int, float, tuple, str)) and not _is_like(value, wanted, field.type):
-            raise ParameterError(
-                f"{where} is {told(value)}; expected something like {wanted!r}. Leave it out for that."
-            )
-
-
-def _is_like(value: Any, wanted: Any, kind: Any = "...") -> bool:
-    """Tell whether a value is a flag, a number (be it infinite), a word, or some of these, as another one is."""
-    if isinstance(wanted, tuple):
-        is_open = "..." in str(kind)
-        return (
-            isinstance(value, (tuple, list))
-            and (is_open or len(value) == len(wanted))
-            and all(_is_like(one, wanted[0]) for one in value)
-        )
-    if isinstance(wanted, bool):
-        return isinstance(value, (bool, np.bool_))
-    if isinstance(wanted, str):
-        return isinstance(value, str)
-    whole = (int, np.integer)
-    is_number = isinstance(value, whole if isinstance(wanted, int) else (*whole, float, np.floating))
-    return is_number and not isinstance(value, bool) and not math.isnan(value)
 
 
 def as_single(values: AnyArray, name: str) -> Float32Array:
@@ -200,6 +151,12 @@ def as_whole_numbers(
 ) -> tuple[int, ...]:
     """Return so many whole numbers within bounds, or refuse them by name."""
     return tuple(as_whole_number(value, name, low=low, high=high) for value in as_numbers(values, name, n=n))
+
+
+def as_cube_shape(shape: Any) -> tuple[int, int, int]:
+    """Return the sides of a cube to be made, or refuse what is none."""
+    i, x, s = as_whole_numbers(shape, "shape", n=3, low=1, high=LONGEST)
+    return i, x, s
 
 
 def as_array(values: ArrayLike, name: str) -> AnyArray:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from seismo3d._settings import as_settings
 from seismo3d._typing import ArrayLike, Float64Array
-from seismo3d._validate import as_number, as_points, as_real_array, as_settings, freeze, told
+from seismo3d._validate import as_number, as_points, as_real_array, freeze, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.registration import quadratic
 from seismo3d.registration.certificate import Certificate

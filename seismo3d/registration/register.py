@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._settings import as_settings
 from seismo3d._typing import ArrayLike
-from seismo3d._validate import as_number, as_settings, as_whole_number, is_among, told
+from seismo3d._validate import as_number, as_whole_number, is_among, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.registration.conclusion import assemble
 from seismo3d.registration.constraints import Constraints, model_number
@@ -169,11 +170,7 @@ def _prepare(
             raise ParameterError("alpha is given without matches; expected both. Drop alpha, or pass matches.")
     edge = None if voxel_size is None else as_number(voxel_size, "voxel_size", low=0.0, strict=True)
     chosen = as_settings(settings, LoopSettings)
-    as_whole_number(chosen.max_iterations, "settings.max_iterations", low=1)
-    if n_threads is None and settings is not None:
-        threads = as_whole_number(chosen.n_threads, "settings.n_threads", low=1, high=MOST_THREADS)
-    else:
-        threads = _threads(n_threads)
+    threads = chosen.n_threads if n_threads is None and settings is not None else _threads(n_threads)
     chosen = replace(chosen, alpha=chosen.alpha if alpha is None else alpha, n_threads=threads)
     for scan, name in ((q, "target"), (p, "source")):
         if len(scan) < LEAST_POINTS:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from seismo3d._settings import Amount, Count, Share, StepsOrNone
 
 
 @dataclass(frozen=True, slots=True)
@@ -11,33 +14,33 @@ class LoopSettings:
 
     Attributes
     ----------
-    max_iterations : int
+    max_iterations : int in [1, 1000000]
         Most passes a level.
-    tolerance : float
+    tolerance : float in [0, inf)
         The finest level ends where a step moves no parameter by more than this share of a voxel, in radians and in
         shares of the scan's size; coarser levels end at five times that.
-    max_elements : int
+    max_elements : int in [1, 1000000]
         Most source elements that a pass looks at, drawn evenly.
-    observability : float
+    observability : float in [0, 1]
         Directions whose curvature is below this share of the largest are left as they are.
     symmetric : bool
         Measure along the mean of both surfaces' normals.
-    acceleration : int
+    acceleration : int in [0, 100]
         Steps that are remembered to extrapolate from; 0 for none.
-    alpha : float or None
+    alpha : float or None in [0, 1]
         Fixed share of the features as in Eq. (16), or None to weigh by measured variance.
-    n_threads : int
+    n_threads : int in [1, 256]
         Threads to match on; the result does not depend on them.
     wide_search : bool
         Search the coarsest level without a limit of distance first.
     """
 
-    max_iterations: int = 30
-    tolerance: float = 0.004
-    max_elements: int = 5000
-    observability: float = 1e-6
+    max_iterations: Count = 30
+    tolerance: Amount = 0.004
+    max_elements: Count = 5000
+    observability: Share = 1e-6
     symmetric: bool = False
-    acceleration: int = 4
-    alpha: float | None = None
-    n_threads: int = 1
+    acceleration: StepsOrNone = 4
+    alpha: Share | None = None
+    n_threads: Annotated[int, "[1, 256]"] = 1
     wide_search: bool = True

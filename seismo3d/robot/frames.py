@@ -6,12 +6,13 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from seismo3d._settings import Share, check_fields
 from seismo3d._typing import AnyArray, Float32Array, Float64Array, Int32Array
-from seismo3d._validate import as_number, as_real_array
+from seismo3d._validate import as_real_array
 from seismo3d.errors import ShapeError
 from seismo3d.geometry._kernels_camera import straighten_rows
 from seismo3d.geometry.camera import PinholeCamera
@@ -31,21 +32,19 @@ class MeasureSettings:
 
     Attributes
     ----------
-    near, far : float
+    near, far : float in [0, 60), (near, 60)
         Depths outside are left out, metres.
-    total_variation : float
+    total_variation : float in [0, 1]
         Weight of total-variation denoising of the depth before all else, in metres; 0 for none. It costs more than all
         the rest together.
     """
 
-    near: float = 0.3
-    far: float = 4.0
-    total_variation: float = 0.0
+    near: Annotated[float, "[0, 60)"] = 0.3
+    far: Annotated[float, "(near, 60)"] = 4.0
+    total_variation: Share = 0.0
 
     def __post_init__(self) -> None:
-        as_number(self.near, "near", low=0.0)
-        as_number(self.far, "far", low=self.near, high=kernels.FARTHEST, strict=True)
-        as_number(self.total_variation, "total_variation", low=0.0, high=1.0)
+        check_fields(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._settings import as_settings
 from seismo3d._typing import ArrayLike, Float64Array
-from seismo3d._validate import as_kind, as_settings, freeze
+from seismo3d._validate import as_kind, freeze
 from seismo3d.errors import ParameterError
 from seismo3d.geometry.rotations import invert_transform
 from seismo3d.graph.poses import PoseGraph, solve_poses

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from seismo3d._settings import as_settings
 from seismo3d._typing import AnyArray, ArrayLike
-from seismo3d._validate import as_array, as_kind, as_points, as_real_array, as_settings, freeze, told
+from seismo3d._validate import as_array, as_kind, as_points, as_real_array, freeze, told
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.robot.dstar import DStarLite, Repair
 from seismo3d.robot.lattice import lattice_motions

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
+from seismo3d._settings import Positive, check_fields
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_flag, as_kind, as_number, as_whole_number, is_among, told
+from seismo3d._validate import is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.robot.frames import MeasureSettings
 from seismo3d.robot.tracking import TERMS, Located
@@ -23,57 +25,47 @@ class MapperSettings:
 
     Attributes
     ----------
-    voxel_size : float
+    voxel_size : float in [0.0001, 1]
         Edge of the map's voxels, metres.
-    band_voxels : float
+    band_voxels : float in [2, 20]
         Signed distances are kept up to so many voxels from the surface.
     measure : MeasureSettings
     terms : str
         What frames are located by, one of ``tracking.TERMS``.
     filtered : bool
         Whether a frame's pose is predicted by the filter's velocity; else it starts where the last one was.
-    enough_landmarks : int
+    enough_landmarks : int in [1, inf)
         The nearest views are searched for landmarks until so many are found in a frame.
     landmarks_in_state : bool
         Whether the filter holds landmarks that were seen often.
-    calibrate_frames : int
+    calibrate_frames : int in [0, inf)
         After so many frames, the timing that cameras leave open is found from them, and they are mapped anew with it;
         0 leaves it at zero.
-    view_distance : float
+    view_distance : float in (0, inf)
         A keyframe is made where it is farther from all others: radians plus half the metres.
-    new_map_after : int
+    new_map_after : int in [0, inf)
         After so many frames with depth that cannot be located, in a row, a new local map is begun; 0: never.
-    keep_every : int
+    keep_every : int in [1, inf)
         Every so many frames one is kept, packed, to make the map anew after a loop was closed.
-    n_threads : int
+    n_threads : int in [0, 1024]
         Threads; 0 for one a core. The result doesn't depend on it.
     """
 
-    voxel_size: float = 0.01
-    band_voxels: float = 4.0
+    voxel_size: Annotated[float, "[0.0001, 1]"] = 0.01
+    band_voxels: Annotated[float, "[2, 20]"] = 4.0
     measure: MeasureSettings = field(default_factory=MeasureSettings)
     terms: str = "fused"
     filtered: bool = True
-    enough_landmarks: int = 100
+    enough_landmarks: Annotated[int, "[1, inf)"] = 100
     landmarks_in_state: bool = True
-    calibrate_frames: int = 90
-    view_distance: float = 0.14
-    new_map_after: int = 30
-    keep_every: int = 5
-    n_threads: int = 0
+    calibrate_frames: Annotated[int, "[0, inf)"] = 90
+    view_distance: Positive = 0.14
+    new_map_after: Annotated[int, "[0, inf)"] = 30
+    keep_every: Annotated[int, "[1, inf)"] = 5
+    n_threads: Annotated[int, "[0, 1024]"] = 0
 
     def __post_init__(self) -> None:
-        as_number(self.voxel_size, "voxel_size", low=1e-4, high=1.0)
-        as_number(self.band_voxels, "band_voxels", low=2.0, high=20.0)
-        as_whole_number(self.enough_landmarks, "enough_landmarks", low=1)
-        as_whole_number(self.calibrate_frames, "calibrate_frames", low=0)
-        as_number(self.view_distance, "view_distance", low=0.0, strict=True)
-        as_whole_number(self.new_map_after, "new_map_after", low=0)
-        as_whole_number(self.keep_every, "keep_every", low=1)
-        as_whole_number(self.n_threads, "n_threads", low=0, high=1024)
-        as_kind(self.measure, MeasureSettings, "measure", remedy="Give MeasureSettings(...), or leave it out.")
-        as_flag(self.filtered, "filtered")
-        as_flag(self.landmarks_in_state, "landmarks_in_state")
+        check_fields(self)
         if not is_among(self.terms, TERMS):
             raise ParameterError(f"terms is {told(self.terms)}; expected one of {', '.join(TERMS)}.")
 

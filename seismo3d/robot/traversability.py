@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import Amount, Positive, check_fields
 from seismo3d._typing import AnyArray, Float32Array
-from seismo3d._validate import as_number, freeze, is_among, told
+from seismo3d._validate import freeze, is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.robot._kernels_ground import find_steps, fit_slopes
 from seismo3d.robot.motions import UNIT
@@ -37,35 +38,31 @@ class RobotLimits:
 
     Attributes
     ----------
-    radius : float
+    radius : float in [0, inf)
         Of the disc that holds the robot seen from above, metres; nothing may come nearer to its middle.
-    max_curvature : float
+    max_curvature : float in (0, inf)
         Tightest turn, one over metres: the inverse of the least turning radius.
-    max_speed, max_acceleration, max_lateral_acceleration : float
+    max_speed, max_acceleration, max_lateral_acceleration : float in (0, inf)
         Metres, seconds; braking is as strong as accelerating.
-    max_slope_deg : float
+    max_slope_deg : float in (0, 90)
         Steepest ground, fitted over the robot's size.
-    max_step : float
+    max_step : float in (0, inf)
         Highest step between neighbouring cells, metres.
-    margin : float
+    margin : float in [0, inf)
         Room beyond the radius that the robot likes to have: less is allowed, and costs more. Metres.
     """
 
-    radius: float = 0.25
-    max_curvature: float = 2.0
-    max_speed: float = 0.8
-    max_acceleration: float = 0.5
-    max_lateral_acceleration: float = 0.5
-    max_slope_deg: float = 20.0
-    max_step: float = 0.08
-    margin: float = 0.2
+    radius: Amount = 0.25
+    max_curvature: Positive = 2.0
+    max_speed: Positive = 0.8
+    max_acceleration: Positive = 0.5
+    max_lateral_acceleration: Positive = 0.5
+    max_slope_deg: Annotated[float, "(0, 90)"] = 20.0
+    max_step: Positive = 0.08
+    margin: Amount = 0.2
 
     def __post_init__(self) -> None:
-        as_number(self.radius, "radius", low=0.0)
-        as_number(self.margin, "margin", low=0.0)
-        as_number(self.max_slope_deg, "max_slope_deg", low=0.0, high=90.0, strict=True)
-        for name in ("max_curvature", "max_speed", "max_acceleration", "max_lateral_acceleration", "max_step"):
-            as_number(getattr(self, name), name, low=0.0, strict=True)
+        check_fields(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

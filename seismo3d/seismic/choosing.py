@@ -9,6 +9,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.sparse.csgraph import connected_components
 
+from seismo3d._settings import Count, Degrees, Share, Threshold
 from seismo3d.seismic.sheet_distances import SheetNodes
 from seismo3d.seismic.sheet_measures import (
     dip_deg,
@@ -37,163 +38,163 @@ class ChoiceSettings:
 
     Attributes
     ----------
-    least_area : float
+    least_area : float in [0, inf]
         Smallest area, in traces times samples.
-    least_strength : float
+    least_strength : float in [0, inf]
         Significance that is needed: mean support times the square root of the area.
-    least_height : float
+    least_height : float in [0, inf]
         Smallest extent down the samples.
-    least_throw : float
+    least_throw : float in [0, inf]
         Smallest median throw: sides that fit best unmoved, as at a channel's edge, are no fault.
-    still_score : float
+    still_score : float in [0, inf]
         Support below which a sheet ends where its throw falls below `still_throw`.
-    still_throw : tuple of (float, float)
+    still_throw : tuple of (float, float) in [0, inf]
         Throw below which sides count as unmoved: without noise, and from the mild noise of a good survey on, where a
         throw that is read may be off by as much.
-    still_fit : float
+    still_fit : float in [0, inf]
         Fit of the unmoved sides that this takes: a throw carried on from elsewhere says nothing of a place.
-    unbroken_score, unbroken_fit, unbroken_gain, unbroken_area : float
+    unbroken_score, unbroken_fit, unbroken_gain, unbroken_area : float in [0, inf]
         A part of a sheet of at least this area, at its rim, is unbroken ground if its support is below the score and
         its sides fit unmoved by more than this, and by so much more than by its throw: one carried on over as large a
         part, though nothing matches there, is of the fault that ends before it.
-    layer_angle_deg, thrust_angle_deg : float
+    layer_angle_deg, thrust_angle_deg : float in [0, 90]
         Least angle, in the median, between a sheet and the layers beside it, across its strike: what runs along steep
         layers is one of them, whose neighbours do not fit where its dip is told wrongly. The second is that of what is
         of `sure_strength` and well told: thrusts climb through their layers at low angles.
-    leaning, leaning_deg, leaning_score : float
+    leaning, leaning_deg, leaning_score : float in [0, 1], [0, 90], [0, inf]
         What is nearer to the layers than this share of its dip, and than this angle, leans over as they do: if it is
         weaker than `sure_strength`, it needs this mean support. What does not fit along steep layers spreads to the
         planes between theirs and upright ones.
-    tall, tall_strength : float
+    tall, tall_strength : float in [0, inf]
         Height from which on a sheet is no channel's edge, and the strength that is enough there, and where it is well
         told and off all strong faults.
-    told_matched : float
+    told_matched : float in [0, 1]
         Share of a sheet whose sides match, by `little_fit` in the median, from which on it is well told, if it is less
         steep than `leftover_dip_deg` and its throw as large as that of a steep weaker one.
-    low_fit, steep_height : float
+    low_fit, steep_height : float in [0, inf]
         What is less tall and weaker than `sure_strength` stands by itself only where its moved sides match by so much
         in the median, and, if it is steep, from this height on: edges of channels are steep and low.
-    sure_strength : float
+    sure_strength : float in [0, inf]
         Strength of what is no channel's edge whatever its shape, unless it winds.
-    winding, winding_height, winding_extent : float
+    winding, winding_height, winding_extent : float in [0, inf]
         Slope of its course along the strike, root mean square about a bend, from which on a sheet winds, and the median
         height, and extent down the samples, up to which it is a channel's edge then, however strong and near to a
         fault: faults bend, but rivers meander.
-    unlike_fit, unlike_score : float
+    unlike_fit, unlike_score : float in [0, inf]
         What fits by less than the first, on the mean over the whole of it, stands by itself only with a mean support of
         the second: nothing tells that its sides, which are unlike wherever they are taken back to, were ever one.
-    in_view_fit : float
+    in_view_fit : float in [0, inf]
         Mean fit, over those places whose throw leads to one within the cube, from which on it may all the same.
-    little_matched, little_fit : float
+    little_matched, little_fit : float in [0, 1], [0, inf]
         Share of what slopes, and median fit, from which on its sides are alike all the same: a large throw leads out of
         view from most places, and where it does not, chaotic beds and noise match by chance, but not so well.
-    closed, closed_out : float
+    closed, closed_out : float in [0, inf], [0, 1]
         Likeness of the layers beyond both its ends from which on a sheet ends within them, and the share of it whose
         throw leads out of view from which on its sides were never one then, unless it is as strong as `sure_strength`
         or lies beside a strong fault, which may have cut it off.
-    host_strength : float
+    host_strength : float in [0, inf]
         Strength of a fault beside which weaker ones are looked for: faults come in families, and cut each other up.
-    company_area, company_strength, company_length : float
+    company_area, company_strength, company_length : float in [0, inf]
         Smallest area, strength and length down the dip of such a weaker one.
-    company_matched : tuple of (float, float)
+    company_matched : tuple of (float, float) in [0, 1]
         Smallest share of it where its moved sides match: where they match as well as those of steep ones must, and
         where they match no better than those of sloping ones must. A third of a sheet matches by chance at some throw,
         but not well.
-    company_half, company_score : float
+    company_half, company_score : float in [0, 1], [0, inf]
         Share of it whose sides match below which its mean support is the second: weak ridges between layers and faults
         match here and there by chance.
-    company_low_deg, company_low_score : tuple of (float, float)
+    company_low_deg, company_low_score : tuple of (float, float) in [0, 90], [0, inf]
         Mean support that it needs at these dips, and in between what is proportional: along unconformities and gentle
         bends of layers weak ridges line up that are less steep than most faults.
-    company_throw, company_fit : tuple of (float, float)
+    company_throw, company_fit : tuple of (float, float) in [0, inf]
         Smallest median fit where its sides match, and smallest median throw at that fit: of sloping ones, and of steep
         ones. At a perfect fit `least_throw` is enough, in between what is proportional.
-    leftover_strength, leftover_fit : float
+    leftover_strength, leftover_fit : float in [0, inf]
         Smallest strength, and median fit where its sides match, of what was linked from the ridges that certain faults
         leave over; its throw is as large as that of a steep weaker one, and `little_matched` of it match.
-    leftover_dip_deg, leftover_score : float
+    leftover_dip_deg, leftover_score : float in [0, 90], [0, inf]
         Such a one is less steep than the first, and if its dip is lower than `low_dip_deg` its mean support is the
         second: in noise and chaotic beds weak ridges line up with the layers.
-    gap : float
+    gap : float in [0, inf]
         Farthest that it may be from its host.
-    small_throw, small_matched : float
+    small_throw, small_matched : float in [0, 1]
         Largest median throw, as a share of its height, and smallest share of it where its moved sides match, of a
         weaker one that needs no host but a swarm: a small fault moves by little. What was laid down or cut out moves by
         nothing, and the throw at which its sides are alike by chance may be any.
-    swarm : int
+    swarm : int in [1, 1000000]
         Fewest faults that are one: such small ones and others, each no farther from one of these than it is large.
-    steep_deg : float
+    steep_deg : float in [0, 90]
         Dip from which on a weaker one may be a channel's edge, or the bend of layers over a lower fault.
-    low_dip_deg, alike_deg : float
+    low_dip_deg, alike_deg : float in [0, 90]
         Beside a host of a lower dip than the first, what is steep, weaker than a host and strikes alike within the
         second is such a bend, and no fault.
-    upright_deg, upright_share, upright_throw : float
+    upright_deg, upright_share, upright_throw : float in [0, 90], [0, 1], [0, 1]
         What lies within `gap` of a stronger fault with so large a share of it, strikes alike, is steeper by the angle
         and moves as that one does to within this share, or a sample, is that one's own break seen upright.
-    overlap, beside : float
+    overlap, beside : float in [0, 1], [0, inf]
         Largest share of it that may lie within `beside` of faults chosen before: more is the same fault once more, but
         for what matches and slopes as leftovers must and is as large as a weaker one must be without that.
     """
 
-    least_area: float = 400.0
-    least_strength: float = 23.0
-    least_height: float = 24.0
-    least_throw: float = 1.0
-    still_score: float = 0.6
-    still_throw: tuple[float, float] = (0.5, 1.0)
-    still_fit: float = 0.7
-    unbroken_score: float = 0.4
-    unbroken_fit: float = 0.3
-    unbroken_gain: float = 0.2
-    unbroken_area: float = 300.0
-    layer_angle_deg: float = 20.0
-    thrust_angle_deg: float = 10.0
-    leaning: float = 0.75
-    leaning_deg: float = 45.0
-    leaning_score: float = 0.48
-    tall: float = 60.0
-    tall_strength: float = 17.0
-    told_matched: float = 0.6
-    low_fit: float = 0.6
-    steep_height: float = 40.0
-    sure_strength: float = 33.0
-    winding: float = 0.2
-    winding_height: float = 40.0
-    winding_extent: float = 100.0
-    unlike_fit: float = 0.25
-    unlike_score: float = 0.65
-    in_view_fit: float = 0.4
-    little_matched: float = 0.12
-    little_fit: float = 0.8
-    closed: float = 0.85
-    closed_out: float = 0.2
-    host_strength: float = 33.0
-    company_area: float = 200.0
-    company_strength: float = 11.0
-    company_length: float = 30.0
-    company_matched: tuple[float, float] = (0.3, 0.45)
-    company_half: float = 0.5
-    company_score: float = 0.35
-    company_low_deg: tuple[float, float] = (45.0, 55.0)
-    company_low_score: tuple[float, float] = (0.3, 0.2)
-    company_throw: tuple[float, float] = (1.0, 1.4)
-    company_fit: tuple[float, float] = (0.6, 0.75)
-    leftover_strength: float = 12.0
-    leftover_fit: float = 0.75
-    leftover_dip_deg: float = 80.0
-    leftover_score: float = 0.45
-    gap: float = 8.0
-    small_throw: float = 0.125
-    small_matched: float = 0.65
-    swarm: int = 3
-    steep_deg: float = 65.0
-    low_dip_deg: float = 55.0
-    alike_deg: float = 25.0
-    upright_deg: float = 15.0
-    upright_share: float = 0.5
-    upright_throw: float = 0.1
-    overlap: float = 0.3
-    beside: float = 2.5
+    least_area: Threshold = 400.0
+    least_strength: Threshold = 23.0
+    least_height: Threshold = 24.0
+    least_throw: Threshold = 1.0
+    still_score: Threshold = 0.6
+    still_throw: tuple[Threshold, Threshold] = (0.5, 1.0)
+    still_fit: Threshold = 0.7
+    unbroken_score: Threshold = 0.4
+    unbroken_fit: Threshold = 0.3
+    unbroken_gain: Threshold = 0.2
+    unbroken_area: Threshold = 300.0
+    layer_angle_deg: Degrees = 20.0
+    thrust_angle_deg: Degrees = 10.0
+    leaning: Share = 0.75
+    leaning_deg: Degrees = 45.0
+    leaning_score: Threshold = 0.48
+    tall: Threshold = 60.0
+    tall_strength: Threshold = 17.0
+    told_matched: Share = 0.6
+    low_fit: Threshold = 0.6
+    steep_height: Threshold = 40.0
+    sure_strength: Threshold = 33.0
+    winding: Threshold = 0.2
+    winding_height: Threshold = 40.0
+    winding_extent: Threshold = 100.0
+    unlike_fit: Threshold = 0.25
+    unlike_score: Threshold = 0.65
+    in_view_fit: Threshold = 0.4
+    little_matched: Share = 0.12
+    little_fit: Threshold = 0.8
+    closed: Threshold = 0.85
+    closed_out: Share = 0.2
+    host_strength: Threshold = 33.0
+    company_area: Threshold = 200.0
+    company_strength: Threshold = 11.0
+    company_length: Threshold = 30.0
+    company_matched: tuple[Share, Share] = (0.3, 0.45)
+    company_half: Share = 0.5
+    company_score: Threshold = 0.35
+    company_low_deg: tuple[Degrees, Degrees] = (45.0, 55.0)
+    company_low_score: tuple[Threshold, Threshold] = (0.3, 0.2)
+    company_throw: tuple[Threshold, Threshold] = (1.0, 1.4)
+    company_fit: tuple[Threshold, Threshold] = (0.6, 0.75)
+    leftover_strength: Threshold = 12.0
+    leftover_fit: Threshold = 0.75
+    leftover_dip_deg: Degrees = 80.0
+    leftover_score: Threshold = 0.45
+    gap: Threshold = 8.0
+    small_throw: Share = 0.125
+    small_matched: Share = 0.65
+    swarm: Count = 3
+    steep_deg: Degrees = 65.0
+    low_dip_deg: Degrees = 55.0
+    alike_deg: Degrees = 25.0
+    upright_deg: Degrees = 15.0
+    upright_share: Share = 0.5
+    upright_throw: Share = 0.1
+    overlap: Share = 0.3
+    beside: Threshold = 2.5
 
     @classmethod
     def for_section(cls) -> ChoiceSettings:

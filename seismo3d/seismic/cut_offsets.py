@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import Amount, Stiffness, Threshold, Width
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_cut_offsets import carry_to_places
 from seismo3d.seismic._kernels_restore import read_between
@@ -30,34 +32,34 @@ class CutSettings:
 
     Attributes
     ----------
-    blurred : tuple of (float, float)
+    blurred : tuple of (float, float) in [0, inf), rising
         Patches of the scan from a cut within which a position tells nothing, as the patch holds both parts; and beyond
         which it tells all.
-    along_strike, down : float
+    along_strike, down : float in (0, 1000]
         Widths of the Gaussian window whose plane carries a part on.
-    stiffness : float
+    stiffness : float in [0, 1000000]
         Full nodes of the sheet's mean slope that are added to the window.
-    least_weight : float
+    least_weight : float in [0, inf]
         Nodes that must tell a part's position.
-    least_offset : float
+    least_offset : float in [0, inf]
         Offset across the sheet, in the mean along a cut, from which on it is one.
-    certainty : float
+    certainty : float in [0, inf]
         How many times its spread along the cut this must be.
-    slack : float
+    slack : float in [0, inf]
         How much farther a place may lie from where it is carried to than the cut's offset explains.
-    gap : float
+    gap : float in [0, inf]
         Nodes beside the other sheet within which it still cuts.
     """
 
-    blurred: tuple[float, float] = (1.3, 2.1)
-    along_strike: float = 8.0
-    down: float = 14.0
-    stiffness: float = 2.0
-    least_weight: float = 6.0
-    least_offset: float = 1.5
-    certainty: float = 2.0
-    slack: float = 0.5
-    gap: float = 3.0
+    blurred: Annotated[tuple[Amount, Amount], "rising"] = (1.3, 2.1)
+    along_strike: Width = 8.0
+    down: Width = 14.0
+    stiffness: Stiffness = 2.0
+    least_weight: Threshold = 6.0
+    least_offset: Threshold = 1.5
+    certainty: Threshold = 2.0
+    slack: Threshold = 0.5
+    gap: Threshold = 3.0
 
 
 def offset_sheets(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from seismo3d._settings import Count, Share, Width
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import (
     Traces,
@@ -26,24 +28,24 @@ class DipSettings:
 
     Attributes
     ----------
-    derivative : float
+    derivative : float in [0.1, 100]
         Width of the Gaussian derivative.
-    lateral, vertical : float
+    lateral, vertical : float in (0, 1000]
         Widths of the Gaussian over which the structure tensor is averaged.
-    steepest : float
+    steepest : float in (0, 100]
         Largest slope, in samples a trace.
-    rim : float
+    rim : float in [0, 1]
         Weight of gradients whose window reaches beyond the cube, where its outermost values are repeated.
-    slab : int
+    slab : int in [1, 1000000]
         Inlines that are worked on at a time; bounds the memory.
     """
 
-    derivative: float = 1.0
-    lateral: float = 5.0
-    vertical: float = 8.0
-    steepest: float = 4.0
-    rim: float = 0.05
-    slab: int = 96
+    derivative: Annotated[float, "[0.1, 100]"] = 1.0
+    lateral: Width = 5.0
+    vertical: Width = 8.0
+    steepest: Annotated[float, "(0, 100]"] = 4.0
+    rim: Share = 0.05
+    slab: Count = 96
 
 
 def estimate_slopes(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import Degrees, Share, StepsOrNone, Threshold, Width
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_extending import find_beside, fit_local_planes, follow_planes, lay_on_grid
 from seismo3d.seismic.linking import Room
@@ -24,41 +25,41 @@ class ExtendSettings:
 
     Attributes
     ----------
-    strength : float
+    strength : float in [0, inf]
         Significance from which on a sheet is certain, and followed on.
-    company_strength, gap : float
+    company_strength, gap : float in [0, inf]
         Significance from which on a sheet within `gap`, in traces and samples, of a certain one is followed on too:
         faults come in families, and cut each other up.
-    weakest : float
+    weakest : float in [0, inf]
         Least support of a ridge that it is followed along.
-    width : float
+    width : float in (0, 1000]
         Width of the Gaussian window whose plane carries the sheet on.
-    off_plane : float
+    off_plane : float in [0, inf]
         Farthest, in traces, that a ridge may lie off that plane.
-    angle_deg : float
+    angle_deg : float in [0, 90]
         Largest angle between the ridge's plane and it.
-    share : float
+    share : float in [0, 1]
         Share of the nodes around a new one that must have such a ridge.
-    rings : int
+    rings : int in [0, 100]
         How often a sheet is carried on, by two nodes at a time.
-    off_sheet : float
+    off_sheet : float in [0, inf]
         Farthest, in traces across a sheet, that a ridge in its attitude lies off it and still belongs to it.
-    rim : int
+    rim : int in [0, 100]
         What ends within so many traces, or grid steps down, of the cube's end goes on to it: crests need both their
         flanks, and are not found there.
     """
 
-    strength: float = 55.0
-    company_strength: float = 14.0
-    gap: float = 8.0
-    weakest: float = 0.15
-    width: float = 4.0
-    off_plane: float = 1.5
-    angle_deg: float = 25.0
-    share: float = 0.5
-    rings: int = 10
-    off_sheet: float = 3.0
-    rim: int = 1
+    strength: Threshold = 55.0
+    company_strength: Threshold = 14.0
+    gap: Threshold = 8.0
+    weakest: Threshold = 0.15
+    width: Width = 4.0
+    off_plane: Threshold = 1.5
+    angle_deg: Degrees = 25.0
+    share: Share = 0.5
+    rings: StepsOrNone = 10
+    off_sheet: Threshold = 3.0
+    rim: StepsOrNone = 1
 
 
 # nodes that a sheet is carried on by at a time

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
+from seismo3d._settings import Count, Degrees, Positive, Share, Smoothing, Stiffness, Threshold
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic.fault_motion import FaultMotion, Frame
 from seismo3d.seismic.sheet_distances import bounds_of, near_boxes
@@ -30,65 +32,65 @@ class HistorySettings:
 
     Attributes
     ----------
-    reach, clear : float
+    reach, clear : float in [0, 1000], [0, reach]
         Traces beside a fault, at most and at least, of the places by which another is compared on its two sides.
-    edge : float
+    edge : float in [0, 1000]
         How far beyond its edge a fault is taken to go on.
-    least_places : int
+    least_places : int in [1, 1000000]
         Places that it takes on either side.
-    least_gain : float
+    least_gain : float in [0, inf]
         Logarithm of how many times smoother two faults must be in one order than in the other.
-    least_free : float
+    least_free : float in [0, inf]
         The same, if either may have moved along its strike as well, where strike slips are told by that order.
-    least_share, least_mend : float
+    least_share, least_mend : float in [0, inf]
         Strike slip over throw, and logarithm of how many times smoother it must leave the older faults, all together,
         from which on a fault's slip is oblique; if but one tells it, more. Slip less than 15 degrees off the dip line
         cannot be told from none by older faults.
-    least_area : float
+    least_area : float in [0, inf]
         Smaller faults are not taken back for others' sake: their throw is too uncertain.
-    stiffness : float
+    stiffness : float in [0, 1000000]
         Of the field of throw by which others are moved back.
-    least_match : float
+    least_match : float in [0, inf]
         How well the sides of a fault must match where others are taken back, in parts of how well they do today: what
         is moved there is interpolated, and matches a little worse for that alone.
-    lift_spread : float
+    lift_spread : float in (0, inf)
         How far the share of slip that a hanging wall took is expected to lie off one.
-    decay_odds, decay_spread : float
+    decay_odds, decay_spread : float in (-inf, inf), (0, inf)
         Logarithm of the odds that slip does not die away off a fault, before the layers are looked at; and how well
         their tilts beside it tell which share is lost a trace, where nothing scatters.
-    turn_deg, gap, around, overlap, roughness : float
+    turn_deg, gap, around, overlap, roughness : float in [0, 90], [0, inf], [0, inf], [0, 1], [0, inf]
         Two faults are parts of one where they strike alike within the first, lie no farther apart than the second, one
         covers no more than the fourth of the other, and one quadratic surface through both, within the third of each
         other, leaves no more than the last, in squared traces.
-    aside : float
+    aside : float in [0, inf]
         Before younger faults that cut them are taken back, parts of one fault may lie so far off each other's surface,
         carried on, in traces and samples; of turn, gap and overlap the same is asked then.
-    opposed : float
+    opposed : float in [0, inf]
         Two faults, none of them smaller than `least_area`, are not parts of one if where they are nearest one is thrown
         up by more than that, in samples, and the other down.
     """
 
-    reach: float = 20.0
-    clear: float = 2.0
-    edge: float = 6.0
-    least_places: int = 60
-    least_gain: float = 0.65
-    least_free: float = 0.1
-    least_share: float = 0.27
-    least_mend: float = 1.2
-    least_area: float = 1500.0
-    stiffness: float = 300.0
-    least_match: float = 0.9
-    lift_spread: float = 0.2
-    decay_odds: float = 2.0
-    decay_spread: float = 0.006
-    turn_deg: float = 20.0
-    gap: float = 30.0
-    around: float = 25.0
-    overlap: float = 0.25
-    roughness: float = 0.6
-    aside: float = 10.0
-    opposed: float = 2.0
+    reach: Smoothing = 20.0
+    clear: Annotated[float, "[0, reach]"] = 2.0
+    edge: Smoothing = 6.0
+    least_places: Count = 60
+    least_gain: Threshold = 0.65
+    least_free: Threshold = 0.1
+    least_share: Threshold = 0.27
+    least_mend: Threshold = 1.2
+    least_area: Threshold = 1500.0
+    stiffness: Stiffness = 300.0
+    least_match: Threshold = 0.9
+    lift_spread: Positive = 0.2
+    decay_odds: Annotated[float, "(-inf, inf)"] = 2.0
+    decay_spread: Positive = 0.006
+    turn_deg: Degrees = 20.0
+    gap: Threshold = 30.0
+    around: Threshold = 25.0
+    overlap: Share = 0.25
+    roughness: Threshold = 0.6
+    aside: Threshold = 10.0
+    opposed: Threshold = 2.0
 
 
 @dataclass(frozen=True, slots=True)

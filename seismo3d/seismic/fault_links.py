@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from seismo3d._settings import Positive, Steps, StepsOrNone, Width
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_cuts import cross_edges, match_sides, read_side
@@ -30,28 +32,28 @@ class LinkSettings:
 
     Attributes
     ----------
-    beyond : int
+    beyond : int in [0, 100]
         How far a surface is carried on beyond its edge, so that nothing leaks past it where it was lost too early.
-    near, far : int
+    near, far : int in [1, 100], [near, 100]
         Traces off the surface between which each side is read.
-    along, down : float
+    along, down : float in (0, 1000]
         Widths of the window over which the sides are matched.
-    passes : int
+    passes : int in [1, 100]
         Steps of the least-squares fit of the throw.
-    least : float
+    least : float in (0, inf)
         Smallest standard deviation of a throw, in samples.
-    doubtful : float
+    doubtful : float in (0, inf)
         Misfit ratio that, above twice the cube's usual one, makes a match doubtful: its variance grows from there.
     """
 
-    beyond: int = 6
-    near: int = 2
-    far: int = 5
-    along: float = 6.0
-    down: float = 10.0
-    passes: int = 6
-    least: float = 0.3
-    doubtful: float = 0.12
+    beyond: StepsOrNone = 6
+    near: Steps = 2
+    far: Annotated[int, "[near, 100]"] = 5
+    along: Width = 6.0
+    down: Width = 10.0
+    passes: Steps = 6
+    least: Positive = 0.3
+    doubtful: Positive = 0.12
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._settings import Threshold, as_settings
 from seismo3d._stages import as_progress
 from seismo3d._typing import BoolArray, Float32Array, Progress
-from seismo3d._validate import as_settings, freeze
+from seismo3d._validate import freeze
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.choosing import ChoiceSettings, choose_faults, may_be_faults
 from seismo3d.seismic.cut_offsets import CutSettings, offset_sheets
@@ -66,10 +67,10 @@ class FaultSettings:
 
     Attributes
     ----------
-    least_score : tuple of (float, float, float)
+    least_score : tuple of (float, float, float) in [0, inf]
         Support that a ridge needs, in standard deviations of the cube's own evidence: without noise, in the mild
         noise of a good survey, and in noise.
-    end_score : tuple of (float, float, float)
+    end_score : tuple of (float, float, float) in [0, inf]
         The same, averaged over the surface nearby, below which a surface ends.
     evidence : {"semblance", "registration", "both"}
         How the sides of a voxel are carried to it.
@@ -78,8 +79,8 @@ class FaultSettings:
         do without.
     """
 
-    least_score: tuple[float, float, float] = (0.26, 0.26, 0.18)
-    end_score: tuple[float, float, float] = (0.26, 0.26, 0.18)
+    least_score: tuple[Threshold, Threshold, Threshold] = (0.26, 0.26, 0.18)
+    end_score: tuple[Threshold, Threshold, Threshold] = (0.26, 0.26, 0.18)
     evidence: str = "both"
     dip: DipSettings = field(default_factory=DipSettings)
     misfit: MisfitSettings = field(default_factory=MisfitSettings)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import Degrees, Share, Smoothing, Threshold
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_extending import lay_on_grid
 from seismo3d.seismic.choosing import ChoiceSettings
@@ -25,20 +26,20 @@ class FlankSettings:
 
     Attributes
     ----------
-    apart : float
+    apart : float in [0, inf]
         Farthest that they lie above each other, in samples: about half of a wavelet.
-    angle_deg : float
+    angle_deg : float in [0, 90]
         Largest angle between them at a place.
-    share : float
+    share : float in [0, 1]
         Smallest share of the weaker one that lies so beside the stronger.
-    smoothing : float
+    smoothing : float in [0, 1000]
         Width, in nodes, of the window over which the move to the middle is averaged.
     """
 
-    apart: float = 6.0
-    angle_deg: float = 20.0
-    share: float = 0.4
-    smoothing: float = 4.0
+    apart: Threshold = 6.0
+    angle_deg: Degrees = 20.0
+    share: Share = 0.4
+    smoothing: Smoothing = 4.0
 
 
 def join_flanks(

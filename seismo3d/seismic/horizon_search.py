@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import as_settings
 from seismo3d._stages import as_progress
 from seismo3d._typing import Float64Array, Progress
-from seismo3d._validate import as_kind, as_settings, as_whole_number, check_array, freeze
+from seismo3d._validate import as_kind, as_whole_number, check_array, freeze
 from seismo3d.errors import ParameterError, Seismo3dWarning
 from seismo3d.seismic._kernels_tracks import level_depths, read_waveforms
 from seismo3d.seismic.layer_pieces import layer_pieces
@@ -69,14 +70,14 @@ def find_horizons(
     ShapeError
         If the cube has neither two nor three axes, or the faults are of another cube.
     ParameterError
-        If `count` is not a whole number from 1 on, `layers` is given for a section or is no LayerModel, `settings` are
-        no TrackSettings, or `progress` is no function.
+        If `count` is not a whole number from 1 to the samples of a trace, `layers` is given for a section or is no
+        LayerModel, `settings` are no TrackSettings, or `progress` is no function.
     """
-    wanted = as_whole_number(count, "count", low=1)
     check_event(event)
     report = as_progress(progress)
     settings = as_settings(settings, TrackSettings)
     check_array(cube, "cube")
+    wanted = as_whole_number(count, "count", low=1, high=max(np.shape(cube)[-1:], default=1))
     is_section = np.ndim(cube) == 2
     if is_section and layers is not None:
         raise ParameterError("layers is given for a section; it is for cubes. Leave it out.")

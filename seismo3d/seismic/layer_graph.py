@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import Correlation, Count, Positive, Steps, StepsOrNone, Width
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array
 from seismo3d.graph.scalars import ScalarEdges
 from seismo3d.seismic._kernels_layer_solve import keep_free
@@ -27,62 +29,65 @@ _OFF = 1.5
 _UNDOUBTED = 3
 
 
+_Cutoff: TypeAlias = Annotated[float, "[0.1, inf]"]
+
+
 @dataclass(frozen=True, slots=True)
 class LayerTimeSettings:
     """Settings of the layer time.
 
     Attributes
     ----------
-    lengths : tuple of int
+    lengths : tuple of int in [1, 100], rising from 1
         Distances in traces over which shifts are measured.
-    strides : tuple of int
+    strides : tuple of int in [1, 100], halving to 1, among lengths
         The graph is solved on every so-many-th trace; each is half of the one before, the last is 1.
-    thickness : float
+    thickness : float in (0, inf)
         Standard deviation, in samples, of the growth of layer time over one coarse sample about that of its
         surroundings in a cube without noise: what ties the layers of a trace together.
-    noisy : float
+    noisy : float in (0, inf)
         The same of a cube that is all noise; in between it grows with the noise's share of the energy (`usual` of its
         shifts). A noisy cube's shifts weigh less, and ties as stiff as ever would make its layers parallel, whatever
         the shifts say.
-    wide : (float, float)
+    wide : (float, float) in (0, 1000]
         Widths of these surroundings, in traces and samples.
-    clear : int
+    clear : int in [0, 100]
         Shifts this close to a fault, in traces, are hardly trusted until the rest agrees.
-    least : float
+    least : float in (0, 1)
         Least growth of layer time a sample.
-    first_cutoffs : tuple of float
+    first_cutoffs : tuple of float in [0.1, inf], not empty
         Robust rounds on the coarsest graph, in standard deviations; in the last three all shifts count.
-    cutoffs : tuple of float
+    cutoffs : tuple of float in [0.1, inf], not empty
         The same on each finer graph; none but the last so large that shifts a sample or two off would count, which in
         noise are few standard deviations.
-    iterations : int
+    iterations : int in [1, 1000000]
         Most steps a round on the finest graph; a graph of every n-th trace has n squared times as many.
-    grouped : int
+    grouped : int in [0, inf)
         Vertices up to which the coarsest graph is solved by groups of vertices as well.
-    grouped_iterations : int
+    grouped_iterations : int in [1, 1000000]
         Most steps a round there.
-    apart : float
+    apart : float in [1, 1000]
         Units of layer time between the levels at which parts that faults bound are placed by their waveforms.
-    sure : float
+    sure : float in [-1, 1]
         Correlation that a part must have for layer time to be mended by it.
     dip, shifts, links, parts
         Settings of the stages. Throws may be wrong by a cycle and a half: parts of levels are looked for as far off.
     """
 
-    lengths: tuple[int, ...] = (1, 2, 4)
-    strides: tuple[int, ...] = (4, 2, 1)
-    thickness: float = 0.3
-    noisy: float = 16.0
-    wide: tuple[float, float] = (8.0, 8.0)
-    clear: int = 2
-    least: float = 1e-3
-    first_cutoffs: tuple[float, ...] = (np.inf, 30.0, 15.0, 8.0, 5.0, 3.0, 3.0, 3.0)
-    cutoffs: tuple[float, ...] = (30.0, 3.0)
-    iterations: int = 50
-    grouped: int = 1 << 20
-    grouped_iterations: int = 60
-    apart: float = 8.0
-    sure: float = 0.6
+    lengths: Annotated[tuple[Steps, ...], "rising from 1"] = (1, 2, 4)
+    strides: Annotated[tuple[Steps, ...], "halving to 1", "among lengths"] = (4, 2, 1)
+    thickness: Positive = 0.3
+    noisy: Positive = 16.0
+    wide: tuple[Width, Width] = (8.0, 8.0)
+    clear: StepsOrNone = 2
+    least: Annotated[float, "(0, 1)"] = 1e-3
+    first_cutoffs: Annotated[tuple[_Cutoff, ...], "not empty"] = (np.inf, 30.0, 15.0, 8.0, 5.0, 3.0, 3.0, 3.0)
+    cutoffs: Annotated[tuple[_Cutoff, ...], "not empty"] = (30.0, 3.0)
+    iterations: Count = 50
+    grouped: Annotated[int, "[0, inf)"] = 1 << 20
+    grouped_iterations: Count = 60
+    apart: Annotated[float, "[1, 1000]"] = 8.0
+    sure: Correlation = 0.6
     dip: DipSettings = field(default_factory=DipSettings)
     shifts: ShiftSettings = field(default_factory=ShiftSettings)
     links: LinkSettings = field(default_factory=LinkSettings)

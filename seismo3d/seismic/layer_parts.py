@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from seismo3d._settings import Amount, Correlation, Steps
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_tracks import match_waveforms, sum_parts
 from seismo3d.seismic.layer_pieces import LayerVolumes, Waves, neighbours, read_along, read_around
@@ -41,35 +42,35 @@ class PartSettings:
 
     Attributes
     ----------
-    window : int
+    window : int in [1, 100]
         Half-length of the waveform by which parts are recognised across faults.
-    farthest : int
+    farthest : int in [1, 100]
         Farthest that a part is moved to where its waveform fits.
-    stretch : float
+    stretch : float in [0, 1)
         Largest share by which layers may be thicker or thinner than elsewhere.
-    price : float
+    price : float in [0, inf)
         Correlation that it must be worth.
-    gain : float
+    gain : float in [0, inf)
         How much better the correlation of a part must become for it to be moved.
-    wary : float
+    wary : float in [0, inf)
         The gain is divided by this power of the share of its waveform that is known: what is cut short fits anywhere.
-    surely : float
+    surely : float in [-1, 1]
         Correlation that a part must reach to be moved by a cycle: among as many places one or the other fits by chance.
-    trusted : float
+    trusted : float in [-1, 1]
         Correlation of parts whose waveforms others are compared with.
-    least : float
+    least : float in [-1, 1]
         Correlation below which a part is left out.
     """
 
-    window: int = 32
-    farthest: int = 12
-    stretch: float = 0.2
-    price: float = 0.1
-    gain: float = 0.15
-    wary: float = 0.0
-    surely: float = 0.0
-    trusted: float = 0.75
-    least: float = 0.4
+    window: Steps = 32
+    farthest: Steps = 12
+    stretch: Annotated[float, "[0, 1)"] = 0.2
+    price: Amount = 0.1
+    gain: Amount = 0.15
+    wary: Amount = 0.0
+    surely: Correlation = 0.0
+    trusted: Correlation = 0.75
+    least: Correlation = 0.4
 
 
 @dataclass(frozen=True, slots=True, eq=False)

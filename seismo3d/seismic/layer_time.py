@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._settings import as_settings
 from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
-from seismo3d._validate import as_settings
 from seismo3d.seismic._kernels_layers import fill_samples, find_breaks, make_increasing, make_runs_increasing
 from seismo3d.seismic.cube_checks import check_cube
 from seismo3d.seismic.dip import estimate_slopes

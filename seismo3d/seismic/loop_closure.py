@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._settings import as_settings
 from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, Float32Array, Progress
-from seismo3d._validate import as_settings, freeze
+from seismo3d._validate import freeze
 from seismo3d.seismic._kernels_closure import close_loops
 from seismo3d.seismic.cube_checks import check_cube
 from seismo3d.seismic.dip import estimate_slopes

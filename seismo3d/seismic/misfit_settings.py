@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from seismo3d._settings import Amount, Count, Positive, Share, Steps, Width
 from seismo3d.seismic._kernels_filters import gaussian_taps
 
 NOISES = (0.0, 0.057, 0.145)
@@ -23,46 +24,46 @@ class MisfitSettings:
 
     Attributes
     ----------
-    reach : tuple of (int, int)
+    reach : tuple of (int, int) in [1, 100]
         Traces averaged on each side, in a cube without noise and in a cube of noise.
-    vertical : tuple of (float, float)
+    vertical : tuple of (float, float) in (0, 1000]
         Width of the Gaussian that smooths the misfit along the trace, in a cube without noise and in a cube of noise.
         What it spreads along the trace lies off a gently dipping fault, by as many traces as samples and more.
-    lateral : float
+    lateral : float in (0, 1000]
         Width of the Gaussian that smooths the evidence over neighbouring traces.
-    footprint : float
+    footprint : float in [0, 1]
         Most that is taken out of the evidence for acquisition footprint; less in a cube with next to no noise.
-    background : tuple of (float, float)
+    background : tuple of (float, float) in (0, 1000]
         Lateral and vertical width of the window of the local background.
-    levelling : float
+    levelling : float in [0, 1]
         Share of the local background that is taken out: 0 none, 1 all.
-    energy : tuple of (float, float)
+    energy : tuple of (float, float) in (0, 1000]
         Lateral and vertical width of the window whose energy normalises the misfit.
-    floor : float
+    floor : float in [0, inf)
         What is added to that energy, as a share of the mean at the depth: between strong reflectors the noise alone
         differs from side to side, and in proportion to itself it differs much.
-    step : int
+    step : int in [1, 100]
         Every how many samples the evidence is kept.
-    softness : float
+    softness : float in [0, inf)
         Misfit ratio below which differences count no more.
-    most : float
+    most : float in (0, inf)
         Largest misfit ratio; two unrelated sides give 1 on average.
-    slab : int
+    slab : int in [1, 1000000]
         Inlines that are worked on at a time; bounds the memory.
     """
 
-    reach: tuple[int, int] = (2, 10)
-    vertical: tuple[float, float] = (0.7, 2.0)
-    lateral: float = 1.25
-    footprint: float = 0.5
-    background: tuple[float, float] = (7.0, 9.0)
-    levelling: float = 1.0
-    energy: tuple[float, float] = (2.0, 4.0)
-    floor: float = 0.25
-    step: int = 2
-    softness: float = 0.02
-    most: float = 1.5
-    slab: int = 64
+    reach: tuple[Steps, Steps] = (2, 10)
+    vertical: tuple[Width, Width] = (0.7, 2.0)
+    lateral: Width = 1.25
+    footprint: Share = 0.5
+    background: tuple[Width, Width] = (7.0, 9.0)
+    levelling: Share = 1.0
+    energy: tuple[Width, Width] = (2.0, 4.0)
+    floor: Amount = 0.25
+    step: Steps = 2
+    softness: Amount = 0.02
+    most: Positive = 1.5
+    slab: Count = 64
 
 
 def judge_noise(noise: float, settings: MisfitSettings) -> tuple[float, int]:

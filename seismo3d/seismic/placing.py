@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import Width
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_placing import split_profiles
 from seismo3d.seismic.sheets import Sheet
@@ -19,15 +21,15 @@ class PlaceSettings:
 
     Attributes
     ----------
-    reach : int
+    reach : int in [2, 100]
         Traces on either side that are told apart, 2 or more: half as many again once the surface has been moved.
-    along_strike, down : float
+    along_strike, down : float in (0, 1000]
         Widths of the Gaussian window over which breaks are weighed, and over which moves are averaged.
     """
 
-    reach: int = 4
-    along_strike: float = 3.0
-    down: float = 4.0
+    reach: Annotated[int, "[2, 100]"] = 4
+    along_strike: Width = 3.0
+    down: Width = 4.0
 
 
 def read_profile(

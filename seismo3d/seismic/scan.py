@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from seismo3d._settings import Amount, Degrees, Share, Width
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, Progress
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_scan import find_ridges, keep_best_dip, merge_best, sum_strike_lines
@@ -28,32 +30,32 @@ class ScanSettings:
 
     Attributes
     ----------
-    along_strike, along_dip : tuple of (float, float)
+    along_strike, along_dip : tuple of (float, float) in (0, 1000]
         Widths of the Gaussian patch: in traces along strike, in samples down the dip.
-    lowest_dip_deg : float
+    lowest_dip_deg : float in [5, 85]
         Dip below which no fault is looked for, in index coordinates.
-    layer_angles_deg : tuple of (float, float)
+    layer_angles_deg : tuple of (float, float) in [0, 90]
         Angles to the layers at a crest, and to those `BESIDE` traces off it on either side, below which it is none of a
         fault: where steep layers are told a little too flat, they do not fit along themselves. Of cubes alone: the
         slopes of a section, which no neighbours steady, are none in noise.
-    n_strikes : int
+    n_strikes : int in [2, 100]
         Strikes tried in each half of the compass.
-    n_dips : tuple of (int, int)
+    n_dips : tuple of (int, int) in [2, 100]
         Dips tried at each strike.
-    evenness : float
+    evenness : float in [0, 1]
         0 takes a plane's mean; 1 that of its poorer half, above or below.
-    prior_weight : float
+    prior_weight : float in [0, inf)
         Weight of the background in every mean, against a patch's full weight of 1.
     """
 
-    along_strike: tuple[float, float] = (8.0, 15.0)
-    along_dip: tuple[float, float] = (13.0, 19.0)
-    lowest_dip_deg: float = 27.0
-    layer_angles_deg: tuple[float, float] = (15.0, 25.0)
-    n_strikes: int = 8
-    n_dips: tuple[int, int] = (21, 21)
-    evenness: float = 0.25
-    prior_weight: float = 0.1
+    along_strike: tuple[Width, Width] = (8.0, 15.0)
+    along_dip: tuple[Width, Width] = (13.0, 19.0)
+    lowest_dip_deg: Annotated[float, "[5, 85]"] = 27.0
+    layer_angles_deg: tuple[Degrees, Degrees] = (15.0, 25.0)
+    n_strikes: Annotated[int, "[2, 100]"] = 8
+    n_dips: tuple[Annotated[int, "[2, 100]"], Annotated[int, "[2, 100]"]] = (21, 21)
+    evenness: Share = 0.25
+    prior_weight: Amount = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)

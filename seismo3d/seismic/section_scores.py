@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from seismo3d._settings import Count, Positive, Share, Smoothing, Steps, Threshold, Width
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import gaussian_taps
 from seismo3d.seismic._kernels_moves import explained_shares
@@ -22,43 +24,43 @@ class SectionScoreSettings:
 
     Attributes
     ----------
-    farther : float
+    farther : float in [0, 1]
         Share of the evidence along slopes that is measured over one trace more a side.
-    near, far : int
+    near, far : int in [1, 100], [near, 100]
         Traces off a crest between which each side is averaged.
-    clear : int
+    clear : int in [1, 100]
         Traces off it at which slopes are read.
-    along : float
+    along : float in (0, 1000]
         Width of the Gaussian window along the crest over which the sides are compared.
-    farthest : int
+    farthest : int in [1, 100]
         Largest move looked for, either way.
-    doubt : float
+    doubt : float in [0, 1]
         Share of its score that a crest loses where no move explains the break: a trace of more noise, or of another
         gain, matches its neighbours no better for being moved.
-    least_score : float
+    least_score : float in [0, inf]
         Support below which crests are linked into no line.
-    least_points : int
+    least_points : int in [1, 1000000]
         Lines of fewer points are none.
-    beside : float
+    beside : float in [0, 1000]
         Distance from a line within which crests lie on it.
-    usual_strength : float
+    usual_strength : float in (0, inf)
         Significance of a line that leaves the likelihood of its crests as their own scores say if these are 1.
-    spread : float
+    spread : float in (0, inf)
         Standard deviation of a line's place, in traces: no neighbours along the strike help to fix it.
     """
 
-    farther: float = 0.3
-    near: int = 1
-    far: int = 3
-    clear: int = 3
-    along: float = 5.0
-    farthest: int = 12
-    doubt: float = 0.75
-    least_score: float = 0.15
-    least_points: int = 6
-    beside: float = 1.6
-    usual_strength: float = 7.0
-    spread: float = 1.5
+    farther: Share = 0.3
+    near: Steps = 1
+    far: Annotated[int, "[near, 100]"] = 3
+    clear: Steps = 3
+    along: Width = 5.0
+    farthest: Steps = 12
+    doubt: Share = 0.75
+    least_score: Threshold = 0.15
+    least_points: Count = 6
+    beside: Smoothing = 1.6
+    usual_strength: Positive = 7.0
+    spread: Positive = 1.5
 
 
 def weigh_crests(

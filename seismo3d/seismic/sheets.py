@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import Count, Degrees, Share, Smoothing, Steps, StepsOrNone, Threshold, Width
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic.scan import RidgePoints
 
@@ -19,49 +20,49 @@ class SheetSettings:
 
     Attributes
     ----------
-    reach : int
+    reach : int in [1, 100]
         Steps of the evidence's grid over which neighbours are looked for.
-    angle_deg : float
+    angle_deg : float in [0, 90]
         Largest angle between the planes of two neighbours.
-    off_plane : float
+    off_plane : float in [0, inf]
         Farthest a point may lie off its neighbour's plane.
-    turn_deg : float
+    turn_deg : float in [0, 90]
         Farthest a surface's plane may turn away from that of its best point.
-    fold : float
+    fold : float in [0, inf]
         Farthest a point may lie off its surface at the same place; what lies farther belongs to another one.
-    fragment : int
+    fragment : int in [1, 1000000]
         Surfaces of fewer points are not joined to others.
-    gap : int
+    gap : int in [0, 100]
         Steps of the grid across which two surfaces may be joined.
-    contacts : int
+    contacts : int in [1, 1000000]
         Pairs of points, across the gap, that must agree for that.
-    joint_share : float
+    joint_share : float in [0, 1]
         Share of the joined points that must lie on one height field.
-    closing : int
+    closing : int in [1, 100]
         Gaps in a sheet up to about twice this many grid steps are bridged.
-    smoothing : float
+    smoothing : float in [0, 1000]
         Width, in grid steps, of the smoothing of a sheet's position.
-    rim : int
+    rim : int in [0, 100]
         A sheet that ends within so many traces, or grid steps down, of the cube's end goes on to it: crests need both
         their flanks, and are not found there.
-    swing, swing_width : float
+    swing, swing_width : float in [0, inf], (0, 1000]
         Farthest a sheet may swing from its own mean, and the width, in grid steps, of the window of that mean.
     """
 
-    reach: int = 2
-    angle_deg: float = 25.0
-    off_plane: float = 1.4
-    turn_deg: float = 30.0
-    fold: float = 2.5
-    fragment: int = 20
-    gap: int = 5
-    contacts: int = 22
-    joint_share: float = 0.93
-    closing: int = 5
-    smoothing: float = 2.0
-    rim: int = 3
-    swing: float = 3.5
-    swing_width: float = 8.0
+    reach: Steps = 2
+    angle_deg: Degrees = 25.0
+    off_plane: Threshold = 1.4
+    turn_deg: Degrees = 30.0
+    fold: Threshold = 2.5
+    fragment: Count = 20
+    gap: StepsOrNone = 5
+    contacts: Count = 22
+    joint_share: Share = 0.93
+    closing: Steps = 5
+    smoothing: Smoothing = 2.0
+    rim: StepsOrNone = 3
+    swing: Threshold = 3.5
+    swing_width: Width = 8.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
+from seismo3d._settings import Amount, Positive, Steps, Width
 from seismo3d._typing import AnyArray, BoolArray, Float32Array
 from seismo3d.seismic._kernels_filters import filter_crosslines, filter_inlines, gaussian_taps
 from seismo3d.seismic._kernels_shifts import compose_shifts, finish_shifts, match_products
@@ -17,31 +19,31 @@ class ShiftSettings:
 
     Attributes
     ----------
-    step : int
+    step : int in [1, 15]
         Shifts are kept at every step-th sample.
-    vertical, lateral : float
+    vertical, lateral : float in (0, 1000]
         Widths of the Gaussian window over which two traces are matched: along the samples, and over neighbouring pairs.
-    passes : int
+    passes : int in [1, 100]
         Steps of the least-squares fit.
-    floor : float
+    floor : float in [0, inf)
         Squared derivative, relative to the cube's mean square, below which nothing is to be matched.
-    misfit : float
+    misfit : float in [0, inf)
         Misfit ratio that, above twice the cube's usual one, makes a shift doubtful: its variance grows from there.
-    noisy : float
+    noisy : float in (0, inf]
         Misfit ratio at which a shift's variance is twice what it scatters by; it grows with the fourth power. Noise
         that goes along from trace to trace, as migration smiles do, draws shifts to its own dip, which no mean evens.
-    most : float
+    most : float in (0, inf)
         Variance, in samples squared a trace, of a shift that is carried over from the slopes alone.
     """
 
-    step: int = 4
-    vertical: float = 6.0
-    lateral: float = 1.0
-    passes: int = 2
-    floor: float = 1e-4
-    misfit: float = 0.01
-    noisy: float = 0.2
-    most: float = 0.25
+    step: Annotated[int, "[1, 15]"] = 4
+    vertical: Width = 6.0
+    lateral: Width = 1.0
+    passes: Steps = 2
+    floor: Amount = 1e-4
+    misfit: Amount = 0.01
+    noisy: Annotated[float, "(0, inf]"] = 0.2
+    most: Positive = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
+from seismo3d._settings import Amount, Positive, Share, Steps, Width
 from seismo3d._typing import BoolArray, Float32Array, Float64Array
 from seismo3d.seismic._kernels_filters import (
     Traces,
@@ -38,39 +40,39 @@ class RegistrationSettings:
 
     Attributes
     ----------
-    farthest : int
+    farthest : int in [1, 100]
         Largest shift from a trace to the next that is looked for, either way.
-    coarse : float
+    coarse : float in (0, 1000]
         Lateral width of the window of the search in whole samples.
     shifts : ShiftSettings
         Windows of the least-squares fit that refines it.
-    wide, jump : float
+    wide, jump : float in (0, 1000], (0, inf)
         Width of the surroundings that a shift is compared with, and the jump against them, in samples, at which it
         counts half.
-    across : float
+    across : float in (0, 1000]
         Width, beside the direction that they are carried along, over which shifts are averaged.
-    down : float
+    down : float in (0, 1000]
         The same along the samples.
-    memory : float
+    memory : float in (0, 1000]
         Traces over which the mean of one side forgets; four times as many count at all.
-    share : tuple of (float, float, float)
+    share : tuple of (float, float, float) in [0, 1]
         Share of registration where it is used beside semblance: without noise, in the mild noise of a good survey,
         whose slopes are averages over more traces than a shift is, and in noise.
-    share_noises : tuple of (float, float, float)
+    share_noises : tuple of (float, float, float) in [0, inf), rising
         Median misfit ratios of a cube at which these hold; between them the share is interpolated.
     """
 
-    farthest: int = 4
-    coarse: float = 2.0
+    farthest: Steps = 4
+    coarse: Width = 2.0
     # a mean over a few traces: scatter alone counts
     shifts: ShiftSettings = field(default_factory=lambda: ShiftSettings(noisy=np.inf))
-    wide: float = 4.0
-    jump: float = 0.15
-    across: float = 3.0
-    down: float = 4.0
-    memory: float = 5.0
-    share: tuple[float, float, float] = (0.75, 0.0, 1.0)
-    share_noises: tuple[float, float, float] = (0.0, 0.057, 0.115)
+    wide: Width = 4.0
+    jump: Positive = 0.15
+    across: Width = 3.0
+    down: Width = 4.0
+    memory: Width = 5.0
+    share: tuple[Share, Share, Share] = (0.75, 0.0, 1.0)
+    share_noises: Annotated[tuple[Amount, Amount, Amount], "rising"] = (0.0, 0.057, 0.115)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

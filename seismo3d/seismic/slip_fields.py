@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
+from seismo3d._settings import Stiffness, Threshold, Width
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_costs import compare_about
 from seismo3d.seismic._kernels_filters import gaussian_taps
@@ -53,35 +55,38 @@ class Sides:
         return np.asarray(find_in_view(self.in_hanging, self.in_foot, throw, thin, np.float32(share)))
 
 
+_Round: TypeAlias = Annotated[tuple[tuple[Width, Stiffness], ...], "not empty"]
+
+
 @dataclass(frozen=True, slots=True)
 class SlipSettings:
     """How throws are refined.
 
     Attributes
     ----------
-    start : float
+    start : float in [0, 1000000]
         Stiffness, about their bell, of the field through the throws that matched.
-    rounds : tuple of tuple of (float, float)
+    rounds : tuple of tuple of (float, float) in (0, 1000] and [0, 1000000], not empty
         For each comparison about the field so far, the steps of its fit: how far, in samples, a throw may lie from the
         field for half a misfit ratio, and the stiffness of the field.
-    along_strike, down : float
+    along_strike, down : float in (0, 1000]
         Widths of the Gaussian window over which the sides are compared.
-    least_share, least_gain, least_certainty, least_wavering : float
+    least_share, least_gain, least_certainty, least_wavering : float in [0, inf]
         Strike slip over throw, share of what throws leave over that it explains, how sharply it is told, and samples by
         which it makes the sides waver, from which on slip is oblique.
-    most_misfit : float
+    most_misfit : float in [0, inf]
         Misfit ratio of the sides, in the median, up to which that is told.
     """
 
-    start: float = 1000.0
-    rounds: tuple[tuple[tuple[float, float], ...], ...] = (((4.0, 100.0), (3.0, 30.0)), ((3.0, 30.0), (2.0, 30.0)))
-    along_strike: float = 3.0
-    down: float = 4.0
-    least_share: float = 0.15
-    least_gain: float = 0.2
-    least_certainty: float = 0.2
-    least_wavering: float = 0.3
-    most_misfit: float = 0.08
+    start: Stiffness = 1000.0
+    rounds: Annotated[tuple[_Round, ...], "not empty"] = (((4.0, 100.0), (3.0, 30.0)), ((3.0, 30.0), (2.0, 30.0)))
+    along_strike: Width = 3.0
+    down: Width = 4.0
+    least_share: Threshold = 0.15
+    least_gain: Threshold = 0.2
+    least_certainty: Threshold = 0.2
+    least_wavering: Threshold = 0.3
+    most_misfit: Threshold = 0.08
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import Amount, Smoothing, Steps, StepsOrNone, Width
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_throw import mark_beside, read_sides
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
@@ -28,47 +29,47 @@ class ThrowSettings:
 
     Attributes
     ----------
-    near, far : int
+    near, far : int in [1, 100], [near, 100]
         Traces off a steep surface between which each side is averaged.
-    clearance : float
+    clearance : float in [0, 1000]
         Samples, down the trace, from the surface to these traces where throws are looked for: beside a surface that
         dips gently they are taken farther off, as the wavelet mixes what lies above it with what lies below.
-    close : float
+    close : float in [0, 1000]
         The same where throws that were found are refined: layers carried on over fewer traces are surer.
-    farthest : int
+    farthest : int in [0, 100]
         By at most so many traces are they taken farther off.
-    clear : int
+    clear : int in [1, 100]
         Traces still farther off at which their slopes are read.
-    beside : int
+    beside : int in [0, 100]
         Traces beside a surface that are left out where these slopes are estimated.
-    longest : int
+    longest : int in [1, 1000]
         Largest throw looked for, either way; one that is carried on to where nothing matches may be larger.
-    thin : int
+    thin : int in [1, 100]
         Throws are found at every so many traces and samples, and interpolated.
-    along_strike, down : float
+    along_strike, down : float in (0, 1000]
         Widths of the Gaussian window over which the sides are compared.
-    unmatched : float
+    unmatched : float in [0, inf)
         Misfit ratio that a throw is given where its other side lies outside the surface.
-    step, jump : float
+    step, jump : float in [0, inf)
         Cost, as a misfit ratio, of a throw that changes by a sample from a place to the next, and by more.
     slip
         How throws are refined and the direction of slip is found.
     """
 
-    near: int = 2
-    far: int = 4
-    clearance: float = 8.0
-    close: float = 5.0
-    farthest: int = 11
-    clear: int = 3
-    beside: int = 1
-    longest: int = 48
-    thin: int = 2
-    along_strike: float = 3.0
-    down: float = 4.0
-    unmatched: float = 0.4
-    step: float = 0.3
-    jump: float = 16.0
+    near: Steps = 2
+    far: Annotated[int, "[near, 100]"] = 4
+    clearance: Smoothing = 8.0
+    close: Smoothing = 5.0
+    farthest: StepsOrNone = 11
+    clear: Steps = 3
+    beside: StepsOrNone = 1
+    longest: Annotated[int, "[1, 1000]"] = 48
+    thin: Steps = 2
+    along_strike: Width = 3.0
+    down: Width = 4.0
+    unmatched: Amount = 0.4
+    step: Amount = 0.3
+    jump: Amount = 16.0
     slip: SlipSettings = field(default_factory=SlipSettings)
 
 

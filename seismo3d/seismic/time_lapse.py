@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy import fft, ndimage
 
+from seismo3d._settings import Positive, Smoothing, Steps, Width, as_settings
 from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
-from seismo3d._validate import as_settings, as_strong, freeze
+from seismo3d._validate import as_strong, freeze
 from seismo3d.errors import GeometryError, ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.registration.register import register
 from seismo3d.registration.result import Registration
@@ -39,26 +40,26 @@ class TimeLapseSettings:
 
     Attributes
     ----------
-    levels : tuple of float
+    levels : tuple of float in [0, 1000], not empty
         Widths of the smoothing of the amplitudes down the samples, from coarse to fine; within twice a width of an end
         or a gap they do not count.
-    passes : int
+    passes : int in [1, 100]
         Least-squares steps a level.
-    lateral, vertical : float
+    lateral, vertical : float in (0, 1000]
         Widths of the Gaussian window over which the cubes are compared.
-    prior : (float, float)
+    prior : (float, float) in (0, inf)
         Standard deviations that are expected: of the lateral shift from that of the whole, in traces, and of the
         vertical one from its surroundings. Where the data say less than these, they are what is left.
-    largest : float
+    largest : float in [1000, inf]
         Most cells that the coarse registration works on; larger cubes are thinned first.
     """
 
-    levels: tuple[float, ...] = (6.0, 2.5, 0.0)
-    passes: int = 3
-    lateral: float = 4.0
-    vertical: float = 10.0
-    prior: tuple[float, float] = (0.5, 4.0)
-    largest: float = 2e6
+    levels: Annotated[tuple[Smoothing, ...], "not empty"] = (6.0, 2.5, 0.0)
+    passes: Steps = 3
+    lateral: Width = 4.0
+    vertical: Width = 10.0
+    prior: tuple[Positive, Positive] = (0.5, 4.0)
+    largest: Annotated[float, "[1000, inf]"] = 2e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)

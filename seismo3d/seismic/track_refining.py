@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import (
+    Amount,
+    Correlation,
+    Count,
+    Positive,
+    Smoothing,
+    Steps,
+    StepsOrNone,
+    Stiffness,
+    Threshold,
+    Width,
+)
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.registration.robust import robust_scale
 from seismo3d.seismic.layer_graph import LayerTimeSettings
@@ -46,33 +59,33 @@ class TrackSettings:
 
     Attributes
     ----------
-    near : int
+    near : int in [1, 100]
         Half-length of the waveform that is followed from trace to trace.
-    most : float
+    most : float in [0, 1000]
         Farthest that a trace is moved to fit its neighbours.
-    clear : int
+    clear : int in [0, 100]
         Samples of it next to a fault that do not count: they hold some of what lies beyond.
-    rim : int
+    rim : int in [0, 100]
         Traces this close to a fault, whose waveforms hold some of what lies beyond it, count for little.
-    stiffness : float
+    stiffness : float in [0, 1000000]
         How stiff a horizon is where waveforms place it, in traces to the fourth power: of details smaller than its
         fourth root little is left, and beside faults, where waveforms are cut short, it is led on over more.
-    bent : float
+    bent : float in (0, inf)
         Samples by which it may well bend from trace to trace: where matches scatter by s, its stiffness is at least
         :math:`(s / bent)^2`.
-    even : float
+    even : float in (0, 1000]
         Width, in traces, over which it is found how much thicker or thinner layers are than at the seeds.
-    stretch : float
+    stretch : float in [0, 1)
         Largest share by which they may be.
-    price : float
+    price : float in [0, inf)
         Correlation that it must be worth.
-    rounds : int
+    rounds : int in [1, 100]
         How often parts are compared: first with those of the seeds, then also with those that fit them.
-    least_trace : float
+    least_trace : float in [-1, 1]
         Correlation below which a trace is left out.
-    step : float
+    step : float in [0, inf]
         Traces side by side whose depths differ by more are not of one piece, unless those beside them differ alike.
-    least_piece : int
+    least_piece : int in [1, 1000000]
         Traces of a piece below which it is left out, unless it holds a seed.
     layers : LayerTimeSettings
         Settings of the layer time.
@@ -82,19 +95,19 @@ class TrackSettings:
         cuts their waveforms short.
     """
 
-    near: int = 16
-    most: float = 2.0
-    clear: int = 2
-    rim: int = 3
-    stiffness: float = 25.0
-    bent: float = 0.016
-    even: float = 4.0
-    stretch: float = 0.3
-    price: float = 0.02
-    rounds: int = 2
-    least_trace: float = 0.3
-    step: float = LARGEST_STEP
-    least_piece: int = 40
+    near: Steps = 16
+    most: Smoothing = 2.0
+    clear: StepsOrNone = 2
+    rim: StepsOrNone = 3
+    stiffness: Stiffness = 25.0
+    bent: Positive = 0.016
+    even: Width = 4.0
+    stretch: Annotated[float, "[0, 1)"] = 0.3
+    price: Amount = 0.02
+    rounds: Steps = 2
+    least_trace: Correlation = 0.3
+    step: Threshold = LARGEST_STEP
+    least_piece: Count = 40
     layers: LayerTimeSettings = field(default_factory=LayerTimeSettings)
     parts: PartSettings = field(default_factory=lambda: PartSettings(trusted=0.85, least=0.6))
 

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from seismo3d._settings import as_settings
 from seismo3d._stages import as_progress
 from seismo3d._typing import Float32Array, Float64Array, Progress
-from seismo3d._validate import as_array, as_kind, as_settings, freeze
+from seismo3d._validate import as_array, as_kind, freeze
 from seismo3d.errors import ParameterError, Seismo3dWarning, ShapeError
 from seismo3d.geometry.axis import Axis
 from seismo3d.seismic._kernels_tracks import lies_in_data

@@ -10,9 +10,10 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from seismo3d._settings import Amount, Count, Positive, Share, Smoothing, Steps, StepsOrNone, as_settings
 from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
-from seismo3d._validate import as_settings, freeze
+from seismo3d._validate import freeze
 from seismo3d.seismic.cube_checks import check_cube, placing_cube
 from seismo3d.seismic.displacements import (
     carry_amplitudes,
@@ -39,33 +40,33 @@ class UnfaultSettings:
 
     Attributes
     ----------
-    beyond : int
+    beyond : int in [1, 100]
         Traces and samples over which the slip of a fault dies out beyond a tip. Where its surface leaves the cube, slip
         goes on: what is moved in from there was thrown as well.
-    smoothing : float
+    smoothing : float in [0, 1000]
         Width, in traces and samples, of the smoothing of slip over a surface.
-    least_fit : float
+    least_fit : float in [0, 1]
         Mean fit of the two sides below which a fault is left as it is: a throw that is a guess tears the layers.
-    steepest : float
+    steepest : float in (0, inf)
         Most samples a trace by which throw grows away from the tip of a fault, where it is `beyond` times as much.
-    following : float
+    following : float in [0, 1000]
         Width of the smoothing of the motion by which a fault moves along.
-    rounds : int
+    rounds : int in [0, 100]
         How often the faults are moved along with the blocks that they lie in, before the last solution.
-    iterations : int
+    iterations : int in [1, 1000000]
         Most steps a round towards the full jump across the faults.
-    tolerance : float
+    tolerance : float in [0, inf)
         Root mean square of what is missing of the jump, in samples, at which a round ends.
     """
 
-    beyond: int = 8
-    smoothing: float = 2.0
-    least_fit: float = 0.3
-    steepest: float = 1.5
-    following: float = 4.0
-    rounds: int = 3
-    iterations: int = 12
-    tolerance: float = 0.05
+    beyond: Steps = 8
+    smoothing: Smoothing = 2.0
+    least_fit: Share = 0.3
+    steepest: Positive = 1.5
+    following: Smoothing = 4.0
+    rounds: StepsOrNone = 3
+    iterations: Count = 12
+    tolerance: Amount = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
+from seismo3d._settings import Amount, Positive, Share, check_fields
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_kind, as_number, as_numbers, as_whole_number, check_generator, is_among, told
+from seismo3d._validate import (
+    as_cube_shape,
+    as_kind,
+    as_number,
+    as_numbers,
+    check_generator,
+    is_among,
+    told,
+)
 from seismo3d.errors import ParameterError
 from seismo3d.synthetic import _kernels as kernels
 
@@ -134,53 +143,53 @@ def fault_rows(faults: Sequence[SyntheticFault]) -> Float64Array:
     return np.array([fault.row() for fault in faults]).reshape(len(faults), N_COLUMNS)
 
 
+_Many: TypeAlias = Annotated[int, "[0, 10000]"]
+_Dip: TypeAlias = Annotated[float, "[5, 89]"]
+
+
 @dataclass(frozen=True, slots=True)
 class FaultPopulation:
     """Ranges from which random faults are drawn; every pair is (lowest, highest), shares are probabilities.
 
     Attributes
     ----------
-    count : tuple of int
+    count : tuple of int in [0, 10000], not falling
         Number of faults.
-    dip_deg, throw : tuple of float
+    dip_deg, throw : tuple of float in [5, 89], (0, inf), not falling
         Dip in degrees and maximal throw in samples.
-    families : int
+    families : int in [1, 10000]
         Number of preferred strikes; faults of a family keep ``strike_spread`` degrees of each other.
-    strike_spread : float
+    strike_spread : float in [0, 180]
         Half-width of a family's strikes, degrees.
-    conjugate : float
+    conjugate : float in [0, 1]
         Share that dips the opposite way.
-    reverse, curved, listric, buried, oblique : float
+    reverse, curved, listric, buried, oblique : float in [0, 1]
         Shares of reverse, curved and listric faults, of faults older than the unconformity, of slip off the dip line.
-    profiles : tuple of float
+    profiles : tuple of float in [0, 1], of sum 1
         Shares of uniform (with trends), Gaussian and elliptic throw.
-    trend : tuple of float
+    trend : tuple of float in [0, inf)
         Largest relative change of a uniform throw over the width and over the depth of the cube.
-    spacing : float
+    spacing : float in [0, inf)
         Smallest distance between the centre lines of faults of one family, as a share of the cube's width.
     """
 
-    count: tuple[int, int] = (5, 8)
-    dip_deg: tuple[float, float] = (60.0, 85.0)
-    throw: tuple[float, float] = (5.0, 40.0)
-    families: int = 2
-    strike_spread: float = 15.0
-    conjugate: float = 0.4
-    reverse: float = 0.15
-    curved: float = 0.3
-    listric: float = 0.0
-    buried: float = 0.0
-    oblique: float = 0.15
-    profiles: tuple[float, float, float] = (0.5, 0.25, 0.25)
-    trend: tuple[float, float] = (0.4, 0.6)
-    spacing: float = 0.14
+    count: Annotated[tuple[_Many, _Many], "not falling"] = (5, 8)
+    dip_deg: Annotated[tuple[_Dip, _Dip], "not falling"] = (60.0, 85.0)
+    throw: Annotated[tuple[Positive, Positive], "not falling"] = (5.0, 40.0)
+    families: Annotated[int, "[1, 10000]"] = 2
+    strike_spread: Annotated[float, "[0, 180]"] = 15.0
+    conjugate: Share = 0.4
+    reverse: Share = 0.15
+    curved: Share = 0.3
+    listric: Share = 0.0
+    buried: Share = 0.0
+    oblique: Share = 0.15
+    profiles: Annotated[tuple[Share, Share, Share], "of sum 1"] = (0.5, 0.25, 0.25)
+    trend: tuple[Amount, Amount] = (0.4, 0.6)
+    spacing: Amount = 0.14
 
     def __post_init__(self) -> None:
-        for name, n in (("count", 2), ("dip_deg", 2), ("throw", 2), ("profiles", 3), ("trend", 2)):
-            as_numbers(getattr(self, name), name, n=n)
-        as_whole_number(self.families, "families", low=1)
-        for name in ("strike_spread", "conjugate", "reverse", "curved", "listric", "buried", "oblique", "spacing"):
-            as_number(getattr(self, name), name, low=0.0)
+        check_fields(self)
 
 
 def sample_faults(
@@ -203,7 +212,7 @@ def sample_faults(
         Buried ones first.
     """
     check_generator(rng)
-    as_numbers(shape, "shape", n=3, low=1.0)
+    as_cube_shape(shape)
     as_kind(population, FaultPopulation, "population", remedy="Give FaultPopulation(...).")
     n = int(rng.integers(population.count[0], population.count[1] + 1))
     first = rng.uniform(0.0, 180.0)

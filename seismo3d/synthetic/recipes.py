@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, TypeAlias
 
-from seismo3d._validate import as_kind, as_number, as_numbers, as_whole_number, as_whole_numbers, is_among, told
+from seismo3d._settings import Amount, Share, Side, Smoothing, check_fields
+from seismo3d._validate import is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.synthetic.bodies import Channel
 from seismo3d.synthetic.faulting import FaultPopulation, SyntheticFault
+
+_Wavelength: TypeAlias = Annotated[float, "[4, 1000]"]
+_Spacing: TypeAlias = Annotated[float, "[0.01, inf)"]
+_Slope: TypeAlias = Annotated[float, "[-100, 100]"]
+_Many: TypeAlias = Annotated[int, "[0, 10000]"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,13 +23,13 @@ class CubeRecipe:
 
     Attributes
     ----------
-    shape : tuple of int
+    shape : tuple of int in [1, 100000] and, of samples, [8, 100000]
         (inline, crossline, sample) size.
-    wavelength : tuple of float
+    wavelength : tuple of float in [4, 1000], not falling
         Period at the peak of the Ricker wavelet's spectrum, in samples.
-    layer_spacing : tuple of float
+    layer_spacing : tuple of float in [0.01, inf), not falling
         Distance between layer boundaries, in layer time.
-    fold_slope, tilt : tuple of float
+    fold_slope, tilt : tuple of float in [-100, 100]
         Steepest slope of the folds at the base of the cube, and slope of the regional tilt, in samples a trace.
     population : FaultPopulation or None
         Ranges of random faults; None for none.
@@ -30,71 +37,67 @@ class CubeRecipe:
         Faults given one by one; they come after the random ones in time. Buried ones need an unconformity.
     channels : tuple of Channel
         Channels given one by one.
-    n_channels : int
+    n_channels : int in [0, 10000]
         Number of random channels.
-    unconformity : tuple of float or None
+    unconformity : tuple of float or None in [0, 1]
         Range of the depth of an angular unconformity, as a share of the cube; None for none.
-    old_slope, old_tilt : tuple of float
+    old_slope, old_tilt : tuple of float in [-100, 100]
         Folding and tilt of the layers below the unconformity, before it.
-    noise : float
+    noise : float in [0, inf)
         Root mean square of the noise over that of the signal.
-    noise_lateral : tuple of float
+    noise_lateral : tuple of float in [0, 1000]
         Smoothing of the noise across traces, standard deviation in traces.
-    lateral_resolution : float
+    lateral_resolution : float in [0, 1000]
         Smoothing of the signal across traces, as migration does, standard deviation in traces.
-    smiles : int
+    smiles : int in [0, 10000]
         Number of migration smiles.
-    smile_strength : float
+    smile_strength : float in (-inf, inf)
         Their peak amplitude over the signal's root mean square.
-    agc_window : float or None
+    agc_window : float or None in [2, inf)
         Length of an automatic gain control in samples; None for none.
-    dead_traces : float
+    dead_traces : float in [0, 1)
         Share of traces that are dead (zero).
-    top_mute : int
+    top_mute : int in [0, inf)
         Number of samples at the top that are zero.
-    missing_corner : float
+    missing_corner : float in [0, 1]
         Share of each horizontal side that a triangle of missing traces (NaN) takes off one corner.
     reverse_polarity : bool
         True to change the sign of all amplitudes.
-    n_horizons : int
+    n_horizons : int in [0, 10000]
         Number of horizons in the truth.
-    least_throw : float
+    least_throw : float in [0, inf)
         Smallest absolute throw, in samples, at which a voxel on a fault's surface counts as a fault voxel.
     """
 
-    shape: tuple[int, int, int] = (128, 128, 128)
-    wavelength: tuple[float, float] = (12.0, 30.0)
-    layer_spacing: tuple[float, float] = (0.8, 4.0)
-    fold_slope: tuple[float, float] = (0.05, 0.25)
-    tilt: tuple[float, float] = (0.0, 0.12)
+    shape: tuple[Side, Side, Annotated[int, "[8, 100000]"]] = (128, 128, 128)
+    wavelength: Annotated[tuple[_Wavelength, _Wavelength], "not falling"] = (12.0, 30.0)
+    layer_spacing: Annotated[tuple[_Spacing, _Spacing], "not falling"] = (0.8, 4.0)
+    fold_slope: tuple[_Slope, _Slope] = (0.05, 0.25)
+    tilt: tuple[_Slope, _Slope] = (0.0, 0.12)
     population: FaultPopulation | None = field(default_factory=FaultPopulation)
     faults: tuple[SyntheticFault, ...] = ()
     channels: tuple[Channel, ...] = ()
-    n_channels: int = 0
-    unconformity: tuple[float, float] | None = None
-    old_slope: tuple[float, float] = (0.1, 0.3)
-    old_tilt: tuple[float, float] = (0.15, 0.3)
-    noise: float = 0.0
-    noise_lateral: tuple[float, float] = (0.0, 1.0)
-    lateral_resolution: float = 0.0
-    smiles: int = 0
-    smile_strength: float = 1.5
-    agc_window: float | None = None
-    dead_traces: float = 0.0
-    top_mute: int = 0
-    missing_corner: float = 0.0
+    n_channels: _Many = 0
+    unconformity: tuple[Share, Share] | None = None
+    old_slope: tuple[_Slope, _Slope] = (0.1, 0.3)
+    old_tilt: tuple[_Slope, _Slope] = (0.15, 0.3)
+    noise: Amount = 0.0
+    noise_lateral: tuple[Smoothing, Smoothing] = (0.0, 1.0)
+    lateral_resolution: Smoothing = 0.0
+    smiles: _Many = 0
+    smile_strength: Annotated[float, "(-inf, inf)"] = 1.5
+    agc_window: Annotated[float, "[2, inf)"] | None = None
+    dead_traces: Annotated[float, "[0, 1)"] = 0.0
+    top_mute: Annotated[int, "[0, inf)"] = 0
+    missing_corner: Share = 0.0
     reverse_polarity: bool = False
-    n_horizons: int = 5
-    least_throw: float = 0.5
+    n_horizons: _Many = 5
+    least_throw: Amount = 0.5
 
     def __post_init__(self) -> None:
-        _check_kinds(self)
-        if min(self.shape) < 1 or self.shape[2] < 8:
-            raise ParameterError(f"shape is {self.shape}; expected (inline, crossline, sample) with 8 samples or more.")
-        if not 4.0 <= self.wavelength[0] <= self.wavelength[1]:
-            raise ParameterError(f"wavelength is {self.wavelength}; expected a range of 4 samples or more.")
-        if not 0.0 < self.layer_spacing[0] <= self.layer_spacing[1]:
-            raise ParameterError(f"layer_spacing is {self.layer_spacing}; expected a range of positive numbers.")
+        check_fields(self)
+        _check_held(self.faults, "faults", SyntheticFault)
+        _check_held(self.channels, "channels", Channel)
         buried = any(fault.buried for fault in self.faults) or (
             self.population is not None and self.population.buried > 0
         )
@@ -102,40 +105,15 @@ class CubeRecipe:
             raise ParameterError(
                 "some faults are buried but there is no unconformity. Give unconformity, e.g. (0.4, 0.5)."
             )
-        if self.noise < 0.0 or not 0.0 <= self.dead_traces < 1.0 or not 0.0 <= self.missing_corner <= 1.0:
-            raise ParameterError(
-                "noise, dead_traces and missing_corner are shares: expected 0 or more, the last two below 1."
-            )
         if not 0 <= self.top_mute < self.shape[2]:
             raise ParameterError(f"top_mute is {self.top_mute}; expected 0 to {self.shape[2] - 1} samples.")
 
 
-def _check_kinds(recipe: CubeRecipe) -> None:
-    """Refuse by name what is no number where one is needed, no range of two, or no fault."""
-    as_whole_numbers(recipe.shape, "shape", n=3)
-    for name in _RANGES:
-        if name != "unconformity" or recipe.unconformity is not None:
-            as_numbers(getattr(recipe, name), name, n=2)
-    for name in _NUMBERS:
-        if name != "agc_window" or recipe.agc_window is not None:
-            as_number(getattr(recipe, name), name)
-    for name in _COUNTS:
-        as_whole_number(getattr(recipe, name), name, low=0)
-    if recipe.population is not None:
-        as_kind(recipe.population, FaultPopulation, "population", remedy="Give FaultPopulation(...), or None.")
-    for name, kind in (("faults", SyntheticFault), ("channels", Channel)):
-        held = getattr(recipe, name)
-        if not isinstance(held, (tuple, list)) or not all(isinstance(one, kind) for one in held):
-            raise ParameterError(f"{name} is {told(held)}; expected a tuple of {kind.__name__}.")
+def _check_held(held: Any, name: str, kind: type) -> None:
+    """Refuse by name what holds anything but faults, or channels."""
+    if not isinstance(held, (tuple, list)) or not all(isinstance(one, kind) for one in held):
+        raise ParameterError(f"{name} is {told(held)}; expected a tuple of {kind.__name__}.")
 
-
-_RANGES = (
-    "wavelength", "layer_spacing", "fold_slope", "tilt", "unconformity", "old_slope", "old_tilt", "noise_lateral",
-)  # fmt: skip
-_NUMBERS = (
-    "noise", "lateral_resolution", "smile_strength", "agc_window", "dead_traces", "missing_corner", "least_throw",
-)  # fmt: skip
-_COUNTS = ("n_channels", "smiles", "top_mute", "n_horizons")
 
 _EIGHT = FaultPopulation(
     count=(8, 8), families=2, strike_spread=20.0, conjugate=0.5, spacing=0.1, throw=(5.0, 25.0), reverse=0.1

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import Amount, Share, Smoothing, Steps, Threshold, as_settings
 from seismo3d._stages import as_progress
 from seismo3d._typing import Float64Array, Progress
-from seismo3d._validate import as_number, as_settings, freeze
+from seismo3d._validate import freeze
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.map_grid import MapGrid, elevation_values, like_map
 from seismo3d.terrain.choosing import choose_lines, is_not_drained, regional_slope
@@ -28,58 +29,58 @@ class LineamentSettings:
 
     Attributes
     ----------
-    length : float
+    length : float in [4, 1000]
         Width of the Gaussian window along which a line must be straight.
-    n_levels : int
+    n_levels : int in [1, 16]
         Levels of halved resolution that are searched.
-    n_valley_levels : int
+    n_valley_levels : int in [0, 16]
         The same for valleys along faults, which are wider than scarps.
-    n_strikes : int
+    n_strikes : int in [1, 100]
         Strikes tried in a quarter of the compass.
-    floor : float
+    floor : float in [0, inf)
         Standard error that every mean has at least, as a share of the steepness around.
-    least_score : float
+    least_score : float in [0, inf]
         Mean evidence along the line, in its own standard errors, that a crest needs; noise reaches 3.5.
-    least_contrast : float
+    least_contrast : float in [0, inf]
         The same over the steepness around.
-    least_piece : float
+    least_piece : float in [0, 1000]
         Shortest piece that is linked from crests, in windows (`length`).
-    gap : float
+    gap : float in [0, inf]
         Widest gap that is bridged, in windows.
-    near : float
+    near : float in [0, 1000]
         Distance within which lines of different evidence are one.
-    least_length : float
+    least_length : float in (0, inf]
         Shortest lineament, in windows, of the map's own cells: a line as short as the window is the window's own.
-    least_strength : float
+    least_strength : float in [0, inf]
         Mean score times the root of the length in cells that a lineament needs.
-    least_prominence : float
+    least_prominence : float in [0, inf]
         Mean evidence of a lineament over that of the same path laid beside it, which is what the terrain's own texture
         draws by chance at that strike, see :mod:`seismo3d.terrain.prominence`. For the shortest lineament; it falls
         with the root of the length, as every part of a line must hold a crest, and long ones by chance are rare.
-    least_valley : float
+    least_valley : float in [0, inf]
         The same of a valley across divides, over the unevenness of its floor, see :mod:`seismo3d.terrain.valleys`.
         Rivers' own valleys, pieced together, reach 16 in mountains that nothing but water has shaped.
-    drainage : float
+    drainage : float in [0, 1]
         Largest share of the surrounding slope that may run along a lineament: what runs down the slope is a valley or a
         spur between valleys, which running water makes straight by itself. Steps between two even grounds are kept,
         see :mod:`seismo3d.terrain.offsets`.
     """
 
-    length: float = 24.0
-    n_levels: int = 2
-    n_valley_levels: int = 3
-    n_strikes: int = 12
-    floor: float = 0.02
-    least_score: float = 3.5
-    least_contrast: float = 0.15
-    least_piece: float = 0.67
-    gap: float = 1.5
-    near: float = 4.0
-    least_length: float = 3.0
-    least_strength: float = 35.0
-    least_prominence: float = 9.0
-    least_valley: float = 18.0
-    drainage: float = 0.45
+    length: Annotated[float, "[4, 1000]"] = 24.0
+    n_levels: Annotated[int, "[1, 16]"] = 2
+    n_valley_levels: Annotated[int, "[0, 16]"] = 3
+    n_strikes: Steps = 12
+    floor: Amount = 0.02
+    least_score: Threshold = 3.5
+    least_contrast: Threshold = 0.15
+    least_piece: Smoothing = 0.67
+    gap: Threshold = 1.5
+    near: Smoothing = 4.0
+    least_length: Annotated[float, "(0, inf]"] = 3.0
+    least_strength: Threshold = 35.0
+    least_prominence: Threshold = 9.0
+    least_valley: Threshold = 18.0
+    drainage: Share = 0.45
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,7 +190,6 @@ def lineaments(
     .. [1] G. Hilley et al., Geophys. Res. Lett. 37, L04301, 2010. :doi:`10.1029/2009GL042044`
     """
     settings = as_settings(settings, LineamentSettings)
-    as_number(settings.length, "length", low=4.0, high=1000.0)
     z = elevation_values(elevation)
     if min(z.shape) < _LEAST_SIDE:
         raise ShapeError(f"elevation has shape {z.shape}; expected at least {_LEAST_SIDE} rows and columns.")

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from seismo3d._settings import as_settings
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_kind, as_number, as_settings, freeze
+from seismo3d._validate import as_kind, as_number, freeze
 from seismo3d.geometry.bearings import bearing_deg
 from seismo3d.geometry.map_grid import MapGrid, elevation_values
 from seismo3d.terrain.diffusion import WornStep, fit_form, fit_worn_step

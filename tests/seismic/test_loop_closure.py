@@ -15,7 +15,7 @@ from seismo3d.seismic.loop_closure import close_fields, loop_closure, tabulate_l
 from seismo3d.seismic.shifts import ShiftField
 
 SHAPE = (16, 18, 48)
-SETTINGS = LayerTimeSettings(lengths=(1, 2))
+SETTINGS = LayerTimeSettings(lengths=(1, 2), strides=(2, 1))
 
 
 def layers(depth, *, seed=3):
