@@ -54,3 +54,39 @@ def test_points_in_columns_are_told_how_to_be_turned(take, d: int) -> None:  # t
 def test_rows_of_different_lengths_are_refused_by_name(take) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(ShapeError, match=r"^points makes no array: .*[^.]\. Give rows of one length\.$"):
         take([[1.0, 2.0], [3.0]], "points")
+
+
+NOISE, CUBE = np.random.default_rng(1), np.random.default_rng(2).normal(size=(8, 8, 32)).astype(np.float32)
+BEYOND = {
+    "count of bowls": lambda far: s3.synthetic.migration_smiles(NOISE, (8, 8, 16), 0.1, count=far),
+    "shape of bowls": lambda far: s3.synthetic.migration_smiles(NOISE, (8, 8, far), 0.1, count=1),
+    "window": lambda far: s3.synthetic.apply_agc(CUBE, window=far),
+    "shape of noise": lambda far: s3.synthetic.coloured_noise(NOISE, (8, far), 0.1),
+    "lateral": lambda far: s3.synthetic.coloured_noise(NOISE, (8, 16), 0.1, lateral=far),
+    "n_bumps": lambda far: s3.synthetic.sample_folding(NOISE, (8, 8, 16), slope=0.1, tilt=0.1, n_bumps=far),
+    "shape of folds": lambda far: s3.synthetic.sample_folding(NOISE, (8, far, 16), slope=0.1, tilt=0.1),
+    "shape of faults": lambda far: s3.synthetic.sample_faults(NOISE, (8, far, 16), s3.synthetic.FaultPopulation()),
+    "shape of a cube": lambda far: s3.synthetic.fault_cube(shape=(8, 8, far)),
+    "smiles": lambda far: s3.synthetic.CubeRecipe(smiles=far),
+    "wavelength": lambda far: s3.synthetic.CubeRecipe(wavelength=(12.0, far)),
+    "count of faults": lambda far: s3.synthetic.FaultPopulation(count=(5, far)),
+    "count of horizons": lambda far: s3.find_horizons(CUBE, far),
+}
+
+
+@pytest.mark.parametrize("far", [10**9, 1e30])
+@pytest.mark.parametrize("name", BEYOND)
+def test_a_number_far_beyond_the_data_is_refused_before_any_work(name: str, far: float) -> None:
+    with pytest.raises(ParameterError, match=rf"^{name.split(maxsplit=1)[0]} is .*; expected "):
+        BEYOND[name](far)
+
+
+def test_a_gain_may_be_longer_than_a_short_trace() -> None:
+    assert np.isfinite(s3.synthetic.apply_agc(CUBE[..., :6])).all()
+    assert np.isfinite(s3.synthetic.apply_agc(CUBE, window=128.0)).all()
+
+
+@pytest.mark.parametrize("profiles", [(0.5, 0.5, 0.5), (0.0, 0.0, 0.0)])
+def test_shares_of_a_population_are_all_of_it(profiles: tuple[float, ...]) -> None:
+    with pytest.raises(ParameterError, match=r"^profiles is .*, of sum 1 for FaultPopulation\."):
+        s3.synthetic.FaultPopulation(profiles=profiles)  # type: ignore[arg-type]

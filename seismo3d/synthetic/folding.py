@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d._validate import as_number, as_numbers, as_whole_number, as_whole_numbers, check_generator
+from seismo3d._validate import as_cube_shape, as_number, as_numbers, as_whole_number, check_generator
 from seismo3d.synthetic import _kernels as kernels
 
 
@@ -58,7 +58,7 @@ def sample_folding(
     tilt : float
         Slope of the plane in samples a trace; its direction is random.
     n_bumps : int
-        Number of Gaussians.
+        Number of Gaussians, 10,000 at most.
     width : tuple of float
         Range of their standard deviations, as shares of the larger horizontal size.
     base : float
@@ -74,11 +74,11 @@ def sample_folding(
     .. [1] X. Wu et al., Geophysics 84(3), IM35-IM45, 2019. :doi:`10.1190/geo2018-0646.1`
     """
     check_generator(rng)
-    ni, nx, ns = as_whole_numbers(shape, "shape", n=3, low=1)
+    ni, nx, ns = as_cube_shape(shape)
     for name, number in (("slope", slope), ("tilt", tilt), ("base", base)):
         as_number(number, name)
     as_numbers(width, "width", n=2, low=0.0)
-    n_bumps = as_whole_number(n_bumps, "n_bumps", low=0)
+    n_bumps = as_whole_number(n_bumps, "n_bumps", low=0, high=10_000)
     size = float(max(ni, nx))
     sigma = rng.uniform(width[0], width[1], n_bumps) * size
     centre = rng.uniform(-0.15, 1.15, (n_bumps, 2)) * (ni, nx)

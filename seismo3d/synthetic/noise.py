@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from seismo3d._typing import ArrayLike, Float32Array
-from seismo3d._validate import as_number, as_real_array, as_whole_number, as_whole_numbers, check_generator, told
+from seismo3d._validate import LONGEST, as_cube_shape, as_number, as_real_array, as_whole_number, check_generator, told
 from seismo3d.errors import ParameterError
 from seismo3d.synthetic.wavelets import ricker_table
 
@@ -24,7 +24,7 @@ def coloured_noise(
     peak_frequency : float
         Peak frequency of the spectrum in cycles a sample.
     lateral : float
-        Standard deviation, in traces, of a Gaussian smoothing across traces; 0 leaves traces independent.
+        Standard deviation, in traces, of a Gaussian smoothing across traces, 1000 at most; 0 leaves traces independent.
 
     Returns
     -------
@@ -36,14 +36,13 @@ def coloured_noise(
     check_generator(rng)
     if not isinstance(shape, (tuple, list)) or not shape:
         raise ParameterError(f"shape is {told(shape)}; expected the lengths of the axes, samples last.")
-    for side in shape:
-        as_whole_number(side, "shape", low=1)
+    sides = tuple(as_whole_number(side, "shape", low=1, high=LONGEST) for side in shape)
     as_number(peak_frequency, "peak_frequency", low=0.0, strict=True)
-    as_number(lateral, "lateral", low=0.0)
-    noise = rng.standard_normal(shape, dtype=np.float32)
+    as_number(lateral, "lateral", low=0.0, high=1000.0)
+    noise = rng.standard_normal(sides, dtype=np.float32)
     noise = convolve1d(noise, ricker_table(peak_frequency, 1).astype(np.float32), axis=-1, mode="wrap")
     if lateral > 0.0:
-        for axis in range(len(shape) - 1):
+        for axis in range(len(sides) - 1):
             noise = gaussian_filter1d(noise, lateral, axis=axis, mode="wrap")
     return np.asarray(noise / root_mean_square(noise), dtype=np.float32)
 
@@ -62,7 +61,7 @@ def apply_agc(seismic: ArrayLike, *, window: float = 40.0) -> Float32Array:
     seismic : array_like of shape (..., n_samples)
         Amplitudes.
     window : float
-        Length of the window in samples (four standard deviations).
+        Length of the window in samples (four standard deviations), from 2 to four times the trace, or to 40.
 
     Returns
     -------
@@ -72,7 +71,7 @@ def apply_agc(seismic: ArrayLike, *, window: float = 40.0) -> Float32Array:
     from scipy.ndimage import gaussian_filter1d
 
     array = as_real_array(seismic, "seismic", ndim=(1, 2, 3)).astype(np.float32)
-    as_number(window, "window", low=2.0)
+    as_number(window, "window", low=2.0, high=max(40.0, 4.0 * array.shape[-1]))
     power = gaussian_filter1d(array * array, window / 4.0, axis=-1, mode="nearest")
     floor = 1e-6 * float(power.max()) + np.finfo(np.float32).tiny
     return np.asarray(array / np.sqrt(power + floor), dtype=np.float32)
@@ -92,7 +91,7 @@ def migration_smiles(
     peak_frequency : float
         Peak frequency of their wavelet in cycles a sample.
     count : int
-        Number of bowls.
+        Number of bowls, 10,000 at most.
 
     Returns
     -------
@@ -102,10 +101,10 @@ def migration_smiles(
     from seismo3d.synthetic.wavelets import ricker
 
     check_generator(rng)
-    ni, nx, ns = as_whole_numbers(shape, "shape", n=3, low=1)
+    ni, nx, ns = as_cube_shape(shape)
     out = np.zeros((ni, nx, ns), np.float32)
     sample = np.arange(ns, dtype=np.float64)
-    for _ in range(as_whole_number(count, "count", low=0)):
+    for _ in range(as_whole_number(count, "count", low=0, high=10_000)):
         place = rng.uniform(0.05, 0.95, 3) * shape
         radius = rng.uniform(0.35, 0.9) * ns
         strength = rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.0)

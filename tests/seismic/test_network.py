@@ -114,6 +114,14 @@ def test_two_that_both_end_meet_over_a_gap(gap: float) -> None:
     assert line.length == pytest.approx(whole.length, abs=5.0)
 
 
+def test_a_reach_beyond_the_cube_is_one_across_it() -> None:
+    faults = make_faults(make_cube())
+    (across,), (beyond,) = (
+        fracture_network(faults, reach=reach).intersections for reach in (max(faults.labels.shape), 10**9)
+    )
+    np.testing.assert_array_equal(across.points, beyond.points)
+
+
 def test_one_fault_cut_in_two_and_a_near_parallel_one_do_not_meet_as_corners() -> None:
     faults = make_faults(make_cube())
     first = plane_surface(axis=1, centre=20.0, dip_deg=70.0, throw=4.0)
