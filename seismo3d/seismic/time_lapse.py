@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from scipy import fft, ndimage
 
-from seismo3d._settings import Positive, Smoothing, Steps, Width, as_settings
+from seismo3d._settings import Positive, Smoothing, as_settings
 from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Progress
 from seismo3d._validate import as_strong, freeze
@@ -43,9 +43,9 @@ class TimeLapseSettings:
     levels : tuple of float in [0, 1000], not empty
         Widths of the smoothing of the amplitudes down the samples, from coarse to fine; within twice a width of an end
         or a gap they do not count.
-    passes : int in [1, 100]
+    passes : int in [1, 20]
         Least-squares steps a level.
-    lateral, vertical : float in (0, 1000]
+    lateral, vertical : float in (0, 100], (0, 200]
         Widths of the Gaussian window over which the cubes are compared.
     prior : (float, float) in (0, inf)
         Standard deviations that are expected: of the lateral shift from that of the whole, in traces, and of the
@@ -55,9 +55,9 @@ class TimeLapseSettings:
     """
 
     levels: Annotated[tuple[Smoothing, ...], "not empty"] = (6.0, 2.5, 0.0)
-    passes: Steps = 3
-    lateral: Width = 4.0
-    vertical: Width = 10.0
+    passes: Annotated[int, "[1, 20]"] = 3
+    lateral: Annotated[float, "(0, 100]"] = 4.0
+    vertical: Annotated[float, "(0, 200]"] = 10.0
     prior: tuple[Positive, Positive] = (0.5, 4.0)
     largest: Annotated[float, "[1000, inf]"] = 2e6
 
