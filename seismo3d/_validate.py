@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
 from typing import Any, TypeVar
 
 import numpy as np
@@ -160,7 +161,12 @@ def as_cube_shape(shape: Any) -> tuple[int, int, int]:
 
 
 def as_array(values: ArrayLike, name: str) -> AnyArray:
-    """Return values as an array, or refuse what is none, such as rows of different lengths."""
+    """Return values as an array, or refuse what is none: rows of different lengths, a path, or arrays by name."""
+    if isinstance(values, (str, bytes, PathLike)):
+        raise ShapeError(f"{name} is {told(values)}; expected an array. Read the file first, a cube with open_cube.")
+    if isinstance(values, Mapping):
+        names = ", ".join(map(str, values))
+        raise ShapeError(f"{name} is of type {type(values).__name__} with {names}; expected one array. Give one of it.")
     try:
         return np.asarray(values)
     except (TypeError, ValueError) as error:

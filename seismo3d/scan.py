@@ -216,7 +216,8 @@ class Scan:
         good = np.isfinite(normals).all(axis=2) & np.isfinite(grid).all(axis=2)
         if not good.any():
             raise GeometryError(
-                "depth has no pixel with a depth and a surface; expected a depth image in the camera's units."
+                "depth has no pixel with a depth and a surface; expected a depth image whose values over the camera's "
+                f"depth_scale of {lens.depth_scale:g} are metres, {max_depth:g} at most. Millimetres have a scale of 1000."
             )
         points = grid[good]
         weights = 1.0 / np.maximum(points[:, 2], 1.0) ** 4

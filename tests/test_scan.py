@@ -95,8 +95,12 @@ def test_refusals(rng):
         Scan.from_points(rng.normal(size=(5, 3)), np.zeros((5, 3)))
     with pytest.raises(ParameterError, match="negative"):
         Scan.from_points(rng.normal(size=(5, 3)), weights=-np.ones(5))
-    with pytest.raises(GeometryError, match="no pixel with a depth"):
+    with pytest.raises(
+        GeometryError, match=r"no pixel with a depth .* depth_scale of 1 .* Millimetres have a scale of 1000"
+    ):
         Scan.from_rgbd(None, np.zeros((9, 9)), PinholeCamera(9, 9, 4, 4))
+    with pytest.raises(ParameterError, match=r"camera has no fx, fy, cx, cy; .* Give PinholeCamera\(fx, fy, cx, cy\)"):
+        Scan.from_rgbd(None, np.ones((9, 9)), np.eye(3))
     with pytest.raises(ShapeError, match="Register them first"):
         Scan.from_rgbd(np.zeros((8, 9)), np.ones((9, 9)), PinholeCamera(9, 9, 4, 4))
     with pytest.raises(ShapeError, match=r"rgb has shape \(3, 9, 9\); expected .* channels last"):

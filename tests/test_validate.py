@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import seismo3d as s3
 from seismo3d._validate import as_number, as_points, as_real_array
@@ -90,3 +92,33 @@ def test_a_gain_may_be_longer_than_a_short_trace() -> None:
 def test_shares_of_a_population_are_all_of_it(profiles: tuple[float, ...]) -> None:
     with pytest.raises(ParameterError, match=r"^profiles is .*, of sum 1 for FaultPopulation\."):
         s3.synthetic.FaultPopulation(profiles=profiles)  # type: ignore[arg-type]
+
+
+PATHLESS = [
+    s3.trace_faults,
+    s3.layer_time,
+    s3.describe,
+    s3.plot.section,
+    lambda wrong: s3.match(wrong, wrong),
+    lambda wrong: s3.terrain.compare(wrong, wrong),
+]
+
+
+@pytest.mark.parametrize("wrong", ["f3.sgy", Path("f3.sgy"), b"f3.sgy"], ids=["text", "path", "bytes"])
+@pytest.mark.parametrize("take", PATHLESS)
+def test_a_path_in_place_of_an_array_is_told_to_be_read(take, wrong: object) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(ShapeError, match=r"^\w+ is .*f3\.sgy'\)?; expected an array\. Read the file first"):
+        take(wrong)
+
+
+@pytest.mark.parametrize("wrap", [dict, lambda arrays: xr.Dataset({"first": ("x", arrays["first"])})])
+@pytest.mark.parametrize("take", [s3.trace_faults, s3.layer_time, s3.plot.section])
+def test_arrays_by_name_are_no_array(wrap, take) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(ShapeError, match=r"^cube is of type \w+ with first; expected one array\."):
+        take(wrap({"first": np.zeros(4)}))
+
+
+def test_degrees_in_place_of_radians_are_told() -> None:
+    with pytest.raises(ParameterError, match=r"^rotation goes up to 45; expected radians, .* numpy\.radians"):
+        s3.Constraints(rotation=(0, (-1.0, 45.0), None))
+    assert s3.Constraints(rotation=(math.pi, math.inf, (-math.inf, 0.1))).rotation is not None

@@ -118,5 +118,8 @@ def as_camera(camera: object) -> PinholeCamera:
             values[name] = value
     missing = [name for name in ("fx", "fy", "cx", "cy") if name not in values]
     if missing:
-        raise ParameterError(f"camera has no {', '.join(missing)}; expected a PinholeCamera or its fields.")
+        raise ParameterError(
+            f"camera has no {', '.join(missing)}; expected a PinholeCamera or its fields. "
+            "Give PinholeCamera(fx, fy, cx, cy), or the lens of a robot's camera."
+        )
     return PinholeCamera(**values)

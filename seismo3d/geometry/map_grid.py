@@ -53,7 +53,7 @@ class MapGrid:
     @classmethod
     def from_elevation(cls, elevation: Any) -> MapGrid:
         """Return the grid of a DataArray as ``read_elevation`` gives it, or of a bare array, whose unit is a cell."""
-        shape = as_array(elevation, "elevation").shape if isinstance(elevation, (list, tuple)) else np.shape(elevation)
+        shape = np.shape(elevation if hasattr(elevation, "shape") else as_array(elevation, "elevation"))
         if len(shape) != 2:
             raise ShapeError(f"elevation has shape {shape}; expected (rows, columns).")
         attrs = getattr(elevation, "attrs", {})

@@ -105,10 +105,10 @@ def take_picture(cube: Any, **chosen: float | None) -> Picture:
 
 def name_axes(cube: Any) -> tuple[str, ...]:
     """Names of a cube's axes; a bare array's are inline, crossline (or trace) and sample."""
+    check_array(cube, "cube")
     if hasattr(cube, "dims"):
         names = tuple(str(name) for name in cube.dims)
     else:
-        check_array(cube, "cube")
         names = {2: ("trace", "sample"), 3: ("inline", "crossline", "sample")}.get(np.ndim(cube), ())
     if getattr(cube, "dtype", np.dtype(float)).kind not in "fiub":
         raise ShapeError(f"cube has elements of type {cube.dtype}; expected real numbers. Convert it first.")

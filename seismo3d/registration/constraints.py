@@ -26,7 +26,7 @@ class Constraints:
     Attributes
     ----------
     rotation : tuple of length 3 (in space) or 1 (in the plane), or None
-        Components of the rotation vector about the target's axes, in radians.
+        Components of the rotation vector about the target's axes, in radians, up to pi either way.
     translation : tuple of length d, or None
         Displacement of the source's centre along the target's axes, in the input's units.
     scale : tuple (low, high), or None
@@ -48,6 +48,13 @@ class Constraints:
         for name in ("rotation", "translation"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _as_bounds(getattr(self, name), name))
+        ends = [end for bound in self.rotation or () for end in (bound if isinstance(bound, tuple) else (bound,))]
+        turns = [abs(end) for end in ends if end is not None and math.pi < abs(end) < math.inf]
+        if turns:
+            raise ParameterError(
+                f"rotation goes up to {max(turns):g}; expected radians, up to pi either way. Convert degrees by "
+                "numpy.radians, or give None where it is free."
+            )
         if self.scale is not None:
             object.__setattr__(self, "scale", as_numbers(self.scale, "scale", n=2))
 

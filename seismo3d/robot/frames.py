@@ -267,6 +267,8 @@ class Measurer:
 
     def _metres(self, frame: RgbdFrame) -> Float32Array:
         raw, scale = as_real_array(frame.depth, "depth", ndim=2), self.lens.depth_scale
+        if not raw.dtype.isnative or raw.dtype in (np.float16, np.longdouble):  # no compiled loop reads these
+            raw = raw.astype(np.float64)
         depth = self._room.empty(raw.shape, np.float32)
         self._by_rows(len(raw), lambda a, b: kernels.read_depth(a, b, raw, scale, depth))
         if self.settings.total_variation > 0.0:

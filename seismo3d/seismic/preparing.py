@@ -58,7 +58,7 @@ def as_volume(cube: Any) -> tuple[Float32Array, SurveyGeometry | None, tuple[flo
     ParameterError
         If amplitudes are too large or too small for single precision.
     """
-    values = cube if hasattr(cube, "dims") else as_array(cube, "cube")
+    values = cube if hasattr(cube, "dims") and hasattr(cube, "dtype") else as_array(cube, "cube")
     sampling = describe_volume(values)
     amplitudes = as_strong(np.asarray(getattr(values, "values", values)), "cube")
     if amplitudes.ndim == 2:

@@ -246,7 +246,8 @@ def read_seeds(cube: Any, seeds: Sequence[Any]) -> list[tuple[Float64Array, Floa
     axes = axes_of(cube)
     last = np.array(np.shape(cube)) - 1
     groups = []
-    for number, entry in enumerate(seeds):
+    rows = seeds.to_numpy() if hasattr(seeds, "to_numpy") else seeds  # a table yields its columns' names else
+    for number, entry in enumerate(rows):
         group = _as_points(entry, number, len(axes))
         index = np.stack([axis.index(group[:, k]) for k, axis in enumerate(axes)], axis=1)
         outside = ((index < -1e-6) | (index > last + 1e-6)).any(axis=1)
@@ -269,8 +270,9 @@ def _as_points(entry: Any, number: int, n_axes: int) -> Float64Array:
         points = np.empty(0)
     if points.ndim != 2 or points.shape[1] != n_axes or not np.isfinite(points).all():
         point = "(inline, crossline, time or depth)" if n_axes == 3 else "(trace, time or depth)"
+        remedy = " Put one point alone in a list." if points.shape == (1, 1) else ""
         raise ShapeError(
-            f"seeds[{number}] is {told}; expected a point {point}, or a list of such points, of finite numbers."
+            f"seeds[{number}] is {told}; expected a point {point}, or a list of such points, of finite numbers.{remedy}"
         )
     return points
 

@@ -44,6 +44,17 @@ def test_vertices_and_normals_of_a_wall() -> None:
     assert trust.min() > 0.0
 
 
+@pytest.mark.parametrize("kind", [">f4", ">u2", np.float16, np.longdouble])
+def test_depth_is_read_whatever_it_is_stored_as(kind: str | type) -> None:
+    depth = np.round(wall(np.repeat(np.eye(4)[None], 120, axis=0)) * 100.0) * 8.0
+    lens = PinholeCamera(130.0, 131.0, 79.5, 59.5, (0.05,), 800.0)
+    usual, stored = (
+        Measurer(lens, MeasureSettings(), POOL).measure(RgbdFrame.of(None, given, 0.0), np.zeros(6), Timing()).depth
+        for given in (depth, np.asfortranarray(depth.astype(kind)))
+    )
+    np.testing.assert_array_equal(stored, usual)
+
+
 def test_shutter_is_frozen() -> None:
     """Rows seen from a turning, moving camera become what it sees at the middle row's time."""
     twist, readout = np.array([0.5, -0.3, 0.2, 0.2, 0.1, 0.3]), 0.03

@@ -4,13 +4,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from fake_faults import make_section
 
 from seismo3d.errors import GeometryError, ParameterError, ShapeError
 from seismo3d.seismic.horizon_search import find_horizons
 from seismo3d.seismic.section_tracks import thicken
-from seismo3d.seismic.tracks import trace_tracks
+from seismo3d.seismic.tracks import read_seeds, trace_tracks
 from seismo3d.synthetic import fault_section, make_cube, recipe_of
 
 PLAIN: dict[str, Any] = {"population": None, "wavelength": (12.0, 12.0)}
@@ -131,3 +132,16 @@ def test_a_section_keeps_its_unit_and_is_spoken_of_as_it_was_given() -> None:
             trace_tracks(np.zeros(shape), [(0.0,) * len(shape)])
     with pytest.raises(ShapeError, match="section has no live trace"):
         find_horizons(section * 0.0, 1)
+
+
+def test_one_seed_alone_is_told_to_be_put_in_a_list() -> None:
+    section, _ = stepped()
+    with pytest.raises(ShapeError, match=r"^seeds\[0\] is \(11\); .* numbers\. Put one point alone in a list\.$"):
+        trace_tracks(section, (11, 40.0))
+
+
+def test_seeds_in_a_table_are_its_rows() -> None:
+    section, _ = stepped()
+    table = pd.DataFrame({"trace": [11, 30], "time": [40.0, 36.0]})
+    for (own, _), row in zip(read_seeds(section, table), table.to_numpy(), strict=True):
+        np.testing.assert_array_equal(own[0], row)
