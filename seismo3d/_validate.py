@@ -163,7 +163,7 @@ def as_cube_shape(shape: Any) -> tuple[int, int, int]:
 def as_array(values: ArrayLike, name: str) -> AnyArray:
     """Return values as an array, or refuse what is none: rows of different lengths, a path, or arrays by name."""
     if isinstance(values, (str, bytes, PathLike)):
-        raise ShapeError(f"{name} is {told(values)}; expected an array. Read the file first, a cube with open_cube.")
+        raise ShapeError(f"{name} is {told(values)}; expected an array of numbers. Read it first if it names a file.")
     if isinstance(values, Mapping):
         names = ", ".join(map(str, values))
         raise ShapeError(f"{name} is of type {type(values).__name__} with {names}; expected one array. Give one of it.")

@@ -217,7 +217,7 @@ class Scan:
         if not good.any():
             raise GeometryError(
                 "depth has no pixel with a depth and a surface; expected a depth image whose values over the camera's "
-                f"depth_scale of {lens.depth_scale:g} are metres, {max_depth:g} at most. Millimetres have a scale of 1000."
+                f"depth_scale of {lens.depth_scale:g} are metres, {max_depth:g} at most. Millimetres have one of 1000."
             )
         points = grid[good]
         weights = 1.0 / np.maximum(points[:, 2], 1.0) ** 4

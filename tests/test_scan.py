@@ -96,7 +96,7 @@ def test_refusals(rng):
     with pytest.raises(ParameterError, match="negative"):
         Scan.from_points(rng.normal(size=(5, 3)), weights=-np.ones(5))
     with pytest.raises(
-        GeometryError, match=r"no pixel with a depth .* depth_scale of 1 .* Millimetres have a scale of 1000"
+        GeometryError, match=r"no pixel with a depth .* depth_scale of 1 .* Millimetres have one of 1000"
     ):
         Scan.from_rgbd(None, np.zeros((9, 9)), PinholeCamera(9, 9, 4, 4))
     with pytest.raises(ParameterError, match=r"camera has no fx, fy, cx, cy; .* Give PinholeCamera\(fx, fy, cx, cy\)"):

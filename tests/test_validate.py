@@ -107,7 +107,7 @@ PATHLESS = [
 @pytest.mark.parametrize("wrong", ["f3.sgy", Path("f3.sgy"), b"f3.sgy"], ids=["text", "path", "bytes"])
 @pytest.mark.parametrize("take", PATHLESS)
 def test_a_path_in_place_of_an_array_is_told_to_be_read(take, wrong: object) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(ShapeError, match=r"^\w+ is .*f3\.sgy'\)?; expected an array\. Read the file first"):
+    with pytest.raises(ShapeError, match=r"^\w+ is .*f3\.sgy'\)?; expected an array of numbers\. Read it first"):
         take(wrong)
 
 
