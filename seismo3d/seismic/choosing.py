@@ -65,6 +65,9 @@ class ChoiceSettings:
         What is nearer to the layers than this share of its dip, and than this angle, leans over as they do: if it is
         weaker than `sure_strength`, it needs this mean support. What does not fit along steep layers spreads to the
         planes between theirs and upright ones.
+    bend : float in [0, inf]
+        Traces over which the layers on a sheet's two sides, whose dips differ, would come apart by its median throw:
+        with fewer, they bend there, and do not break.
     tall, tall_strength : float in [0, inf]
         Height from which on a sheet is no channel's edge, and the strength that is enough there, and where it is well
         told and off all strong faults.
@@ -152,6 +155,7 @@ class ChoiceSettings:
     leaning: Share = 0.75
     leaning_deg: Degrees = 45.0
     leaning_score: Threshold = 0.48
+    bend: Threshold = 11.0
     tall: Threshold = 60.0
     tall_strength: Threshold = 17.0
     told_matched: Share = 0.6

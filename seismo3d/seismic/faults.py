@@ -43,7 +43,7 @@ from seismo3d.seismic.section_scores import (
     weigh_crests,
     weigh_line,
 )
-from seismo3d.seismic.sheet_ends import end_along_layers, end_in_mutes, end_where_still
+from seismo3d.seismic.sheet_ends import end_along_layers, end_at_bends, end_in_mutes, end_where_still
 from seismo3d.seismic.sheet_tips import continue_sheet, likeness_beyond, share_in_view
 from seismo3d.seismic.sheets import Sheet, SheetSettings
 from seismo3d.seismic.side_shifts import RegistrationSettings
@@ -378,6 +378,7 @@ def measure_moving(
     within = end_in_mutes(sheet, sides, shape)
     moving, throw = end_where_still(within, measured, sides, settings.choice, noise=noise)
     moving = end_along_layers(moving, throw, sides, settings.choice)
+    moving = end_at_bends(moving, throw, sides, settings.choice)
     return moving, replace(throw, in_view=share_in_view(moving, throw.throw, shape))
 
 

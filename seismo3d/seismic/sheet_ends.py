@@ -1,4 +1,4 @@
-"""Where a sheet ends: at unbroken ground, at the edges of the data, and where it runs along the layers."""
+"""Where a sheet ends: at unbroken ground, at the edges of the data, along the layers, and at their bends."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy import ndimage
 from seismo3d._typing import AnyArray, BoolArray, Float64Array
 from seismo3d.seismic.choosing import ChoiceSettings, is_well_told
 from seismo3d.seismic.misfit_settings import NOISES
-from seismo3d.seismic.sheet_measures import mean_support, strength
+from seismo3d.seismic.sheet_measures import mean_support, median_throw, strength
 from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import SheetSides, SheetThrow, every_sample
 
@@ -148,6 +148,36 @@ def end_along_layers(sheet: Sheet, throw: SheetThrow, sides: SheetSides, setting
     least = settings.thrust_angle_deg if is_thrust else settings.layer_angle_deg
     is_weak = not is_sure and mean_support(sheet) < settings.leaning_score
     if angle >= np.radians(least) and not (leans and is_weak):
+        return sheet
+    return sheet.only(np.zeros(sheet.w.shape, bool))
+
+
+def end_at_bends(sheet: Sheet, throw: SheetThrow, sides: SheetSides, settings: ChoiceSettings) -> Sheet:
+    """Leave nothing of a sheet across which layers bend rather than break.
+
+    At the hinge of a fold, or at the wall of a column that hangs down, layers dip otherwise on one side than on the
+    other. Carried on over a few traces they miss each other by as much as their dips differ over these, and match by a
+    throw. A block that a fault has turned moves by the turn over all of its width.
+
+    Parameters
+    ----------
+    sheet, throw : Sheet, SheetThrow
+        A sheet and its throw.
+    sides : SheetSides
+        What was read on its two sides.
+    settings : ChoiceSettings
+        The width that is needed.
+
+    Returns
+    -------
+    Sheet
+        The same one, or none of its nodes.
+    """
+    there = np.isfinite(every_sample(sheet)) & (sides.known > 0.0).all(axis=0)
+    if not there.any():
+        return sheet
+    turned = abs(float(np.median((sides.tilts[1] - sides.tilts[0])[there])))
+    if median_throw(throw) >= settings.bend * turned:
         return sheet
     return sheet.only(np.zeros(sheet.w.shape, bool))
 

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain_sheets import candidate
+from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
+import seismo3d as s3
 from seismo3d.seismic.choosing import ChoiceSettings, choose_faults
-from seismo3d.seismic.sheet_ends import end_along_layers, end_in_mutes, end_where_still
+from seismo3d.seismic.sheet_ends import end_along_layers, end_at_bends, end_in_mutes, end_where_still
 from seismo3d.seismic.sheet_measures import median_throw
 from seismo3d.seismic.throw import SheetSides
 
@@ -208,3 +210,31 @@ def test_layers_that_are_not_known_end_no_sheet():
     assert end_along_layers(sheet, throw, between_layers(sheet, 45.0, 45.0, known=0.0), SETTINGS) is sheet
     line, throw = candidate(columns=1)
     assert end_along_layers(line, throw, between_layers(line, 45.0, 45.0), SETTINGS) is line
+
+
+@pytest.mark.parametrize(
+    ("throw", "dips", "is_kept"),
+    [(3.0, (0.0, 0.5), False), (3.0, (0.5, 0.5), True), (3.0, (0.0, 0.2), True), (9.0, (0.0, 0.5), True),
+     (-3.0, (0.5, 0.0), False)],
+    ids=["a bend", "dips alike", "bends little", "a block that turned", "the other way"],
+)  # fmt: skip
+def test_where_layers_bend_by_more_than_they_are_offset_is_no_fault(throw, dips, is_kept):
+    sheet, moved = candidate(throw=throw)
+    sides = between_layers(sheet, *np.degrees(np.arctan(dips)))
+    assert end_at_bends(sheet, moved, sides, SETTINGS).inside.any() == is_kept
+
+
+def test_bends_are_not_told_where_one_side_is_not_known():
+    sheet, moved = candidate(throw=1.2)
+    assert end_at_bends(sheet, moved, between_layers(sheet, 0.0, 45.0, known=0.0), SETTINGS) is sheet
+
+
+def test_the_hinges_of_sharp_folds_are_no_faults():
+    """Layers dip by four fifths of a sample a trace, either way from their hinge, in mild noise."""
+    rng = np.random.default_rng(3)
+    inline, crossline, sample = np.indices((72, 72, 96), np.float32)
+    folded = 0.8 * np.abs(crossline - 36.0) + 0.1 * inline
+    reflectivity = gaussian_filter1d(rng.normal(size=400), 2.0)
+    cube = np.interp(2.0 * (sample - folded) + 150.0, np.arange(400), reflectivity).astype(np.float32)
+    cube += 0.1 * cube.std() * gaussian_filter(rng.normal(size=cube.shape), 1.0).astype(np.float32)
+    assert not (s3.trace_faults(cube).labels > 0).any()
