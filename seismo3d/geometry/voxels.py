@@ -187,13 +187,21 @@ def _sum_up(
 
 def survey(points: Float64Array, name: str) -> Float64Array:
     """Return rows (minimum, maximum, mean, sum of squares about it) by axis; refuse points that are not finite."""
-    n, d = points.shape
-    out = np.empty(4 * d)
-    if not kernels.survey(points, out):
+    table = survey_if_finite(points)
+    if table is None:
         n_bad = int((~np.isfinite(points).all(axis=1)).sum())
         raise ShapeError(
             f"{name} has {n_bad} rows with NaN or infinite values; expected finite points. Drop those rows first."
         )
+    return table
+
+
+def survey_if_finite(points: Float64Array) -> Float64Array | None:
+    """Return the rows of a survey; None where points, or the sum of their squares, are not finite."""
+    n, d = points.shape
+    out = np.empty(4 * d)
+    if not kernels.survey(points, out):
+        return None
     table = out.reshape(4, d)
     table[2] /= n
     return table

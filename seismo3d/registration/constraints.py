@@ -59,11 +59,11 @@ class Constraints:
             object.__setattr__(self, "scale", as_numbers(self.scale, "scale", n=2))
 
     def limits(
-        self, model: str, dim: int, size: float, *, usual_scale: tuple[float, float] = (0.0, math.inf)
+        self, model: str, dim: int, size: float, *, usual_scale: tuple[float, float] | None = None
     ) -> tuple[Float64Array, Float64Array]:
         """Return the lowest and highest parameters, translation in units of ``size``; scale as logarithms.
 
-        ``usual_scale`` bounds the scale where no bounds are given.
+        ``usual_scale`` bounds the scale where no bounds are given; None leaves it free then.
         """
         if model == "affine":
             if self != Constraints():
@@ -84,7 +84,7 @@ class Constraints:
             low, high = self.scale
             raise ParameterError(f"scale is bounded by ({low:g}, {high:g}); expected 0 < low <= high.")
         with np.errstate(divide="ignore"):
-            scale = np.log(usual_scale if self.scale is None else self.scale)
+            scale = np.log(self.scale or usual_scale or (0.0, math.inf))
         table = np.array([*rotation, *translation, *[tuple(scale)] * n_scale], dtype=np.float64).reshape(-1, 2)
         return np.ascontiguousarray(table[:, 0]), np.ascontiguousarray(table[:, 1])
 

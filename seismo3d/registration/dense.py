@@ -11,7 +11,7 @@ import numpy as np
 
 from seismo3d._typing import Float64Array
 from seismo3d.errors import GeometryError
-from seismo3d.geometry.voxels import VoxelMap, check_voxel_size, survey, voxel_levels
+from seismo3d.geometry.voxels import VoxelMap, check_voxel_size, survey, survey_if_finite, voxel_levels
 from seismo3d.registration.matching import pool
 from seismo3d.registration.quadratic import Frame
 from seismo3d.scan import Scan
@@ -70,8 +70,8 @@ def prepare_pair(
         Size of the target's voxels over the source's: the scale between both, where it is known.
     """
     d = source.dim
-    target, source = _without_far(target), _without_far(source)
-    tables = _both(survey, (target.points, "target"), (source.points, "source"), n_threads)
+    surveyed = _both(_surveyed, (target, "target"), (source, "source"), n_threads)
+    (target, source), tables = zip(*surveyed)
     size = math.sqrt(tables[1][3].sum() / len(source))
     if not size > 0.0:
         raise GeometryError("all source points coincide; expected points that are apart.")
@@ -109,20 +109,27 @@ def prepare_pair(
     return DensePair(frame, maps[0], maps[1], edge)
 
 
-def _without_far(scan: Scan) -> Scan:
+def _surveyed(scan: Scan, name: str) -> tuple[Scan, Float64Array]:
     """Leave out the few points that lie far off all others, such as stray returns: they would set the voxels' size.
 
-    Far is a hundred times the median distance from the median point. What is not finite stays, to be refused.
+    Far is a hundred times the median distance from the median point. What is not finite is refused. The survey of what
+    stays comes with it.
     """
     some = scan.points[:: max(1, len(scan) // N_PROBES)]
     middle = np.median(some, axis=0)
     reach = FAR * float(np.median(np.linalg.norm(some - middle, axis=1)))
-    low, high = scan.points.min(axis=0), scan.points.max(axis=0)
-    if not reach > 0.0 or ((low >= middle - reach) & (high <= middle + reach)).all():
-        return scan
+    table = survey_if_finite(scan.points)
+    if table is None or (reach > 0.0 and ((table[0] < middle - reach) | (table[1] > middle + reach)).any()):
+        scan = _without_far(scan, middle, reach)
+        table = survey(scan.points, name)
+    return scan, table
+
+
+def _without_far(scan: Scan, middle: Float64Array, reach: float) -> Scan:
+    """Leave out the points that lie farther from a place than a reach, where they are few; what is not finite stays."""
     distances = np.linalg.norm(scan.points - middle, axis=1)
     near = ~(np.isfinite(distances) & (distances > reach))
-    if np.count_nonzero(~near) > MOST_FAR * len(scan):
+    if not reach > 0.0 or np.count_nonzero(~near) > MOST_FAR * len(scan):
         return scan
     normals, weights = (None if part is None else part[near] for part in (scan.normals, scan.weights))
     return replace(scan, points=scan.points[near], normals=normals, weights=weights)

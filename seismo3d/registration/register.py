@@ -19,7 +19,7 @@ from seismo3d.registration.dense import DensePair, prepare_pair
 from seismo3d.registration.feature_pairs import feature_term
 from seismo3d.registration.polish import polish
 from seismo3d.registration.projective import PixelTable, pixel_tables
-from seismo3d.registration.result import Registration
+from seismo3d.registration.result import SIZE_IS_FREE, Registration
 from seismo3d.registration.scale_starts import led_by_extent, usual_scale
 from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.solvers import Limits, Prior
@@ -184,7 +184,8 @@ def _prepare(
         features = feature_term(matches, q, p, pair.frame, 0.05 * pair.voxel_size)
     T = np.eye(d + 1) if start is None else as_start(start, "start", d, model)
     prior = Prior(*pair.frame.enter(T))
-    limits = Limits(*given.limits(model, d, pair.frame.size, usual_scale=usual_scale(q, p, T)))
+    usual = usual_scale(q, p, T) if model in SIZE_IS_FREE and given.scale is None else None
+    limits = Limits(*given.limits(model, d, pair.frame.size, usual_scale=usual))
     return Task(q, p, pair, features, prior, limits, model, chosen), prior
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from seismo3d.geometry.rotations import exp_rotation
+from seismo3d.registration import scale_starts
 from seismo3d.registration.constraints import Constraints
 from seismo3d.registration.register import register
 
@@ -84,3 +85,16 @@ def test_local_stage_alone_stays_local(rng):
     source, _ = moved(terrain(rng, 3000), 1.05)
     found = register(terrain(rng, 6000), source, model="similarity", stages=("local",))
     assert found.stage == "local"
+
+
+def test_extents_are_measured_only_for_a_size_that_is_free(rng, monkeypatch):
+    def refuse(points):
+        raise AssertionError(f"extents of {len(points)} points were measured")
+
+    monkeypatch.setattr(scale_starts, "_extent", refuse)
+    scan = terrain(rng, 2000)
+    held = Constraints(scale=(1.0, 1.0))
+    register(scan, scan, stages=("local",))
+    register(scan, scan, model="similarity", constraints=held, stages=("local",))
+    with pytest.raises(AssertionError, match="2000 points were measured"):
+        register(scan, scan, model="similarity", stages=("local",))
