@@ -28,10 +28,13 @@ LEAST_OVERLAP = 0.15
 N_PROBES = 500
 
 
-def assemble(task: Task, found: LoopResult, stage: str, *, stands_out: bool = True) -> Registration:
+def assemble(
+    task: Task, found: LoopResult, stage: str, *, stands_out: bool = True, is_alone: bool = True
+) -> Registration:
     """Turn the loop's last state into a result in the input's units.
 
-    ``stands_out`` says whether a search over poses found nothing elsewhere that is nearly as good.
+    ``stands_out`` says whether it fits better than chance explains, by what a search over poses found elsewhere;
+    ``is_alone``, whether no single answer elsewhere explains nearly as much.
     """
     frame, joint = task.pair.frame, found.joint
     Q, meat, weight = _bread_and_meat(task, found)
@@ -51,7 +54,7 @@ def assemble(task: Task, found: LoopResult, stage: str, *, stands_out: bool = Tr
         information=freeze(sure.information),
         rmse=math.sqrt(squares) * frame.size,
         overlap=overlap,
-        state=_state(found, overlap, at_bounds, stands_out=stands_out),
+        state=_state(found, overlap, at_bounds, stands_out=stands_out, is_alone=is_alone),
         certificate=_certify(task, found, joint.form, weight),
         unobservable=sure.unobservable,
         model=task.model,
@@ -64,14 +67,16 @@ def assemble(task: Task, found: LoopResult, stage: str, *, stands_out: bool = Tr
     )
 
 
-def _state(found: LoopResult, overlap: float, at_bounds: tuple[str, ...], *, stands_out: bool) -> str:
+def _state(found: LoopResult, overlap: float, at_bounds: tuple[str, ...], *, stands_out: bool, is_alone: bool) -> str:
     surface = found.joint.surface
     if surface is not None and surface.matched * len(surface.residuals) < 6:
         return "no_overlap"
     if not found.settled:
         return "not_converged"
     by_chance = not stands_out and overlap < GOOD_OVERLAP
-    return "poor_fit" if by_chance or overlap < LEAST_OVERLAP or "scale" in at_bounds else "converged"
+    if by_chance or overlap < LEAST_OVERLAP or "scale" in at_bounds:
+        return "poor_fit"
+    return "converged" if is_alone else "ambiguous"
 
 
 def _bread_and_meat(task: Task, found: LoopResult) -> tuple[Float64Array, Float64Array, float]:

@@ -23,7 +23,7 @@ from seismo3d.registration.result import SIZE_IS_FREE, Registration
 from seismo3d.registration.scale_starts import led_by_extent, usual_scale
 from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.solvers import Limits, Prior
-from seismo3d.registration.stages import Task, is_sure, led_by_rasters, run_local, search
+from seismo3d.registration.stages import Task, has_rival, is_sure, led_by_rasters, run_local, search
 from seismo3d.registration.start import as_start
 from seismo3d.scan import Scan, as_scan
 
@@ -94,7 +94,8 @@ def register(
     Registration
         Not converging, no overlap and a poor fit are states of the result, not errors. Where the global stage has run,
         a poor fit is also what chance explains: the poses that it tried led each somewhere else, and to nearly as good
-        an answer. Without it a fit that overlaps by a seventh counts as converged, whatever the scans show.
+        an answer. An answer is ambiguous where one of few other places explains nearly as much, as parts of symmetric
+        shapes do. Without it a fit that overlaps by a seventh counts as converged, whatever the scans show.
 
     Raises
     ------
@@ -125,7 +126,7 @@ def register(
         target, source, model, start, stages, matches, alpha, voxel_size, constraints, settings, n_threads
     )
     task = replace(task, tables=_tables(task, correspondences))
-    found, stage, stands_out = run_local(task, first), "local", True
+    found, stage, stands_out, is_alone = run_local(task, first), "local", True, True
     if "global" in stages:
         task, found, stage, stands_out = led_by_extent(task, found, stage)
     # what the extents led to was searched for at its size
@@ -133,14 +134,14 @@ def register(
         task, found, stage = led_by_rasters(task, first, found, stage)
         if not is_sure(task, found) or stage == "local":
             found, stage, tried = search(task, found, stage)
-            stands_out = tried.stands_out(found)
+            stands_out, is_alone = tried.stands_out(found), not has_rival(task, found, tried)
     if "polish" in stages:
         polished = polish(
             task.target.points, task.source.points, task.pair.frame, found, task.model, task.prior, task.limits
         )
         if polished is not None:
             return assemble(task, replace(found, A=polished[0], t=polished[1]), stage)
-    return assemble(task, found, stage, stands_out=stands_out)
+    return assemble(task, found, stage, stands_out=stands_out, is_alone=is_alone)
 
 
 def _prepare(

@@ -61,7 +61,9 @@ class Registration:
     state : str
         ``"converged"``, ``"not_converged"`` (steps ran out), ``"no_overlap"`` (too few pairs within reach),
         ``"poor_fit"`` (a minimum with little overlap; one of less than good overlap beside which a search found others
-        that fit nearly as well, as it does on unrelated scans; or one whose scale ran to a bound).
+        that fit nearly as well, as it does on unrelated scans; or one whose scale ran to a bound), ``"ambiguous"`` (a
+        good fit beside which a search found another, elsewhere, that explains nearly as much: scans of parts of a
+        symmetric shape do not tell which part each shows; start nearer, or give matches).
     certificate : Certificate or None
         Bound on the distance to the global minimum for the final pairs; None for models without one.
     unobservable : tuple of Direction

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d.registration.chance import Tried
+from seismo3d.registration.chance import Tried, apart
 from seismo3d.registration.dense import DensePair
 from seismo3d.registration.feature_pairs import feature_term
 from seismo3d.registration.icp import LoopResult, run_levels
@@ -37,6 +37,10 @@ WIDE, NEAR = (5.0, 10.0), (4.0, 8.0)
 
 The wider see through noise; but where scans overlap by half, most of what lies within them is in one scan only.
 """
+RIVALS = 0.75
+"""Share of what an answer explains, by cost and by overlap, from which one elsewhere leaves open which is right."""
+MOST_RIVALS = 4
+"""Answers elsewhere that are finished and looked at, best first."""
 LEAST_AGREEING = 4
 """Features that must agree with a pose for it to lead."""
 MANY_AGREEING = 20
@@ -179,6 +183,21 @@ def search(task: Task, found: LoopResult, stage: str) -> tuple[LoopResult, str, 
         pair.source[rough].surface, pair.target[rough].size, partial(_joint_cost, task, level=rough), tuple(ends)
     )
     return best, stage, tried
+
+
+def has_rival(task: Task, found: LoopResult, tried: Tried) -> bool:
+    """Return whether another answer elsewhere explains nearly as much of the scans: which is right they do not tell."""
+    level = _middle_level(task.pair)
+    rough = min(level + 1, len(task.pair.target) - 1)
+    explained, overlap = 1.0 - _joint_cost(task, found), overlap_of(found)
+    least = 1.0 - RIVALS * (1.0 - tried.cost_of(found))
+    rivals = [one for cost, one in tried.elsewhere(found) if cost <= least]
+    for one in rivals[:MOST_RIVALS]:
+        finished = _run_on(task, Prior(one.A, one.t), rough, 0)
+        alike = 1.0 - _joint_cost(task, finished) >= RIVALS * explained and overlap_of(finished) >= RIVALS * overlap
+        if alike and apart(tried.source, found, finished) > tried.reach:
+            return True
+    return False
 
 
 def _run_on(task: Task, start: Prior, coarsest: int, finest: int, *, max_iterations: int | None = None) -> LoopResult:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from seismo3d.geometry.rotations import exp_rotation, make_transform, rotation_angle, transform_points
+from seismo3d.registration.chance import apart
 from seismo3d.registration.register import register
 
 
@@ -61,6 +65,59 @@ def test_scans_that_share_a_part_converge_from_anywhere(rng: np.random.Generator
         assert found.state == "converged"
         off = np.linalg.inv(T) @ found.T_target_source
         assert rotation_angle(off[:3, :3]) < 0.02
+
+
+def half_seen_box(rng: np.random.Generator, side: float) -> np.ndarray:
+    """The faces of a box that are seen from the front, above, and one side."""
+    size = np.array([1.6, 1.2, 0.8])
+    points = rng.uniform(-0.5, 0.5, size=(6000, 3))
+    axis = rng.choice(3, size=6000, p=[0.2, 0.3, 0.5])
+    points[np.arange(6000), axis] = np.array([0.5 * side, 0.5, 0.5])[axis]
+    return points * size + 0.003 * rng.normal(size=points.shape)
+
+
+def half_seen_room(rng: np.random.Generator, side: float) -> np.ndarray:
+    """Walls, floor and ceiling of three fifths of a bare room."""
+    points = rng.uniform(-0.5, 0.5, size=(12000, 3))
+    axis = rng.choice(3, size=12000, p=[0.23, 0.29, 0.48])
+    points[np.arange(12000), axis] = np.sign(points[np.arange(12000), axis]) / 2
+    points *= [5.0, 4.0, 2.6]
+    points += 0.003 * rng.normal(size=points.shape)
+    return points[side * points[:, :2] @ [0.8, 0.6] < 0.4]
+
+
+@pytest.mark.parametrize("half_seen", [half_seen_box, half_seen_room])
+def test_parts_of_a_symmetric_shape_do_not_tell_which_they_are(rng: np.random.Generator, half_seen) -> None:
+    T = make_transform(exp_rotation([0.0, 0.0, 0.5]), [0.2, -0.1, 0.1])
+    found = register(transform_points(T, half_seen(rng, 1.0)), half_seen(rng, -1.0))
+    assert found.state == "ambiguous"
+    assert not found.converged
+    same = register(transform_points(T, half_seen(rng, 1.0)), half_seen(rng, 1.0))
+    assert same.converged
+    np.testing.assert_allclose(same.T_target_source, T, atol=0.01)
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.5, 3.0])
+def test_what_turns_a_ball_or_turns_a_plane_over_leads_nowhere_else(rng: np.random.Generator, angle: float) -> None:
+    directions = rng.normal(size=(500, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    centre = np.array([3.0, 1.0, 0.0])
+    ball = np.column_stack([directions + centre, np.ones(500), directions, np.ones(500)]).astype(np.float32)
+    ball[:9, 3], ball[:9, 4:7] = 0.0, [1.0, 0.0, 0.0]  # normals that are not known
+    R = exp_rotation(angle * np.array([0.6, 0.0, 0.8]))
+    turned = _end(R, centre - R @ centre)
+    assert apart(ball, _end(np.eye(3), np.zeros(3)), turned) < 1e-6
+    assert apart(ball, _end(np.eye(3), np.zeros(3)), _end(R, np.zeros(3))) > 0.2
+    plane = ball.copy()
+    plane[:, :3] = rng.uniform(-1, 1, size=(500, 3)) * [1.0, 1.0, 0.0]
+    plane[:, 3:7] = [1.0, 0.0, 0.0, 1.0]
+    over = _end(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    assert apart(plane, _end(np.eye(3), np.zeros(3)), over) < 1e-6
+
+
+def _end(A: np.ndarray, t: np.ndarray) -> Any:
+    """An answer, as far as its place is asked for."""
+    return SimpleNamespace(A=A, t=t)
 
 
 def test_along_a_plane_there_is_no_elsewhere(rng: np.random.Generator) -> None:
