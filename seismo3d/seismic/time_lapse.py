@@ -224,7 +224,7 @@ def _choose_start(
 ) -> Float64Array:  # fmt: skip
     """Shift of the whole: that of the registration where it fits clearly better than the best vertical one, `lag`."""
     vertical = np.array([0.0, 0.0, lag])
-    if not coarse.converged:
+    if coarse.state not in ("converged", "ambiguous"):  # layers that repeat are ambiguous, and the misfit tells
         return vertical
 
     def misfit(shift: Float64Array) -> float:

@@ -335,3 +335,16 @@ def test_a_monitor_reversed_and_noisy_is_told_so(folded: SyntheticCube, rng: np.
     noise *= 2.0 * base.std() / noise.std()
     with pytest.warns(Seismo3dWarning, match="monitor is more like base with its sign changed, and not much"):
         align_cubes(base, noise - base, settings=TimeLapseSettings(levels=(0.0,)))
+
+
+@pytest.mark.parametrize(("state", "start"), [("converged", 3.0), ("ambiguous", 3.0), ("poor_fit", 0.0)])
+def test_a_shift_of_the_whole_that_is_one_of_several_is_tried(folded, state, start):
+    base = np.asarray(folded.seismic, dtype=np.float32)
+    monitor = warp(base, [3.0, 0.0, 0.0]).astype(np.float32)
+    known = np.ones(SHAPE, dtype=bool)
+    coarse = time_lapse.register(base, monitor, model="translation", stages=("local",))
+    moved = np.eye(4)
+    moved[0, 3] = -3.0
+    coarse = replace(coarse, state=state, T_target_source=moved)
+    found = time_lapse._choose_start(base, monitor, known, known, coarse, 0.0)
+    np.testing.assert_array_equal(found, [start, 0.0, 0.0])
