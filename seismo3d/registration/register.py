@@ -20,10 +20,11 @@ from seismo3d.registration.feature_pairs import feature_term
 from seismo3d.registration.polish import polish
 from seismo3d.registration.projective import PixelTable, pixel_tables
 from seismo3d.registration.result import SIZE_IS_FREE, Registration
+from seismo3d.registration.rivals import settle
 from seismo3d.registration.scale_starts import led_by_extent, usual_scale
 from seismo3d.registration.settings import LoopSettings
 from seismo3d.registration.solvers import Limits, Prior
-from seismo3d.registration.stages import Task, has_rival, is_sure, led_by_rasters, run_local, search
+from seismo3d.registration.stages import GOOD_OVERLAP, Task, is_sure, led_by_rasters, overlap_of, run_local, search
 from seismo3d.registration.start import as_start
 from seismo3d.scan import Scan, as_scan
 
@@ -95,7 +96,8 @@ def register(
         Not converging, no overlap and a poor fit are states of the result, not errors. Where the global stage has run,
         a poor fit is also what chance explains: the poses that it tried led each somewhere else, and to nearly as good
         an answer. An answer is ambiguous where one of few other places explains nearly as much, as parts of symmetric
-        shapes do. Without it a fit that overlaps by a seventh counts as converged, whatever the scans show.
+        shapes do, and no start was given that lies much nearer to one of them. Without it a fit that overlaps by a
+        seventh counts as converged, whatever the scans show.
 
     Raises
     ------
@@ -133,8 +135,12 @@ def register(
     if "global" in stages and stage == "local" and (not is_sure(task, found) or "local" not in stages):
         task, found, stage = led_by_rasters(task, first, found, stage)
         if not is_sure(task, found) or stage == "local":
-            found, stage, tried = search(task, found, stage)
-            stands_out, is_alone = tried.stands_out(found), not has_rival(task, found, tried)
+            local, local_stage = found, stage
+            best, stage, tried = search(task, local, stage)
+            # what a start says is meant fits where scans overlap as well as the best answer, and is no more by chance
+            stands_out = tried.stands_out(best) or overlap_of(best) >= GOOD_OVERLAP
+            found, is_alone = settle(task, best, tried, local, None if start is None else first)
+            stage = local_stage if found is local else stage
     if "polish" in stages:
         polished = polish(
             task.target.points, task.source.points, task.pair.frame, found, task.model, task.prior, task.limits

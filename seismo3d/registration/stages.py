@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from seismo3d._typing import Float64Array
-from seismo3d.registration.chance import Tried, apart
+from seismo3d.registration.chance import Tried
 from seismo3d.registration.dense import DensePair
 from seismo3d.registration.feature_pairs import feature_term
 from seismo3d.registration.icp import LoopResult, run_levels
@@ -37,10 +37,6 @@ WIDE, NEAR = (5.0, 10.0), (4.0, 8.0)
 
 The wider see through noise; but where scans overlap by half, most of what lies within them is in one scan only.
 """
-RIVALS = 0.75
-"""Share of what an answer explains, by cost and by overlap, from which one elsewhere leaves open which is right."""
-MOST_RIVALS = 4
-"""Answers elsewhere that are finished and looked at, best first."""
 LEAST_AGREEING = 4
 """Features that must agree with a pose for it to lead."""
 MANY_AGREEING = 20
@@ -111,7 +107,7 @@ def run_local(task: Task, start: Prior) -> LoopResult:
         led.append(run(with_these, _start_at(task, A, t)))
         if len(agree.target) >= MANY_AGREEING and share >= MOST_AGREE:
             return led[-1]
-    return min([*led, run(task, start)], key=lambda found: _joint_cost(task, found))
+    return min([*led, run(task, start)], key=lambda found: joint_cost(task, found))
 
 
 def _start_at(task: Task, A: Float64Array, t: Float64Array) -> Prior:
@@ -124,14 +120,14 @@ def _feature_reach(pair: DensePair) -> float:
     return max(0.05, 1.5 * pair.target[0].size)
 
 
-def _joint_cost(task: Task, found: LoopResult, level: int | None = None) -> float:
+def joint_cost(task: Task, found: LoopResult, level: int | None = None) -> float:
     """Return the surfaces' robust cost, plus the share of features that disagree, plus what is missing of many.
 
     A handful of features agrees with any pose by chance, many do not: where most matches are wrong, the share alone
     would leave the choice to surfaces that fit as well upside down. Costs are those on a middle level where none is
     given.
     """
-    cost = _cost(task, found, _middle_level(task.pair) if level is None else level)
+    cost = _cost(task, found, middle_level(task.pair) if level is None else level)
     if task.features is None:
         return cost
     n_all = len(task.features.target)
@@ -149,7 +145,7 @@ def led_by_rasters(task: Task, first: Prior, found: LoopResult, stage: str) -> t
     if led.features is None:
         return task, found, stage
     answer = run_local(led, first)
-    if _joint_cost(led, answer) < _joint_cost(led, found) - 1e-3:
+    if joint_cost(led, answer) < joint_cost(led, found) - 1e-3:
         return led, answer, "global"
     return task, found, stage
 
@@ -163,44 +159,29 @@ def search(task: Task, found: LoopResult, stage: str) -> tuple[LoopResult, str, 
         Answer, its stage, and what all poses led to on a coarser level.
     """
     pair = task.pair
-    level = _middle_level(pair)
+    level = middle_level(pair)
     rough = min(level + 1, len(pair.target) - 1)
-    best, best_cost = found, _joint_cost(task, found)
+    best, best_cost = found, joint_cost(task, found)
     ends: list[LoopResult] = []
     for described, radii in ((level, WIDE), (max(level - 1, 0), NEAR)):
         poses = poses_by_shape(pair.target[described], pair.source[described], radii=radii, n_poses=N_POSES)
-        trials = [_run_on(task, _start_at(task, A, t), rough, rough, max_iterations=12) for A, t in poses]
+        trials = [run_on(task, _start_at(task, A, t), rough, rough, max_iterations=12) for A, t in poses]
         ends += trials
-        ranked = sorted((_joint_cost(task, trial, rough), k) for k, trial in enumerate(trials))
+        ranked = sorted((joint_cost(task, trial, rough), k) for k, trial in enumerate(trials))
         for _, k in ranked[:N_FINALISTS]:
-            finished = _run_on(task, Prior(trials[k].A, trials[k].t), rough, 0)
-            cost = _joint_cost(task, finished)
+            finished = run_on(task, Prior(trials[k].A, trials[k].t), rough, 0)
+            cost = joint_cost(task, finished)
             if cost < best_cost - 1e-3:
                 best, best_cost, stage = finished, cost, "global"
         if is_sure(task, best):
             break
     tried = Tried(
-        pair.source[rough].surface, pair.target[rough].size, partial(_joint_cost, task, level=rough), tuple(ends)
+        pair.source[rough].surface, pair.target[rough].size, partial(joint_cost, task, level=rough), tuple(ends)
     )
     return best, stage, tried
 
 
-def has_rival(task: Task, found: LoopResult, tried: Tried) -> bool:
-    """Return whether another answer elsewhere explains nearly as much of the scans: which is right they do not tell."""
-    level = _middle_level(task.pair)
-    rough = min(level + 1, len(task.pair.target) - 1)
-    explained, overlap = 1.0 - _joint_cost(task, found), overlap_of(found)
-    least = 1.0 - RIVALS * (1.0 - tried.cost_of(found))
-    rivals = [one for cost, one in tried.elsewhere(found) if cost <= least]
-    for one in rivals[:MOST_RIVALS]:
-        finished = _run_on(task, Prior(one.A, one.t), rough, 0)
-        alike = 1.0 - _joint_cost(task, finished) >= RIVALS * explained and overlap_of(finished) >= RIVALS * overlap
-        if alike and apart(tried.source, found, finished) > tried.reach:
-            return True
-    return False
-
-
-def _run_on(task: Task, start: Prior, coarsest: int, finest: int, *, max_iterations: int | None = None) -> LoopResult:
+def run_on(task: Task, start: Prior, coarsest: int, finest: int, *, max_iterations: int | None = None) -> LoopResult:
     """Run the loop on some levels, with partners nearby from the first."""
     settings = replace(task.settings, wide_search=False)
     if max_iterations is not None:
@@ -222,7 +203,7 @@ def scale_of(A: Float64Array) -> Float64Array:
     return np.asarray(np.linalg.norm(A, axis=0))
 
 
-def _middle_level(pair: DensePair) -> int:
+def middle_level(pair: DensePair) -> int:
     """Return the finest level with at most 2500 elements in the larger scan."""
     for level, (q, p) in enumerate(zip(pair.target, pair.source)):
         if max(len(q.surface), len(p.surface)) <= 2500:
@@ -232,7 +213,7 @@ def _middle_level(pair: DensePair) -> int:
 
 def surface_cost(task: Task, found: LoopResult) -> float:
     """Return the robust cost of an answer on a middle level, by the same measure for all answers of a task."""
-    return _cost(task, found, _middle_level(task.pair))
+    return _cost(task, found, middle_level(task.pair))
 
 
 def _cost(task: Task, found: LoopResult, level: int) -> float:
@@ -244,7 +225,7 @@ def _cost(task: Task, found: LoopResult, level: int) -> float:
     both = []
     for q, p, A, t in (
         (target, task.pair.source[level], found.A, found.t),
-        (task.pair.source[level], target, *_inverse(found.A, found.t)),
+        (task.pair.source[level], target, *inverse(found.A, found.t)),
     ):
         seen = match_surface(
             p.surface, q, A, t, radius=q.size, cutoff=AGREES * q.size, n_threads=task.settings.n_threads
@@ -253,6 +234,7 @@ def _cost(task: Task, found: LoopResult, level: int) -> float:
     return min(both) if task.model in ("rigid", "translation") else 0.5 * sum(both)
 
 
-def _inverse(A: Float64Array, t: Float64Array) -> tuple[Float64Array, Float64Array]:
+def inverse(A: Float64Array, t: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Return the transform back."""
     back = np.linalg.inv(A)
     return np.ascontiguousarray(back), -back @ t
