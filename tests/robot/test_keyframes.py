@@ -1,10 +1,15 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from seismo3d.geometry.rotations import exp_rotation, invert_transform, make_transform, rotation_angle
 from seismo3d.graph.poses import solve_poses
+from seismo3d.registration.register import register
+from seismo3d.robot import keyframes
 from seismo3d.robot.closures import correct_poses, find_closures, make_graph
 from seismo3d.robot.keyframes import PlaceMemory, make_keyframe
 from seismo3d.synthetic.rgbd import RgbdSequence, rgbd_sequence
@@ -61,6 +66,19 @@ def test_the_place_that_looks_alike_is_found_without_a_pose(sequence: RgbdSequen
     assert found is not None
     between = invert_transform(truth[place] @ found.T_target_source) @ sequence.poses[22]
     assert np.linalg.norm(between[:3, 3]) < 0.03
+
+
+def test_a_place_that_is_one_of_several_closes_no_loop(sequence: RgbdSequence, monkeypatch: pytest.MonkeyPatch) -> None:
+    memory, _ = remember(sequence, [20], np.eye(4))
+    frame = sequence[22]
+    asked = make_keyframe(0, 0, np.eye(4), frame.colour.mean(axis=2).astype(np.uint8), np.nan_to_num(frame.depth))
+    assert memory.compare(0, asked) is not None
+
+    def one_of_several(*scans: Any, **settings: Any) -> Any:
+        return replace(register(*scans, **settings), state="ambiguous")
+
+    monkeypatch.setattr(keyframes, "register", one_of_several)
+    assert memory.compare(0, asked) is None
 
 
 def test_other_places_are_refused(sequence: RgbdSequence) -> None:
