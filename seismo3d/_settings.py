@@ -18,7 +18,7 @@ from typing import Annotated, Any, TypeAlias, TypeVar, Union, get_args, get_orig
 
 import numpy as np
 
-from seismo3d._validate import told
+from seismo3d._validate import LONGEST, told
 from seismo3d.errors import ParameterError
 
 _Settings = TypeVar("_Settings")
@@ -41,8 +41,10 @@ Smoothing: TypeAlias = Annotated[float, "[0, 1000]"]
 Count: TypeAlias = Annotated[int, "[1, 1000000]"]
 Steps: TypeAlias = Annotated[int, "[1, 100]"]
 """Traces, samples or rounds, of which there is at least one."""
-Side: TypeAlias = Annotated[int, "[1, 100000]"]
+Side: TypeAlias = Annotated[int, f"[1, {LONGEST}]"]
 """Side of a cube to be made."""
+Many: TypeAlias = Annotated[int, "[0, 10000]"]
+"""Faults, bodies and the like that a cube is made with."""
 StepsOrNone: TypeAlias = Annotated[int, "[0, 100]"]
 
 RULES: dict[str, Callable[[Any], Any]] = {

@@ -22,7 +22,7 @@ from seismo3d.registration.projective import PixelTable, pixel_tables
 from seismo3d.registration.result import SIZE_IS_FREE, Registration
 from seismo3d.registration.rivals import settle
 from seismo3d.registration.scale_starts import led_by_extent, usual_scale
-from seismo3d.registration.settings import LoopSettings
+from seismo3d.registration.settings import MOST_THREADS, LoopSettings
 from seismo3d.registration.solvers import Limits, Prior
 from seismo3d.registration.stages import GOOD_OVERLAP, Task, is_sure, led_by_rasters, overlap_of, run_local, search
 from seismo3d.registration.start import as_start
@@ -31,7 +31,6 @@ from seismo3d.scan import Scan, as_scan
 CORRESPONDENCES = ("nearest", "projective")
 STAGES = ("local", "global", "polish")
 LEAST_POINTS = 10
-MOST_THREADS = 256
 
 
 def register(

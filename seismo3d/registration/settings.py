@@ -7,6 +7,8 @@ from typing import Annotated
 
 from seismo3d._settings import Amount, Count, Share, StepsOrNone
 
+MOST_THREADS = 256
+
 
 @dataclass(frozen=True, slots=True)
 class LoopSettings:
@@ -42,5 +44,5 @@ class LoopSettings:
     symmetric: bool = False
     acceleration: StepsOrNone = 4
     alpha: Share | None = None
-    n_threads: Annotated[int, "[1, 256]"] = 1
+    n_threads: Annotated[int, f"[1, {MOST_THREADS}]"] = 1
     wide_search: bool = True

@@ -39,8 +39,8 @@ class MeasureSettings:
         the rest together.
     """
 
-    near: Annotated[float, "[0, 60)"] = 0.3
-    far: Annotated[float, "(near, 60)"] = 4.0
+    near: Annotated[float, f"[0, {kernels.FARTHEST:g})"] = 0.3
+    far: Annotated[float, f"(near, {kernels.FARTHEST:g})"] = 4.0
     total_variation: Share = 0.0
 
     def __post_init__(self) -> None:

@@ -22,7 +22,7 @@ class PlaceSettings:
     Attributes
     ----------
     reach : int in [2, 100]
-        Traces on either side that are told apart, 2 or more: half as many again once the surface has been moved.
+        Traces on either side that are told apart: half as many again once the surface has been moved.
     along_strike, down : float in (0, 1000]
         Widths of the Gaussian window over which breaks are weighed, and over which moves are averaged.
     """

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
-from seismo3d._settings import Amount, Positive, Share, check_fields
+from seismo3d._settings import Amount, Many, Positive, Share, check_fields
 from seismo3d._typing import Float64Array
 from seismo3d._validate import (
     as_cube_shape,
@@ -143,7 +143,6 @@ def fault_rows(faults: Sequence[SyntheticFault]) -> Float64Array:
     return np.array([fault.row() for fault in faults]).reshape(len(faults), N_COLUMNS)
 
 
-_Many: TypeAlias = Annotated[int, "[0, 10000]"]
 _Dip: TypeAlias = Annotated[float, "[5, 89]"]
 
 
@@ -173,7 +172,7 @@ class FaultPopulation:
         Smallest distance between the centre lines of faults of one family, as a share of the cube's width.
     """
 
-    count: Annotated[tuple[_Many, _Many], "not falling"] = (5, 8)
+    count: Annotated[tuple[Many, Many], "not falling"] = (5, 8)
     dip_deg: Annotated[tuple[_Dip, _Dip], "not falling"] = (60.0, 85.0)
     throw: Annotated[tuple[Positive, Positive], "not falling"] = (5.0, 40.0)
     families: Annotated[int, "[1, 10000]"] = 2

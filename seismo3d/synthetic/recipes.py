@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, TypeAlias
 
-from seismo3d._settings import Amount, Share, Side, Smoothing, check_fields
+from seismo3d._settings import Amount, Many, Share, Side, Smoothing, check_fields
 from seismo3d._validate import is_among, told
 from seismo3d.errors import ParameterError
 from seismo3d.synthetic.bodies import Channel
@@ -14,7 +14,6 @@ from seismo3d.synthetic.faulting import FaultPopulation, SyntheticFault
 _Wavelength: TypeAlias = Annotated[float, "[4, 1000]"]
 _Spacing: TypeAlias = Annotated[float, "[0.01, inf)"]
 _Slope: TypeAlias = Annotated[float, "[-100, 100]"]
-_Many: TypeAlias = Annotated[int, "[0, 10000]"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,21 +76,21 @@ class CubeRecipe:
     population: FaultPopulation | None = field(default_factory=FaultPopulation)
     faults: tuple[SyntheticFault, ...] = ()
     channels: tuple[Channel, ...] = ()
-    n_channels: _Many = 0
+    n_channels: Many = 0
     unconformity: tuple[Share, Share] | None = None
     old_slope: tuple[_Slope, _Slope] = (0.1, 0.3)
     old_tilt: tuple[_Slope, _Slope] = (0.15, 0.3)
     noise: Amount = 0.0
     noise_lateral: tuple[Smoothing, Smoothing] = (0.0, 1.0)
     lateral_resolution: Smoothing = 0.0
-    smiles: _Many = 0
+    smiles: Many = 0
     smile_strength: Annotated[float, "(-inf, inf)"] = 1.5
     agc_window: Annotated[float, "[2, inf)"] | None = None
     dead_traces: Annotated[float, "[0, 1)"] = 0.0
     top_mute: Annotated[int, "[0, inf)"] = 0
     missing_corner: Share = 0.0
     reverse_polarity: bool = False
-    n_horizons: _Many = 5
+    n_horizons: Many = 5
     least_throw: Amount = 0.5
 
     def __post_init__(self) -> None:
