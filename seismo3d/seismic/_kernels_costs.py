@@ -201,19 +201,20 @@ def _turn(ratio, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, parallel=True)
 def compare_throws(  # type: ignore[no-untyped-def]
-    hanging, foot, in_hanging, in_foot, thin, loud, row_taps, sample_taps, quiet, unmatched, ratio, out
+    hanging, foot, in_hanging, in_foot, first, thin, every, loud, row_taps, sample_taps, quiet, unmatched, ratio, out
 ):
-    """Write the misfit ratio of every throw at every `thin`-th place: (row, sample, throw).
+    """Write the misfit ratio of throws from the first on, a sample apart: (row, sample, throw).
 
-    Throw number c is c - n // 2 samples. `ratio` is room for the same as (throw, row, sample).
+    They are compared at every `thin`-th place, and told at every so many of these. `ratio` is room for the same as
+    (throw, row, sample).
     """
-    n_throws = ratio.shape[0]
-    own, along, around = find_spans(in_hanging[::thin, ::thin], len(row_taps) // 2, len(sample_taps) // 2)
-    for number in prange(n_throws):
-        sums = np.empty((3, ratio.shape[1], ratio.shape[2]), np.float32)
-        throw = np.int64(number) - n_throws // 2
-        match_throw(hanging, foot, in_hanging, in_foot, throw, thin, loud, own, sums)
-        _smooth_and_divide(sums, row_taps, sample_taps, along, around, quiet, unmatched, ratio[number])
+    known = in_hanging[::thin, ::thin]
+    own, along, around = find_spans(known, len(row_taps) // 2, len(sample_taps) // 2)
+    for number in prange(ratio.shape[0]):
+        sums, found = np.empty((3, *known.shape), np.float32), np.empty(known.shape, np.float32)
+        match_throw(hanging, foot, in_hanging, in_foot, first + np.int64(number), thin, loud, own, sums)
+        _smooth_and_divide(sums, row_taps, sample_taps, along, around, quiet, unmatched, found)
+        ratio[number] = found[::every, ::every]
     _turn(ratio, out)
 
 

@@ -137,8 +137,8 @@ def sum_paths(cost, step, jump, total):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def pick_shifts(total, cost, shift, fit):  # type: ignore[no-untyped-def]
-    """Write the shift of the cheapest path, refined by a parabola, and 1 - its own misfit ratio."""
+def pick_shifts(total, cost, first, shift, fit):  # type: ignore[no-untyped-def]
+    """Write the shift, from `first` on, of the cheapest path, refined by a parabola, and 1 - its own misfit ratio."""
     n_rows, n_samples, n = total.shape
     for r in prange(n_rows):
         for k in range(n_samples):
@@ -152,16 +152,16 @@ def pick_shifts(total, cost, shift, fit):  # type: ignore[no-untyped-def]
                 bend = before - 2 * here + after
                 if bend > 0:
                     refined += np.float32(0.5) * (before - after) / bend
-            shift[r, k] = refined - n // 2
+            shift[r, k] = refined + first
             fit[r, k] = np.float32(1.0) - cost[r, k, best]
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def bar_far_shifts(cost, usual, band, out):  # type: ignore[no-untyped-def]
-    """Write the cost, raised where a shift lies farther than `band` from the usual one, the more the farther."""
+def bar_far_shifts(cost, first, usual, band, out):  # type: ignore[no-untyped-def]
+    """Write the cost of shifts from `first` on, raised where one lies farther than `band` from the usual one."""
     n_rows, n_samples, n = cost.shape
     for r in prange(n_rows):
         for k in range(n_samples):
             for c in range(n):
-                far = abs(c - n // 2 - usual[r, k]) - band
+                far = abs(c + first - usual[r, k]) - band
                 out[r, k, c] = cost[r, k, c] + np.float32(0.1) * max(far, np.float32(0.0))

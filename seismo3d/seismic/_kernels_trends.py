@@ -29,6 +29,14 @@ def throws_of_trend(u, v, terms, bell, throws):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _price_of_change(terms, bell):  # type: ignore[no-untyped-def]
+    """Return a trifle for each slope: where the costs cannot tell, the level trend is taken."""
+    change = np.abs(terms[1:]).sum()
+    # however steeply a bell bends down, its throws change by little more than the largest
+    return 1e-4 * (min(change, 2.0 * np.abs(terms[0])) if bell else change)
+
+
+@njit(cache=True, nogil=True)
 def trend_cost(costs, u, v, terms, bell, beyond, every=1):  # type: ignore[no-untyped-def]
     """Mean cost of a trend's throws at every so many places, `beyond` out of range; a trifle for each slope."""
     n, n_shifts = costs.shape
@@ -36,34 +44,52 @@ def trend_cost(costs, u, v, terms, bell, beyond, every=1):  # type: ignore[no-un
     for i in range(0, n, every):
         c = int(np.floor(throw_of_trend(u[i], v[i], terms, bell) + n_shifts // 2 + 0.5))
         total += costs[i, c] if 0 <= c < n_shifts else beyond
-    change = np.abs(terms[1:]).sum()
-    if bell:
-        # however steeply it bends down, its throws change by little more than the largest
-        change = min(change, 2.0 * np.abs(terms[0]))
-    # where the costs cannot tell, the level trend is taken
-    return total / ((n - 1) // every + 1) + 1e-4 * change
+    return total / ((n - 1) // every + 1) + _price_of_change(terms, bell)
 
 
 @njit(cache=True, nogil=True)
-def _best_slopes(costs, u, v, start, slopes, bends, bell, beyond, every, best):  # type: ignore[no-untyped-def]
-    """Write the trend from a starting throw, with the best of the given slopes and bends."""
-    trial = np.zeros(6)
-    score = np.inf
-    scale = start if bell else 1.0
+def _list_trends(slopes, bends, bell):  # type: ignore[no-untyped-def]
+    """Return the terms of the trends tried first, from a starting throw of 1 where they are bells, else of 0."""
+    terms = np.zeros((len(bends) ** 2 * len(slopes) ** 2, 6))
+    number = 0
     for c in range(len(bends)):
         for d in range(len(bends)):
-            # the mean stays as it is
-            trial[0] = start * (1.0 + (bends[c] + bends[d]) / 3.0)
-            trial[3] = -bends[c] * start
-            trial[5] = -bends[d] * start
             for a in range(len(slopes)):
                 for b in range(len(slopes)):
-                    trial[1] = scale * slopes[a]
-                    trial[2] = scale * slopes[b]
-                    cost = trend_cost(costs, u, v, trial, bell, beyond, every)
-                    if cost < score:
-                        score = cost
-                        best[:] = trial
+                    # the mean stays as it is
+                    terms[number, 0] = 1.0 + (bends[c] + bends[d]) / 3.0 if bell else 0.0
+                    terms[number, 1], terms[number, 2] = slopes[a], slopes[b]
+                    terms[number, 3], terms[number, 5] = -bends[c], -bends[d]
+                    number += 1
+    return terms
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _shapes(u, v, terms, bell, every):  # type: ignore[no-untyped-def]
+    """Return the throws of trends at every so many places: (trend, place)."""
+    shapes = np.empty((len(terms), (len(u) - 1) // every + 1))
+    for m in prange(len(terms)):
+        for i in range(shapes.shape[1]):
+            shapes[m, i] = throw_of_trend(u[i * every], v[i * every], terms[m], bell)
+    return shapes
+
+
+@njit(cache=True, nogil=True)
+def _best_of(costs, start, terms, shapes, bell, beyond, every, best):  # type: ignore[no-untyped-def]
+    """Write the trend from a starting throw that costs least of those tried first."""
+    n_shifts = costs.shape[1]
+    scale, shift = (start, 0.0) if bell else (1.0, start)
+    score = np.inf
+    for m in range(len(terms)):
+        total = 0.0
+        for i in range(shapes.shape[1]):
+            c = int(np.floor(scale * shapes[m, i] + shift + n_shifts // 2 + 0.5))
+            total += costs[i * every, c] if 0 <= c < n_shifts else beyond
+        cost = total / shapes.shape[1] + _price_of_change(scale * terms[m], bell)
+        if cost < score:
+            score = cost
+            best[:] = scale * terms[m]
+            best[0] += shift
 
 
 @njit(cache=True, nogil=True)
@@ -101,9 +127,11 @@ def search_trends(costs, u, v, starts, slopes, bends, bell, beyond, rounds, term
     never bends up.
     """
     few, every = (max(len(costs) // _FEW, 1), max(len(costs) // _ENOUGH, 1)) if bell else (1, 1)
+    first = _list_trends(slopes, bends, bell)
+    shapes = _shapes(u, v, first, bell, few)
     for start in prange(len(starts)):
         best = np.zeros(6)
-        _best_slopes(costs, u, v, starts[start], slopes, bends, bell, beyond, few, best)
+        _best_of(costs, starts[start], first, shapes, bell, beyond, few, best)
         score = trend_cost(costs, u, v, best, bell, beyond, every)
         _descend(costs, u, v, bell, beyond, rounds, every, best, score)
         scores[start] = trend_cost(costs, u, v, best, bell, beyond)

@@ -42,6 +42,8 @@ class ThrowSettings:
         Traces still farther off at which their slopes are read.
     beside : int in [0, 100]
         Traces beside a surface that are left out where these slopes are estimated.
+    usual : int in [1, 1000]
+        A throw larger than that must match clearly better than any smaller one.
     longest : int in [1, 1000]
         Largest throw looked for, either way; one that is carried on to where nothing matches may be larger.
     thin : int in [1, 100]
@@ -63,7 +65,8 @@ class ThrowSettings:
     farthest: StepsOrNone = 11
     clear: Steps = 3
     beside: StepsOrNone = 1
-    longest: Annotated[int, "[1, 1000]"] = 48
+    usual: Annotated[int, "[1, 1000]"] = 48
+    longest: Annotated[int, "[1, 1000]"] = 96
     thin: Steps = 2
     along_strike: Width = 3.0
     down: Width = 4.0

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 # how far a throw may lie from those around it, before and after these are known well
 _BAND, _OUTLIER = 8.0, 6.0
+# throws farther off a trend cost more than any that matches: they are left out
+_NEAR = 20
 # rounds of paths about a trend, which is then fitted anew
 _ROUNDS = 2
 # throws about a trend that are looked at: to judge it, and to find paths about it
@@ -76,10 +78,11 @@ def match_throws(
         At every `thin`-th place: samples, and 1 where the sides are equal there, 0 where nothing matches and the throw
         is that of the trend.
     """
-    cost = _costs(sides, settings)
     inside = inside[:: settings.thin, :: settings.thin]
-    trends = rank_trends(cost, inside, unmatched=settings.unmatched, about=about)
-    plain = _follow(sides, trends[0], inside, lambda trend: _cheapest(cost, trend, settings), settings.thin)
+    longest = _longest(sides, settings)
+    cost = _costs(sides, -longest, longest, settings, every=2)
+    trends = rank_trends(cost, inside, unmatched=settings.unmatched, usual=settings.usual, about=about)
+    plain = _follow(sides, trends[0], inside, partial(_cheapest, sides, settings), settings.thin)
     best = _follow_steeper(sides, plain, trends, inside, about, settings) or plain
     return best.throw, best.fit
 
@@ -91,21 +94,19 @@ def _follow_steeper(
     """Follow a trend that matches clearly better than the plain one does in windows that follow them, if any does."""
     places = inside if inside.any() else np.ones_like(inside)
     trends = _tell_apart(trends, places)
-    longest = float(min(settings.longest, max(1, sides.hanging.shape[1] - 1)))
+    longest = float(_longest(sides, settings))
 
     def judge(trend: Float32Array) -> tuple[Float32Array, Float32Array]:
         throws = np.clip(trend, -longest, longest)
         cost = costs_about(sides, throws, 0.0, settings.thin, settings.slip, reach=_JUDGED)
         return cost.min(axis=2)[places], throws[places]
 
-    judged = [judge(trend) for trend in trends]
-    scores = TrendScores([cost for cost, _ in judged], unmatched=settings.unmatched, about=about)
-    found = [scores.of(*told) for told in judged]
+    scores = TrendScores([judge(trend) for trend in trends], unmatched=settings.unmatched, about=about)
     least = scores.of(*judge(plain.trend)) - _BETTER
-    if min(found) >= least:
+    if min(scores.own) >= least:
         return None
     best = None
-    for number in np.argsort(found, kind="stable")[:_TRIED]:
+    for number in np.argsort(scores.own, kind="stable")[:_TRIED]:
         steep = _follow(sides, trends[number], inside, partial(_cheapest_about, sides, settings), settings.thin)
         score = scores.of(*judge(steep.trend))
         if score < least:
@@ -148,41 +149,49 @@ def _trend_about_bell(throw: Float32Array, known: BoolArray, thin: int) -> Float
     return smooth_about_bell(throw, known.astype(np.float32), around)
 
 
-def _costs(sides: Sides, settings: ThrowSettings) -> Float32Array:
-    """Return the misfit ratio of every throw at every `thin`-th place: (row, sample, throw)."""
-    n_rows, n_samples = sides.hanging.shape
-    thin = settings.thin
-    n_shifts = 2 * min(settings.longest, max(1, n_samples - 1)) + 1
-    shape = ((n_rows - 1) // thin + 1, (n_samples - 1) // thin + 1)
+def _longest(sides: Sides, settings: ThrowSettings) -> int:
+    """Return the largest throw that is looked for between two sides."""
+    return min(settings.longest, max(1, sides.hanging.shape[1] - 1))
+
+
+def _costs(sides: Sides, first: int, last: int, settings: ThrowSettings, *, every: int = 1) -> Float32Array:
+    """Return the misfit ratio of throws from the first to the last at some `thin`-th places: (row, sample, throw)."""
+    thin, n_throws = settings.thin, last - first + 1
+    shape = tuple((size - 1) // (thin * every) + 1 for size in sides.hanging.shape)
     mean = sides.mean_energy()
-    ratio, out = np.empty((n_shifts, *shape), np.float32), np.empty((*shape, n_shifts), np.float32)
+    ratio, out = np.empty((n_throws, *shape), np.float32), np.empty((*shape, n_throws), np.float32)
     compare_throws(
-        sides.hanging, sides.foot, sides.in_hanging, sides.in_foot, thin, np.float32(4.0 * mean),
+        sides.hanging, sides.foot, sides.in_hanging, sides.in_foot, first, thin, every, np.float32(4.0 * mean),
         gaussian_taps(settings.along_strike / thin), gaussian_taps(settings.down / thin),
         np.float32(0.6 * mean), np.float32(settings.unmatched), ratio, out,
     )  # fmt: skip
     return out
 
 
-def _cheapest(cost: Float32Array, trend: Float32Array, settings: ThrowSettings) -> tuple[Float32Array, Float32Array]:
-    """Return the throw of the cheapest paths near the trend at every place, and its fit."""
+def _cheapest(sides: Sides, settings: ThrowSettings, trend: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Return the throw of the cheapest paths near a trend at every place, and its fit."""
+    longest = _longest(sides, settings)
+    first, last = max(-longest, int(trend.min()) - _NEAR), min(longest, int(trend.max()) + _NEAR)
+    cost = _costs(sides, first, last, settings)
     barred = np.empty_like(cost)
-    bar_far_shifts(cost, trend, np.float32(_BAND), barred)
-    return _pick(cost, barred, settings)
+    bar_far_shifts(cost, first, trend, np.float32(_BAND), barred)
+    return _pick(cost, barred, first, settings)
 
 
 def _cheapest_about(sides: Sides, settings: ThrowSettings, trend: Float32Array) -> tuple[Float32Array, Float32Array]:
     """Return what :func:`_cheapest` does, of paths that follow the trend, compared in windows that do, too."""
     cost = costs_about(sides, trend, 0.0, settings.thin, settings.slip, reach=_ABOUT)
     cost = np.where(np.isfinite(cost), cost, np.float32(settings.unmatched))
-    change, fit = _pick(cost, cost, settings)
+    change, fit = _pick(cost, cost, -_ABOUT, settings)
     return trend + change, fit
 
 
-def _pick(cost: Float32Array, barred: Float32Array, settings: ThrowSettings) -> tuple[Float32Array, Float32Array]:
-    """Return the shift of the cheapest paths at every place, and its fit."""
+def _pick(
+    cost: Float32Array, barred: Float32Array, first: int, settings: ThrowSettings
+) -> tuple[Float32Array, Float32Array]:
+    """Return the shift of the cheapest paths at every place, and its fit, from costs of shifts from the first on."""
     total = np.zeros_like(cost)
     sum_paths(barred, np.float32(settings.step), np.float32(settings.jump), total)
     shift, fit = np.empty(cost.shape[:2], np.float32), np.empty(cost.shape[:2], np.float32)
-    pick_shifts(total, cost, shift, fit)
+    pick_shifts(total, cost, first, shift, fit)
     return shift, fit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -28,12 +29,14 @@ _SLOPES = np.array([-12.0, -6.0, 0.0, 6.0, 12.0])
 _BELL_SLOPES, _BELL_BENDS = np.array([-0.8, -0.4, 0.0, 0.4, 0.8]), np.array([0.0, 0.7, 1.5, 3.0])
 # throw from which on a bell is tried, and how much better, in what misfits tell, it must match than a quadratic
 _LEAST_BELL, _CLEARLY = 8.0, 0.005
+# how much better a trend must match whose throws are larger than usual: of more that are tried more match by chance
+_LARGER = 0.02
 # how much better, in what misfits tell, a trend must match that lies so far from the throw expected, or farther
 _COMPANY, _AWAY = 0.06, 8.0
 
 
 def rank_trends(
-    cost: Float32Array, inside: BoolArray, *, unmatched: float, about: float | None = None
+    cost: Float32Array, inside: BoolArray, *, unmatched: float, usual: int | None = None, about: float | None = None
 ) -> list[Float32Array]:
     """Return the throws of trends over a surface, quadratics and bells, the one that costs least first.
 
@@ -49,23 +52,26 @@ def rank_trends(
     Parameters
     ----------
     cost : ndarray of shape (row, sample, throw), float32
-        Misfit ratio of every throw, 0 in the middle.
+        Misfit ratio of every throw, 0 in the middle, at every second place along rows and samples.
     inside : ndarray of shape (row, sample), bool
         Places on the surface.
     unmatched : float
         Misfit ratio of a throw without a counterpart, in ``cost``; the most that it is taken for.
+    usual : int, optional
+        Larger throws must match clearly better; as large as any if not given.
     about : float, optional
         The mean throw that is expected: trends far from it must match clearly better.
 
     Returns
     -------
     list of ndarray of shape (row, sample), float32
-        Throws in steps of the last axis of ``cost``; one for each starting throw, and several may be the same.
+        Throws in steps of the last axis of ``cost``, at all places; one for each starting throw, and several may be the
+        same. None larger than usual where none of them matches so much better.
     """
     rows, columns = np.nonzero(inside[::2, ::2])
     if len(rows) < 2:
         rows, columns = np.nonzero(np.ones_like(inside[::2, ::2]))
-    costs = cost[::2, ::2][rows, columns]
+    costs = cost[rows, columns]
     blind = costs == np.float32(unmatched)
     costs = _surprise(np.where(blind, costs, ndimage.minimum_filter1d(costs, 3, axis=1, mode="nearest")))
     unmatched = float(_surprise(np.float32(unmatched)))
@@ -75,20 +81,34 @@ def rank_trends(
         half.append(max(0.5 * float(np.ptp(at)), 1.0))
     u, v = (2.0 * rows - middle[0]) / half[0], (2.0 * columns - middle[1]) / half[1]
     longest = cost.shape[2] // 2
-    starts = np.arange(-longest + 2.0, longest - 1.0, 4.0) if longest > 3 else np.zeros(1)
-    terms, _ = _search(costs, u, v, starts, bell=False, level=unmatched)
-    costs[blind] = level = _level_of_chance([_at(costs, blind, _throws_of(term, u, v)) for term in terms], unmatched)
+    usual = longest if usual is None else min(usual, longest)
+    near, among = _starts(usual), slice(longest - usual, longest + usual + 1)
+    terms, _ = _search(costs[:, among], u, v, near, bell=False, level=unmatched)
+    told = [_at(costs[:, among], blind[:, among], _throws_of(term, u, v)) for term in terms]
+    costs[blind] = level = _level_of_chance(told, unmatched)
     grid = np.indices(inside.shape).astype(np.float64)
     a, b = (((at - m) / h).ravel() for at, m, h in zip(grid, middle, half, strict=True))
-    found, scored = [], []
-    for bell in (False, True):
-        terms, scores = _search(costs, u, v, starts, bell=bell, level=level)
-        for term, score in zip(terms, scores, strict=True):
-            far = _price_of(_throws_of(term, u, v, bell).mean(), about)
-            scored.append(score + far + (_CLEARLY if bell else 0.0))
-            throws = np.clip(_throws_of(term, a, b, bell), -longest, longest)
-            found.append(throws.reshape(inside.shape).astype(np.float32))
-    return [found[n] for n in np.argsort(scored, kind="stable")]
+
+    def find(looked_at: Float32Array, starts: Float64Array) -> list[tuple[float, Float32Array]]:
+        found, most = [], looked_at.shape[1] // 2
+        for bell in (False, True):
+            terms, scores = _search(looked_at, u, v, starts, bell=bell, level=level)
+            for term, score in zip(terms, scores, strict=True):
+                away = _price_of(_throws_of(term, u, v, bell).mean(), about)
+                throws = np.clip(_throws_of(term, a, b, bell), -most, most).reshape(inside.shape)
+                found.append((score + away + (_CLEARLY if bell else 0.0), throws.astype(np.float32)))
+        return found
+
+    found, far = find(costs[:, among], near), _starts(longest)
+    larger = find(costs, far[np.abs(far) > usual])
+    if larger and min(score for score, _ in larger) < min(score for score, _ in found) - _LARGER:
+        found += larger
+    return [throws for _, throws in sorted(found, key=itemgetter(0))]
+
+
+def _starts(longest: int) -> Float64Array:
+    """Return throws, up to the longest either way, from which trends are looked for."""
+    return np.arange(-longest + 2.0, longest - 1.0, 4.0) if longest > 3 else np.zeros(1)
 
 
 class TrendScores:
@@ -96,24 +116,40 @@ class TrendScores:
 
     Parameters
     ----------
-    costs : sequence of ndarray of shape (place,), float32
-        Misfit ratios of some trends, of which most match by chance; infinite without a counterpart.
+    trends : sequence of (ndarray, ndarray) of shape (place,), float32
+        Misfit ratios, infinite without a counterpart, and throws of some trends, of which most match by chance.
     unmatched : float
         The most that a throw without a counterpart is taken for.
     about : float, optional
         The mean throw that is expected.
+
+    Attributes
+    ----------
+    own : list of float
+        Scores of these trends.
     """
 
-    def __init__(self, costs: Sequence[Float32Array], *, unmatched: float, about: float | None) -> None:
-        told = [(_surprise(cost), np.isfinite(cost)) for cost in costs]
+    def __init__(
+        self, trends: Sequence[tuple[Float32Array, Float32Array]], *, unmatched: float, about: float | None
+    ) -> None:
+        told = [_tell(cost) for cost, _ in trends]
         self._level = _level_of_chance(told, float(_surprise(np.float32(unmatched))))
         self._about = about
+        self.own = [self._score(*t, throws) for t, (_, throws) in zip(told, trends, strict=True)]
 
     def of(self, cost: Float32Array, throws: Float32Array) -> float:
         """Return the score of a trend from its misfit ratios and its throws at the same places."""
-        seen = np.isfinite(cost)
-        told = np.where(seen, _surprise(np.where(seen, cost, 1.0)), np.float32(self._level))
-        return float(told.mean(dtype=np.float64)) + _price_of(float(throws.mean(dtype=np.float64)), self._about)
+        return self._score(*_tell(cost), throws)
+
+    def _score(self, told: Float32Array, seen: BoolArray, throws: Float32Array) -> float:
+        mean = float(np.where(seen, told, np.float32(self._level)).mean(dtype=np.float64))
+        return mean + _price_of(float(throws.mean(dtype=np.float64)), self._about)
+
+
+def _tell(cost: Float32Array) -> tuple[Float32Array, BoolArray]:
+    """Return what misfit ratios tell against a throw, and where it has a counterpart."""
+    seen = np.isfinite(cost)
+    return _surprise(np.where(seen, cost, np.float32(1.0))), seen
 
 
 def _price_of(mean: float, about: float | None) -> float:
@@ -128,7 +164,7 @@ def _search(
     slopes, bends = (_BELL_SLOPES, _BELL_BENDS) if bell else (_SLOPES, np.zeros(1))
     starts = starts[np.abs(starts) >= _LEAST_BELL] if bell else starts
     terms, scores = np.zeros((len(starts), 6)), np.zeros(len(starts))
-    search_trends(costs, u, v, starts, slopes, bends, bell, 1.5 * level, 40, terms, scores)
+    search_trends(np.ascontiguousarray(costs), u, v, starts, slopes, bends, bell, 1.5 * level, 40, terms, scores)
     return terms, scores
 
 

@@ -122,7 +122,16 @@ def test_ratios_of_all_throws_are_those_of_plain_filters(rng, thin):
         side[~slanted] = 0.0
     ratio = np.empty((9, *thinned(shape, thin)), np.float32)
     out = np.empty((*ratio.shape[1:], 9), np.float32)
-    kernels.compare_throws(*sides, thin, LOUD, *taps, QUIET, UNMATCHED, ratio, out)
+    kernels.compare_throws(*sides, -4, thin, 1, LOUD, *taps, QUIET, UNMATCHED, ratio, out)
+    few = np.empty((9, *out[::2, ::2, 0].shape), np.float32)
+    thinner = np.empty((*few.shape[1:], 9), np.float32)
+    kernels.compare_throws(*sides, -4, thin, 2, LOUD, *taps, QUIET, UNMATCHED, few, thinner)
+    np.testing.assert_array_equal(thinner, out[::2, ::2])
+    some = np.empty((*out.shape[:2], 4), np.float32)
+    kernels.compare_throws(
+        *sides, -2, thin, 1, LOUD, *taps, QUIET, UNMATCHED, np.empty((4, *out.shape[:2]), np.float32), some
+    )
+    np.testing.assert_array_equal(some, out[..., 2:6])
     assert 0.2 < (out == UNMATCHED).mean() < 0.9
     about = np.empty_like(out)
     usual = np.zeros(ratio.shape[1:], np.float32)

@@ -286,6 +286,15 @@ def test_longest_throw_is_a_bound():
     assert np.abs(found.throw)[found.fit > 0].max() <= 8.5
 
 
+@pytest.mark.parametrize("throw", [70.0, -60.0])
+def test_a_throw_larger_than_usual_is_found(throw):
+    shape = (30, 90, 200)
+    sheet = sheet_on(0.3, shape=shape)
+    found = measure(faulted(throw, 0.3, shape=shape), sheet)
+    assert np.median(found.throw) == pytest.approx(throw, abs=0.3)
+    assert np.abs(measure(faulted(throw, 0.3, shape=shape), sheet, longest=48).throw).max() <= 48.0
+
+
 def test_section_one_row_thick():
     volume = faulted(6.0, shape=(1, *SHAPE[1:]))
     found = measure(volume, sheet_on(shape=(1, *SHAPE[1:])))
@@ -361,7 +370,7 @@ def test_neighbours_outvote_a_place_that_knows_nothing():
     total = np.zeros_like(cost)
     kernels.sum_paths(cost, np.float32(0.1), np.float32(0.4), total)
     shift, fit = np.empty((7, 7), np.float32), np.empty((7, 7), np.float32)
-    kernels.pick_shifts(total, cost, shift, fit)
+    kernels.pick_shifts(total, cost, -4, shift, fit)
     np.testing.assert_allclose(shift, 2.0, atol=0.1)
     assert fit[3, 3] == 0.5
     assert fit[0, 0] == 1.0
@@ -371,7 +380,7 @@ def test_neighbours_outvote_a_place_that_knows_nothing():
 def test_parabola_gives_the_shift_between_samples(place):
     total = np.broadcast_to((np.arange(9.0) - place) ** 2, (2, 3, 9)).astype(np.float32)
     shift, fit = np.empty((2, 3), np.float32), np.empty((2, 3), np.float32)
-    kernels.pick_shifts(total, total, shift, fit)
+    kernels.pick_shifts(total, total, -4, shift, fit)
     np.testing.assert_allclose(shift, place - 4, atol=1e-4)
     np.testing.assert_allclose(fit, 1 - (round(place) - place) ** 2, atol=1e-5)
 
@@ -380,6 +389,6 @@ def test_far_throws_cost_more(rng):
     cost = rng.random((3, 4, 9)).astype(np.float32)
     usual = rng.uniform(-4, 4, (3, 4)).astype(np.float32)
     out = np.empty_like(cost)
-    kernels.bar_far_shifts(cost, usual, np.float32(2.0), out)
+    kernels.bar_far_shifts(cost, -4, usual, np.float32(2.0), out)
     far = np.abs(np.arange(9) - 4 - usual[..., None]) - 2.0
     np.testing.assert_allclose(out, cost + 0.1 * np.maximum(far, 0.0), rtol=1e-5)
