@@ -59,8 +59,10 @@ class ChoiceSettings:
         part, though nothing matches there, is of the fault that ends before it.
     layer_angle_deg, thrust_angle_deg : float in [0, 90]
         Least angle, in the median, between a sheet and the layers beside it, across its strike: what runs along steep
-        layers is one of them, whose neighbours do not fit where its dip is told wrongly. The second is that of what is
-        of `sure_strength` and well told: thrusts climb through their layers at low angles.
+        layers is one of them, whose neighbours do not fit where its dip is told wrongly. The second is that of thrusts,
+        which climb through their layers at low angles.
+    thrust_strength, thrust_dip_deg : float in [0, inf], [0, 90]
+        What is well told, of at least this strength and of no more than this dip may be a thrust.
     leaning, leaning_deg, leaning_score : float in [0, 1], [0, 90], [0, inf]
         What is nearer to the layers than this share of its dip, and than this angle, leans over as they do: if it is
         weaker than `sure_strength`, it needs this mean support. What does not fit along steep layers spreads to the
@@ -152,6 +154,8 @@ class ChoiceSettings:
     unbroken_area: Threshold = 300.0
     layer_angle_deg: Degrees = 20.0
     thrust_angle_deg: Degrees = 10.0
+    thrust_strength: Threshold = 25.0
+    thrust_dip_deg: Degrees = 45.0
     leaning: Share = 0.75
     leaning_deg: Degrees = 45.0
     leaning_score: Threshold = 0.48

@@ -143,9 +143,13 @@ def end_along_layers(sheet: Sheet, throw: SheetThrow, sides: SheetSides, setting
         return sheet
     angle, dip = np.median(apart[told]), np.median(np.broadcast_to(np.minimum(lean, np.pi - lean), told.shape)[told])
     leans = angle < min(settings.leaning * dip, np.radians(settings.leaning_deg))
-    is_sure = strength(sheet) >= settings.sure_strength
-    is_thrust = is_sure and is_well_told(sheet, throw, settings)
+    is_thrust = (
+        strength(sheet) >= settings.thrust_strength
+        and dip <= np.radians(settings.thrust_dip_deg)
+        and is_well_told(sheet, throw, settings)
+    )
     least = settings.thrust_angle_deg if is_thrust else settings.layer_angle_deg
+    is_sure = is_thrust or strength(sheet) >= settings.sure_strength
     is_weak = not is_sure and mean_support(sheet) < settings.leaning_score
     if angle >= np.radians(least) and not (leans and is_weak):
         return sheet

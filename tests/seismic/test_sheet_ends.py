@@ -177,8 +177,8 @@ def test_what_cuts_the_layers_stays_as_it_is(dip, tilts_deg):
 @pytest.mark.parametrize(
     ("change", "tilt_deg", "is_kept"),
     [({}, 15.0, True), ({}, 25.0, False), ({"fit": 0.7}, 15.0, False), ({"throw": 1.2}, 15.0, False),
-     ({"rows": 20}, 15.0, False)],
-    ids=["matches well", "along them", "matches badly", "hardly moves", "small"],
+     ({"rows": 12}, 15.0, False), ({"dip": 55.0}, 40.0, False), ({"score": 0.42}, 15.0, True)],
+    ids=["matches well", "along them", "matches badly", "hardly moves", "small", "steep", "less support"],
 )  # fmt: skip
 def test_a_thrust_climbs_through_its_layers_at_a_low_angle(change, tilt_deg, is_kept):
     sheet, throw = candidate(**{"dip": 30.0, "score": 0.7} | change)
