@@ -113,7 +113,7 @@ def end_in_mutes(sheet: Sheet, sides: SheetSides, shape: tuple[int, ...]) -> She
     points, last = ended.nodes(), np.array(shape) - 1
     told_of = np.all((last < 2 * _WITHIN) | ((points >= _WITHIN) & (points <= last - _WITHIN)), axis=1)
     along = ndimage.maximum_filter1d(muted, 2 * (_BESIDE // sheet.step) + 1, axis=1)[ended.inside][told_of]
-    return sheet.only(np.zeros(sheet.w.shape, bool)) if 2 * along.sum() > along.size else ended
+    return _nothing_of(sheet) if 2 * along.sum() > along.size else ended
 
 
 def end_along_layers(sheet: Sheet, throw: SheetThrow, sides: SheetSides, settings: ChoiceSettings) -> Sheet:
@@ -153,7 +153,7 @@ def end_along_layers(sheet: Sheet, throw: SheetThrow, sides: SheetSides, setting
     is_weak = not is_sure and mean_support(sheet) < settings.leaning_score
     if angle >= np.radians(least) and not (leans and is_weak):
         return sheet
-    return sheet.only(np.zeros(sheet.w.shape, bool))
+    return _nothing_of(sheet)
 
 
 def end_at_bends(sheet: Sheet, throw: SheetThrow, sides: SheetSides, settings: ChoiceSettings) -> Sheet:
@@ -183,6 +183,11 @@ def end_at_bends(sheet: Sheet, throw: SheetThrow, sides: SheetSides, settings: C
     turned = abs(float(np.median((sides.tilts[1] - sides.tilts[0])[there])))
     if median_throw(throw) >= settings.bend * turned:
         return sheet
+    return _nothing_of(sheet)
+
+
+def _nothing_of(sheet: Sheet) -> Sheet:
+    """Return a sheet without any of its nodes."""
     return sheet.only(np.zeros(sheet.w.shape, bool))
 
 

@@ -171,8 +171,7 @@ def _costs(sides: Sides, first: int, last: int, settings: ThrowSettings, *, ever
 def _cheapest(sides: Sides, settings: ThrowSettings, trend: Float32Array) -> tuple[Float32Array, Float32Array]:
     """Return the throw of the cheapest paths near a trend at every place, and its fit."""
     longest = _longest(sides, settings)
-    within = np.clip([int(trend.min()) - _NEAR, int(trend.max()) + _NEAR], -longest, longest)
-    first, last = within.tolist()
+    first, last = np.clip([int(trend.min()) - _NEAR, int(trend.max()) + _NEAR], -longest, longest).tolist()
     cost = _costs(sides, first, last, settings)
     barred = np.empty_like(cost)
     bar_far_shifts(cost, first, trend, np.float32(_BAND), barred)

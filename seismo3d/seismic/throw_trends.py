@@ -99,7 +99,7 @@ def rank_trends(
                 found.append((score + away + (_CLEARLY if bell else 0.0), throws.astype(np.float32)))
         return found
 
-    found, far = find(costs[:, among], near), _starts(longest)
+    found, far = find(np.ascontiguousarray(costs[:, among]), near), _starts(longest)
     larger = find(costs, far[np.abs(far) > usual])
     if larger and min(score for score, _ in larger) < min(score for score, _ in found) - _LARGER:
         found += larger
