@@ -18,11 +18,14 @@ from seismo3d.seismic._kernels_linking import (
     grow_surfaces,
     number_cells,
 )
+from seismo3d.seismic.changeovers import tell_owners
 from seismo3d.seismic.scan import RidgePoints
 from seismo3d.seismic.sheets import Sheet, SheetSettings, fit_sheet
 
 # into so many shares, to be counted one by one, the points of a cube are split
 _SHARES = 8
+# points of surfaces of which parts may be of another fault
+_LARGE = 400
 
 
 class Room(Protocol):
@@ -68,7 +71,8 @@ def link_sheets(
     """Link ridge points into sheets, largest first.
 
     A surface grows from its best point over neighbours that lie on each other's planes, one point for each place on it:
-    where faults branch or cross, each keeps its own. Surfaces that continue each other across a gap are joined.
+    where faults branch or cross, each keeps its own. Where one has gone on along another that it crosses, that part is
+    given back (:mod:`~seismo3d.seismic.changeovers`). Surfaces that continue each other across a gap are joined.
 
     Parameters
     ----------
@@ -140,6 +144,8 @@ def _grow(
     near = _find_neighbourhoods(ridges, shape, room)
     label = _label_surfaces(ridges, near, shape, step, settings, room)
     label[np.bincount(label)[label] < settings.fragment] = -1
+    if 1 not in shape[:2]:
+        _part_changeovers(ridges, label)
     n_surfaces = int(label.max()) + 1
     if n_surfaces == 0:
         return []
@@ -149,6 +155,15 @@ def _grow(
     for part in _split(label):
         parts.setdefault(int(group[label[part[0]]]), []).append(part)
     return list(parts.values())
+
+
+def _part_changeovers(ridges: RidgePoints, label: IntArray) -> None:
+    """Give parts of surfaces, in place, to those that they continue."""
+    members = [part for part in _split(label) if len(part) >= _LARGE]
+    numbers = np.array([label[part[0]] for part in members], label.dtype)
+    owners = tell_owners([ridges.positions[part].astype(np.float64) for part in members])
+    for part, owner in zip(members, owners, strict=True):
+        label[part] = numbers[owner]
 
 
 def _find_neighbourhoods(ridges: RidgePoints, shape: tuple[int, int, int], room: Room) -> _Neighbourhoods:

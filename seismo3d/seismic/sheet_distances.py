@@ -18,7 +18,7 @@ _FEW = 32
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SheetNodes:
-    """The nodes of a sheet, to be looked up by place.
+    """The nodes of a sheet, or other points, to be looked up by place.
 
     Attributes
     ----------
@@ -43,7 +43,11 @@ class SheetNodes:
     @classmethod
     def of(cls, sheet: Sheet) -> SheetNodes:
         """Look up the nodes of a sheet that has some."""
-        points = sheet.nodes()
+        return cls.at(sheet.nodes())
+
+    @classmethod
+    def at(cls, points: Float64Array) -> SheetNodes:
+        """Look up some points."""
         cells, cell = _sort_into_cells(points)
         return cls(points, bounds_of(points), cKDTree(points), cells, cell)
 
@@ -59,6 +63,10 @@ class SheetNodes:
             near = searched[self.cell]
             found[near] = other.tree.query(self.points[near], distance_upper_bound=distance)[0] < np.inf
         return found
+
+    def lie_around(self, other: SheetNodes, distance: float) -> BoolArray:
+        """Tell which nodes lie within about a distance of those of another: whole cells, by their middles."""
+        return np.asarray(other.tree.query(self.cells, distance_upper_bound=distance)[0] < np.inf)[self.cell]
 
     def touches(self, other: SheetNodes, distance: float) -> bool:
         """Tell whether any node lies within a distance of those of another."""
