@@ -34,8 +34,8 @@ from seismo3d.seismic.track_waveforms import match_traces, mean_waveform
 _SPARE = 2
 # thicknesses that are tried to either side of that at the seeds
 _STRETCHES = 6
-# share of a waveform from which on it tells them
-_WHOLE = 0.9
+# share of a waveform from which on it tells them, and traces with so much of it that tell the horizon's
+_WHOLE, _LEAST_WHOLE = 0.9, 100
 # share of the traces around that must be such for them to count as much as their price
 _DOUBT = 0.1
 # samples from an end of the cube within which a layer may leave it
@@ -186,7 +186,7 @@ class _Found:
     share : ndarray, float64
         Share of the window that faults leave.
     common : float
-        How far those of the seeds' parts were moved down.
+        How far those whose mean is the waveform were moved down.
     trusted : ndarray of bool
         Sure enough not to be left out.
     """
@@ -211,17 +211,35 @@ def _match(
     """Match every trace, averaged over `width` traces around it, with the mean waveform of the seeds' parts."""
     there = parts >= 0
     reach = int(np.ceil(settings.most)) + _SPARE
-    chosen = of_seeds if of_seeds.any() else there
+    chosen = _choose_reference(layers, depth, parts, of_seeds, scores, settings)
     score = _score_stretched(layers, depth, parts, chosen, reach, width, settings)
     move, here = _best_moves(score, reach)
     compared = there & (score.min(axis=2) > -1.0)
     sure = np.where(compared, here, scores[parts])
     trusted = there & (sure > settings.least_trace)
     told = compared & trusted
-    common = float(np.median(move[of_seeds & told])) if (of_seeds & told).any() else 0.0
+    common = float(np.median(move[chosen & told])) if (chosen & told).any() else 0.0
     depth = depth + common + np.where(told, np.clip(move - common, -settings.most, settings.most), 0.0)
     share = find_shares(layers, depth, near=settings.near, clear=settings.clear)
     return _Found(depth, sure, told, share, common, trusted)
+
+
+def _choose_reference(
+    layers: LayerModel, depth: Float64Array, parts: IntArray, of_seeds: BoolArray, scores: Float32Array,
+    settings: TrackSettings,
+) -> BoolArray:  # fmt: skip
+    """Mark the traces whose mean waveform is that of the horizon: those of the parts that the seeds lie on.
+
+    Between faults that are close together these hold too much of what lies beyond; then also those of the parts that
+    were surely placed by them.
+    """
+    there = parts >= 0
+    if not of_seeds.any():
+        return there
+    whole = of_seeds & (find_shares(layers, depth, near=settings.near, clear=settings.clear) > _WHOLE)
+    if whole.sum() >= _LEAST_WHOLE:
+        return of_seeds
+    return of_seeds | (there & (scores[parts] >= settings.parts.trusted))
 
 
 def _weigh(

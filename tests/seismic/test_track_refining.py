@@ -62,3 +62,22 @@ def test_in_noise_traces_are_matched_again_from_the_surface_through_the_first_ma
     lay = track_refining._lay_matched
     monkeypatch.setattr(track_refining, "_lay_matched", lambda *a: (lay(*a)[0], TrackSettings().stiffness))
     assert twice < 0.25 < scatter()
+
+
+@pytest.mark.parametrize(("columns", "alone"), [(slice(20, 24), False), (slice(20, 22), False), (slice(10, 30), True)])
+def test_the_waveform_is_that_of_the_seeds_where_enough_of_it_is_seen(
+    rng: np.random.Generator, columns: slice, alone: bool
+) -> None:
+    """Between close faults it is that of all parts that were surely placed, too."""
+    layers = lay_out(rng, np.zeros(LAID_OUT[1]), np.arange(LAID_OUT[2], dtype=np.float64), cut=False)
+    layers.cuts[:, 20:24, 66] |= 4
+    parts = np.zeros(LAID_OUT[:2], np.int64)
+    parts[:, columns], parts[:, 40:], parts[:, :2] = 1, 2, -1
+    scores = np.array([0.95, 1.0, 0.7], np.float32)
+    depth = np.where(parts >= 0, 60.0, np.nan)
+    of_seeds = parts == 1
+    chosen = track_refining._choose_reference(layers, depth, parts, of_seeds, scores, TrackSettings())
+    np.testing.assert_array_equal(chosen, of_seeds if alone else of_seeds | (parts == 0))
+    nothing = np.zeros(of_seeds.shape, bool)
+    everywhere = track_refining._choose_reference(layers, depth, parts, nothing, scores, TrackSettings())
+    np.testing.assert_array_equal(everywhere, parts >= 0)
