@@ -33,6 +33,8 @@ _LENGTH, _RIDGE = 32.0, 0.05
 _OFF, _MORE = 4.0, 1.0
 # median distances of a part that changes hands: from its own surface at least; from the other at most, and as a share
 _OFF_OWN, _ON_OTHER, _SHARE_OFF = 2.5, 1.5, 0.2
+# what two surfaces that tell parts apart leave of all points at most, on the mean, and as a share of what they left
+_LEFT, _SHARE_LEFT = 0.95, 0.8
 # share of a surface's points that lie off it, where it may have changed over, and by how much
 _LOOSE, _LOOSE_BY = 0.04, 2.0
 # refinements of surfaces, and how often parts are looked for anew
@@ -59,14 +61,17 @@ def tell_owners(points: Sequence[Float64Array]) -> list[IntArray]:
     owner = np.repeat(np.arange(len(points)), np.diff(ends))
     places = np.concatenate([*points, np.empty((0, 3))])
     nodes = [SheetNodes.at(one) for one in points]
-    changed = set(range(len(points)))
+    changed, taken = set(range(len(points))), np.zeros(len(points), np.int64)
     for _ in range(_PASSES):
         moves = _find_moves(nodes, changed)
         own = [np.flatnonzero(owner == number) for number in range(len(points))]
         changed = set()
         for source, target, part in sorted(moves, key=lambda move: (-len(move[2]), *move[:2])):
-            if source not in changed and target not in changed:
+            # what grows to twice its size by others' parts is no surface of its own
+            fits = taken[target] + len(part) <= len(points[target])
+            if fits and source not in changed and target not in changed:
                 owner[own[source][part]] = target
+                taken[target] += len(part)
                 changed |= {source, target}
         if not changed:
             break
@@ -198,9 +203,10 @@ def _tell_surfaces(terms: Float64Array, height: Float64Array, own: BoolArray, be
     """Return the factors of the two smooth surfaces that leave least of all points, those of the first one first.
 
     `own` is true of the second surface's points, `beyond` on one side of the line where both meet. Each of the four
-    halves may be the other's, or two of them.
+    halves may be the other's, or two of them. None where the points lie on no such surfaces, or hardly nearer to them
+    than to the ones through the points of each as they are: a surface that winds has no parts of another.
     """
-    best, least = None, np.inf
+    best, least = None, min(_LEFT, _SHARE_LEFT * _left_as_they_are(terms, height, own))
     for start in (own, own | beyond, own | ~beyond, own & beyond, own & ~beyond, own ^ beyond):
         surfaces, on_second = np.empty((2, terms.shape[1])), start.copy()
         left = settle_points(terms, height, on_second, _RIDGE, _MORE, _OFF, _LEAST_FIT, _ROUNDS, surfaces)
@@ -208,6 +214,14 @@ def _tell_surfaces(terms: Float64Array, height: Float64Array, own: BoolArray, be
             swapped = 2 * np.count_nonzero(on_second != own) > len(own)
             best, least = surfaces[::-1] if swapped else surfaces, left
     return best
+
+
+def _left_as_they_are(terms: Float64Array, height: Float64Array, own: BoolArray) -> float:
+    """Return how far points lie from the smooth surface through those of their own, on the mean, and what both bend."""
+    surfaces = np.empty((2, terms.shape[1]))
+    settle_points(terms, height, own.copy(), _RIDGE, np.inf, np.inf, 1, 1, surfaces)
+    off = np.abs(height - np.where(own, terms @ surfaces[1], terms @ surfaces[0]))
+    return float(np.minimum(off, _OFF).mean() + _RIDGE * (surfaces[:, 3:] ** 2).sum())
 
 
 def _angle_deg(surfaces: Float64Array) -> float:
