@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage
@@ -17,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from seismo3d._typing import AnyArray, BoolArray, Float64Array, IntArray
 from seismo3d.seismic._kernels_changeovers import fit_most, settle_points
-from seismo3d.seismic.sheet_distances import SheetNodes, near_boxes
+from seismo3d.seismic.sheet_distances import SheetNodes, bounds_of, near_boxes
 
 # distances in traces and samples: where surfaces meet, and how far around there they are looked at
 _MEET, _AROUND = 6.0, 45.0
@@ -44,49 +43,76 @@ _CELL = 2.0
 _NOTHING = np.empty(0, np.int64)
 
 
-def tell_owners(points: Sequence[Float64Array]) -> list[IntArray]:
-    """Tell to which surface each point belongs, of surfaces that may have changed over to others.
+def part_changeovers(positions: AnyArray, members: Sequence[IntArray], *, most: int) -> list[IntArray]:
+    """Give parts of surfaces that have changed over to others to the ones that they continue.
 
     Parameters
     ----------
-    points : sequence of ndarray of shape (n, 3), float64
-        (inline, crossline, sample) of the points of each surface.
+    positions : ndarray of shape (n, 3)
+        (inline, crossline, sample) of points.
+    members : sequence of ndarray of shape (m,), int
+        Which of them belong to each surface, increasing.
+    most : int
+        About so many points are held beside those of the two surfaces that are compared.
 
     Returns
     -------
-    list of ndarray of shape (n,), int64
-        Numbers of surfaces; that of its own for most.
+    list of ndarray of int
+        The same of each surface then.
     """
-    ends = np.cumsum([0, *(len(one) for one in points)])
-    owner = np.repeat(np.arange(len(points)), np.diff(ends))
-    places = np.concatenate([*points, np.empty((0, 3))])
-    nodes = [SheetNodes.at(one) for one in points]
-    changed, taken = set(range(len(points))), np.zeros(len(points), np.int64)
+    surfaces = _Surfaces(positions, list(members), most)
+    changed, room = set(range(len(members))), [len(own) for own in members]
     for _ in range(_PASSES):
-        moves = _find_moves(nodes, changed)
-        own = [np.flatnonzero(owner == number) for number in range(len(points))]
+        moves = _find_moves(surfaces, changed)
         changed = set()
         for source, target, part in sorted(moves, key=lambda move: (-len(move[2]), *move[:2])):
             # what grows to twice its size by others' parts is no surface of its own
-            fits = taken[target] + len(part) <= len(points[target])
-            if fits and source not in changed and target not in changed:
-                owner[own[source][part]] = target
-                taken[target] += len(part)
+            if len(part) <= room[target] and not changed & {source, target}:
+                surfaces.give(source, target, part)
+                room[target] -= len(part)
                 changed |= {source, target}
         if not changed:
             break
-        for number in changed:
-            nodes[number] = SheetNodes.at(places[owner == number])
-    return [owner[start:end] for start, end in pairwise(ends)]
+    return surfaces.members
 
 
-def _find_moves(surfaces: list[SheetNodes], changed: set[int]) -> list[tuple[int, int, IntArray]]:
-    """Return parts of surfaces that lie on others, as (from, to, points), of pairs one of which has changed."""
-    boxes = np.array([surface.bounds for surface in surfaces]).reshape(-1, 2, 3)
+class _Surfaces:
+    """Surfaces of points, looked up by place when they are asked for; the last ones are kept for the next time."""
+
+    def __init__(self, positions: AnyArray, members: list[IntArray], most: int) -> None:
+        self.members = members
+        self._positions = positions
+        self._most = most
+        self._kept: dict[int, SheetNodes] = {}
+        self.boxes = np.array([bounds_of(self._points(number)) for number in range(len(members))]).reshape(-1, 2, 3)
+
+    def nodes(self, number: int) -> SheetNodes:
+        """Return a surface's points."""
+        found = self._kept.pop(number, None) or SheetNodes.at(self._points(number))
+        while self._kept and sum(len(nodes.points) for nodes in self._kept.values()) > self._most:
+            self._kept.pop(next(iter(self._kept)))
+        self._kept[number] = found
+        return found
+
+    def give(self, source: int, target: int, part: IntArray) -> None:
+        """Give some of a surface's points, told by their places among its own, to another."""
+        given = self.members[source][part]
+        self.members[source] = np.delete(self.members[source], part)
+        self.members[target] = np.sort(np.concatenate([self.members[target], given]))
+        for number in (source, target):
+            self._kept.pop(number, None)
+            self.boxes[number] = bounds_of(self._points(number))
+
+    def _points(self, number: int) -> Float64Array:
+        return np.asarray(self._positions[self.members[number]], np.float64)
+
+
+def _find_moves(surfaces: _Surfaces, changed: set[int]) -> list[tuple[int, int, IntArray]]:
+    """Return parts of surfaces that lie on others, as (from, to, places), of pairs one of which has changed."""
     moves = []
-    for one in range(len(surfaces)):
-        for other in near_boxes(boxes[:one], boxes[one], _MEET):
-            pair = _Pair.of(surfaces[one], surfaces[other]) if changed & {one, other} else None
+    for one in range(len(surfaces.members)):
+        for other in near_boxes(surfaces.boxes[:one], surfaces.boxes[one], _MEET):
+            pair = _Pair.of(surfaces.nodes(one), surfaces.nodes(other)) if changed & {one, other} else None
             if pair is None:
                 continue
             for (source, target), part in zip(((one, other), (other, one)), pair.parts(), strict=True):

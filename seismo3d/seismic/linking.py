@@ -18,7 +18,7 @@ from seismo3d.seismic._kernels_linking import (
     grow_surfaces,
     number_cells,
 )
-from seismo3d.seismic.changeovers import tell_owners
+from seismo3d.seismic.changeovers import part_changeovers
 from seismo3d.seismic.scan import RidgePoints
 from seismo3d.seismic.sheets import Sheet, SheetSettings, fit_sheet
 
@@ -145,7 +145,7 @@ def _grow(
     label = _label_surfaces(ridges, near, shape, step, settings, room)
     label[np.bincount(label)[label] < settings.fragment] = -1
     if 1 not in shape[:2]:
-        _part_changeovers(ridges, label)
+        _give_back(ridges, label, room)
     n_surfaces = int(label.max()) + 1
     if n_surfaces == 0:
         return []
@@ -157,13 +157,13 @@ def _grow(
     return list(parts.values())
 
 
-def _part_changeovers(ridges: RidgePoints, label: IntArray) -> None:
+def _give_back(ridges: RidgePoints, label: IntArray, room: Room) -> None:
     """Give parts of surfaces, in place, to those that they continue."""
     members = [part for part in _split(label) if len(part) >= _LARGE]
-    numbers = np.array([label[part[0]] for part in members], label.dtype)
-    owners = tell_owners([ridges.positions[part].astype(np.float64) for part in members])
-    for part, owner in zip(members, owners, strict=True):
-        label[part] = numbers[owner]
+    numbers = [label[part[0]] for part in members]
+    for number, part in zip(numbers, part_changeovers(ridges.positions, members, most=room.most), strict=True):
+        label[part] = number
+    room.rest()
 
 
 def _find_neighbourhoods(ridges: RidgePoints, shape: tuple[int, int, int], room: Room) -> _Neighbourhoods:

@@ -1,10 +1,26 @@
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from seismo3d.seismic._kernels_changeovers import fit_most, settle_points
-from seismo3d.seismic.changeovers import tell_owners
+from seismo3d.seismic.changeovers import part_changeovers
+
+
+def tell_owners(surfaces, most=10**9):
+    """To which surface each point of some belongs then."""
+    ends = np.cumsum([0, *map(len, surfaces)])
+    members = [np.arange(*pair) for pair in pairwise(ends)]
+    positions = np.concatenate([*surfaces, np.empty((0, 3))]).astype(np.float32)
+    owner = np.full(len(positions), -1)
+    for number, own in enumerate(part_changeovers(positions, members, most=most)):
+        assert (np.diff(own) > 0).all()
+        assert (owner[own] == -1).all()
+        owner[own] = number
+    assert (owner >= 0).all()
+    return [owner[slice(*pair)] for pair in pairwise(ends)]
 
 
 def surface(strike_deg, cotangent=0.5, *, bend=0.0, middle=(64.0, 64.0), size=96.0, step=2.0):
@@ -155,3 +171,11 @@ def test_a_bend_counts_beside_what_is_left(rng):
     off = np.abs(height - surfaces @ terms.T).min(axis=0).mean()
     assert surfaces[1, 3] == pytest.approx(3.0, rel=0.2)
     assert left == pytest.approx(off + 0.01 * (surfaces[:, 3:] ** 2).sum(), rel=1e-9)
+
+
+def test_it_does_not_matter_how_many_points_are_held(rng):
+    (one, other), (_, beyond) = crossing(rng=rng)
+    (third, fourth), (_, far) = crossing(rng=rng, middle=(200.0, 64.0))
+    mixed = [np.concatenate([one, other[beyond]]), other[~beyond], np.concatenate([third, fourth[far]]), fourth[~far]]
+    for few, many in zip(tell_owners(mixed, most=0), tell_owners(mixed), strict=True):
+        np.testing.assert_array_equal(few, many)
