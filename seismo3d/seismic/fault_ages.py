@@ -58,6 +58,10 @@ class HistorySettings:
     decay_odds, decay_spread : float in (-inf, inf), (0, inf)
         Logarithm of the odds that slip does not die away off a fault, before the layers are looked at; and how well
         their tilts beside it tell which share is lost a trace, where nothing scatters.
+    even, dying : float in [0, 1]
+        Least throw of a fault over its largest, nine and one in twenty of its places left out: from the first on slip
+        dies away off it no more than along it; up to the second it dies away within the cube, and what the layers tell
+        of its two walls is believed of its own throw as well.
     turn_deg, gap, around, overlap, roughness : float in [0, 90], [0, inf], [0, inf], [0, 1], [0, inf]
         Two faults are parts of one where they strike alike within the first, lie no farther apart than the second, one
         covers no more than the fourth of the other, and one quadratic surface through both, within the third of each
@@ -84,6 +88,8 @@ class HistorySettings:
     lift_spread: Positive = 0.2
     decay_odds: Annotated[float, "(-inf, inf)"] = 2.0
     decay_spread: Positive = 0.006
+    even: Share = 0.7
+    dying: Share = 0.5
     turn_deg: Degrees = 20.0
     gap: Threshold = 30.0
     around: Threshold = 25.0

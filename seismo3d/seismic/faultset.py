@@ -81,6 +81,9 @@ class FaultSurface:
     generation : int
         How many faults moved one after the other since this one did, as far as that is known: those of generation 0
         moved last.
+    lift : float
+        Share of the slip that the hanging wall took, where it is told that both walls moved; else 1. The footwall took
+        the rest, the other way.
     """
 
     vertices: Float32Array
@@ -100,6 +103,7 @@ class FaultSurface:
     slip_certainty: float = 0.0
     family: int = -1
     generation: int = 0
+    lift: float = 1.0
 
     def __repr__(self) -> str:
         return f"<FaultSurface: {len(self.vertices)} vertices, area {self.area:.0f}, confidence {self.confidence:.2f}>"
@@ -320,6 +324,7 @@ def _open_lazy(folder: Path, description: dict[str, Any]) -> Any:
 
 _SCALARS = (
     "sample_interval", "sample_unit", "confidence", "area", "strike_share", "slip_certainty", "family", "generation",
+    "lift",
 )  # fmt: skip
 _ARRAYS = tuple(entry.name for entry in fields(FaultSurface) if entry.name not in _SCALARS)
 VERTEX_ARRAYS = tuple(name for name in _ARRAYS if name != "cells")

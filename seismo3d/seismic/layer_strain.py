@@ -120,7 +120,8 @@ def tell_strains(
     took the share :math:`\lambda` and :math:`g = (1 - c\,d / 2)^2` is left at a distance :math:`d` (rollover and
     footwall uplift [1]_ [2]_). So the slopes of layers around all faults are fitted at once, robustly, by those of what
     each did on either side and of a quadratic that grows with depth, as layers lay before. :math:`\lambda` is found by
-    least squares, held at 1 where slopes do not tell; :math:`c` is the best of a few. By
+    least squares, held at 1 where slopes do not tell; :math:`c` is the best of a few, and 0 where throw hardly changes
+    along the fault: slip reaches about as far off a fault as along it [3]_. By
     :math:`(2\lambda - 1)\,c\,T` a trace more layers tilt in the hanging wall than in the footwall where they came from:
     close to the fault that is seen even where layers are folded, and counts as well.
 
@@ -147,6 +148,7 @@ def tell_strains(
     ----------
     .. [1] W. K. Hamblin, Geological Society of America Bulletin 76(10), 1145-1164, 1965.
     .. [2] J. A. Jackson, D. P. McKenzie, Journal of Structural Geology 5(5), 471-482, 1983.
+    .. [3] J. A. Barnett et al., AAPG Bulletin 71(8), 925-937, 1987.
     """
     if not motions:
         return []
@@ -215,19 +217,37 @@ def _regional_terms(points: Float64Array) -> Float32Array:
     return np.array([np.concatenate([grows * a, grows * b]) for grows in (one, s) for a, b in level], np.float32)
 
 
+def measure_evenness(throws: Sequence[SheetThrow]) -> float:
+    """Return how even the throw of a fault is over its parts: the least over the largest, but for outliers.
+
+    Places that match tell it; NaN where these are too few.
+    """
+    known = [np.isfinite(part.throw) & (part.fit > _FITS) for part in throws]
+    thrown = np.abs(np.concatenate([part.throw[matched] for part, matched in zip(throws, known, strict=True)]))
+    if len(thrown) < _LEAST_BESIDE:
+        return np.nan
+    least, most = np.percentile(thrown, [10.0, 95.0])
+    return float(least / max(most, 1e-6))
+
+
 class _Beside(NamedTuple):
-    """How much more layers tilt in the hanging wall than in the footwall, by throw, and the variance of that."""
+    """How much more layers tilt in the hanging wall than in the footwall, by throw, and the variance of that.
+
+    And how even the throw is.
+    """
 
     tilt: float
     variance: float
+    evenness: float
 
     @staticmethod
     def of(parts: Sequence[tuple[SheetThrow, SheetSides, int]]) -> _Beside:
         """Return what is seen close to the parts of a fault; of infinite variance where that is next to nothing."""
+        evenness = measure_evenness([throw for throw, _, _ in parts])
         found = [_tilt_by_throw(*part) for part in parts]
         tilt, throw, weight = (np.concatenate([part[k] for part in found]) for k in range(3))
         if len(tilt) < _LEAST_BESIDE:
-            return _Beside(0.0, np.inf)
+            return _Beside(0.0, np.inf, evenness)
         factor, spread, weights = 0.0, 0.0, weight
         for _ in range(8):
             factor = -float((weights * tilt * throw).sum()) / float((weights * throw**2).sum())
@@ -236,7 +256,7 @@ class _Beside(NamedTuple):
             weights = weight * _weights(left, spread)
         energy = float((weights * throw**2).sum() / weights.sum())
         # more than the most that is tried speaks for that
-        return _Beside(min(factor, float(_DECAYS[-1])), spread**2 / (energy * _FEW))
+        return _Beside(min(factor, float(_DECAYS[-1])), spread**2 / (energy * _FEW), evenness)
 
     def odds_against(self, lift: float, decay: float, spread: float) -> float:
         """Return the logarithm of the odds against a strain."""
@@ -275,7 +295,8 @@ def _fit(
         for _ in range(_SWEEPS):
             before = decays.copy()
             for fault in range(len(near)):
-                tried = [np.where(np.arange(len(near)) == fault, n, decays) for n in range(len(_DECAYS))]
+                n_tried = 1 if near[fault].evenness >= settings.even else len(_DECAYS)
+                tried = [np.where(np.arange(len(near)) == fault, n, decays) for n in range(n_tried)]
                 decays = min(tried, key=lambda numbers: system.solve(numbers)[1])
             if (decays == before).all():
                 break

@@ -22,17 +22,23 @@ def to_likelihood(score: Float32Array) -> Float32Array:
 def draw_sheets(
     sheets: list[Sheet], throws: list[SheetThrow], shape: tuple[int, ...], *, corner: tuple[int, int] = (0, 0)
 ) -> tuple[Int32Array, Float32Array]:
-    """Draw labels and throws into a block; where surfaces cross, the voxel belongs to the likelier one."""
+    """Draw labels and throws into a block; where surfaces cross, the voxel belongs to the younger, or the likelier.
+
+    The younger of two goes through unbroken; where it is not told which is, their generations are the same.
+    """
     labels = np.zeros(shape, np.int32)
     throw_volume = np.full(shape, np.nan, np.float32)
     strongest = np.zeros(shape, np.float32)
+    generations = np.zeros(shape, np.int16)
     for number, (sheet, throw) in enumerate(zip(sheets, throws, strict=True), start=1):
         voxels, places = sheet_voxels(sheet, (shape[0], shape[1], shape[2]), corner=corner)
         score = np.maximum(sample_grid(sheet.score, places), 1e-6)
         at = tuple(voxels.T)
-        wins = score > strongest[at]
+        older = generations[at] - throw.generation
+        wins = (labels[at] == 0) | (older > 0) | ((older == 0) & (score > strongest[at]))
         at = tuple(voxels[wins].T)
         strongest[at] = score[wins]
+        generations[at] = throw.generation
         labels[at] = number
         throw_volume[at] = sample_grid(throw.throw, places[wins])
     return labels, throw_volume

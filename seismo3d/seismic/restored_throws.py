@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_restore import spread
+from seismo3d.seismic.both_walls import tell_throw
 from seismo3d.seismic.fault_ages import (
     HistorySettings,
     StrikeSlip,
@@ -20,7 +21,7 @@ from seismo3d.seismic.fault_ages import (
 )
 from seismo3d.seismic.fault_families import are_one, find_families
 from seismo3d.seismic.fault_motion import FaultMotion, Frame, enlarge, find_motion, undo_parts
-from seismo3d.seismic.layer_strain import LayerSlopes, Strain, tell_strains
+from seismo3d.seismic.layer_strain import LayerSlopes, measure_evenness, tell_strains
 from seismo3d.seismic.sheet_distances import are_near, bounds_of
 from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
@@ -78,7 +79,8 @@ def restore_throws(
     that is known to be older move with its walls, by the shares of its slip that the slopes of the layers around say
     that each took, the less the farther off where slip dies away. What was read on the two sides of the next fault
     moves along; its parts come to lie on one surface, are matched together, and it is taken back in turn. Where it has
-    offset older ones they tell how far it moved along its strike.
+    offset older ones they tell how far it moved along its strike. Where both walls of a fault moved, and none that is
+    younger has strained what tells so, its throw is told from how far what touched lies apart.
 
     Parameters
     ----------
@@ -119,10 +121,7 @@ def restore_throws(
     def beside(number: int) -> tuple[SheetThrow, SheetSides, int]:
         return throws[known[number]], read_sides(known[number]), sheets[known[number]].step
 
-    strains = [Strain()] * len(moved)
-    if younger.any():
-        strains = tell_strains(moved, families[known], layers, beside, history)
-    strain = dict(zip(known, strains, strict=True))
+    strain = dict(zip(known, tell_strains(moved, families[known], layers, beside, history), strict=True))
     told, today = dict(zip(known, slips, strict=True)), dict(zip(known, moved, strict=True))
     found, undone = list(throws), _Undone(parts, younger, families, history.reach)
     for group in _groups(parts, known, undone, history):
@@ -134,7 +133,11 @@ def restore_throws(
             motion = _measure(group, parts, found, today, read, undone, settings, history, told[first]) or motion
         if motion is not None and younger[group].any():
             undone.add(group, strain[first].of(motion))
-    order = zip(families.tolist(), count_generations(younger).tolist(), strict=True)
+    generations = count_generations(younger).tolist()
+    for n in known:
+        if generations[n] == 0:
+            found[n] = _tell_in_place(found[n], strain[n].lift, sheets[n].step, history)
+    order = zip(families.tolist(), generations, strict=True)
     return [replace(throw, family=n, generation=g) for throw, (n, g) in zip(found, order, strict=True)]
 
 
@@ -302,6 +305,14 @@ def _read_throw(
         strike_share=turn * slip.share,
         slip_certainty=slip.certainty,
     )
+
+
+def _tell_in_place(throw: SheetThrow, lift: float, step: int, history: HistorySettings) -> SheetThrow:
+    """Return the throw of a fault at its places, from how far apart what touched lies, if both of its walls moved."""
+    if lift >= 1.0 or not measure_evenness([throw]) <= history.dying:
+        return throw
+    told = tell_throw(throw.throw.astype(np.float64), lift, throw.strike_share, step)
+    return replace(throw, throw=told.astype(np.float32), lift=lift)
 
 
 def _matched(throws: Iterable[SheetThrow]) -> float:

@@ -86,6 +86,7 @@ def build_surface(
         slip_certainty=throw.slip_certainty,
         family=throw.family,
         generation=throw.generation,
+        lift=throw.lift,
     )
 
 

@@ -120,6 +120,9 @@ class SheetThrow:
         lesser; 0 where that is not told.
     in_view : float
         Share of its places whose throw leads to one within the cube: no more of it can match.
+    lift : float
+        Share of the slip that the hanging wall took, where it is told that both walls moved: throw is then that of each
+        place, not how far it lies from its counterpart.
     """
 
     throw: Float32Array
@@ -131,6 +134,7 @@ class SheetThrow:
     generation: int = 0
     runs_on: float = 0.0
     in_view: float = 1.0
+    lift: float = 1.0
 
 
 def gather_sides(

@@ -14,6 +14,7 @@ from seismo3d._settings import Amount, Count, Positive, Share, Smoothing, Steps,
 from seismo3d._stages import as_progress
 from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Progress
 from seismo3d._validate import freeze
+from seismo3d.seismic.both_walls import tell_apart
 from seismo3d.seismic.cube_checks import check_cube, placing_cube
 from seismo3d.seismic.displacements import (
     carry_amplitudes,
@@ -262,7 +263,7 @@ def _lay_out(
     grid = grid_points(at, normals.astype(np.float64), throw.astype(np.float64), beyond=beyond)
     nodes, cells = grid.triangulate()
     going_on = _goes_on(grid, nodes, displacement)
-    slip, normals = _slip_of(grid, going_on, surfaces[parts[0]].strike_share, settings)
+    slip, normals = _slip_of(grid, going_on, surfaces[parts[0]], settings)
     usable: BoolArray = np.asarray(np.isfinite(nodes).all(axis=1) & np.isfinite(slip).all(axis=1))
     cells = cells[usable[cells].all(axis=1)]
     if not len(cells):
@@ -293,7 +294,7 @@ def _goes_on(grid: SurfaceGrid, nodes: Float64Array, displacement: Float32Array)
 
 
 def _slip_of(
-    grid: SurfaceGrid, going_on: BoolArray, strike_share: float, settings: UnfaultSettings
+    grid: SurfaceGrid, going_on: BoolArray, fault: FaultSurface, settings: UnfaultSettings
 ) -> tuple[Float64Array, Float64Array]:
     """Slip, and the unit normal, at every node of a grid."""
     known = np.isfinite(grid.w)
@@ -304,12 +305,14 @@ def _slip_of(
     beyond_tip = ndimage.distance_transform_edt(~going_on)
     taper = np.clip(1.0 - beyond_tip / settings.beyond, 0.0, 1.0) if settings.beyond else going_on.astype(np.float64)
     most = settings.steepest * (to_tip + settings.beyond)
-    throw = _smooth(np.clip(grid.throw, -most, most), known, settings.smoothing) * taper
+    # strike is against `along`, where the surface keeps to itself
+    share = -fault.strike_share
+    # what touched before must touch again
+    apart = tell_apart(_smooth(np.clip(grid.throw, -most, most), known, settings.smoothing), fault.lift, share) * taper
     along = np.array([-grid.across[1], grid.across[0]])
     flat = grid.across - ds[..., None] * along
-    # strike is against `along`, where the surface keeps to itself
-    slide = flat * (dz / (1.0 + ds**2))[..., None] - strike_share * (along + ds[..., None] * grid.across)
-    slip = np.concatenate([slide, np.ones((*w.shape, 1))], axis=-1) * throw[..., None]
+    slide = flat * (dz / (1.0 + ds**2))[..., None] + share * (along + ds[..., None] * grid.across)
+    slip = np.concatenate([slide, np.ones((*w.shape, 1))], axis=-1) * apart[..., None]
     normal = np.concatenate([flat, -dz[..., None]], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     return slip.reshape(-1, 3), normal.reshape(-1, 3)

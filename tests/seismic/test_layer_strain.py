@@ -15,7 +15,14 @@ from seismo3d.seismic._kernels_strain import sum_products
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.fault_motion import FaultMotion, Frame
 from seismo3d.seismic.faults import FaultSettings
-from seismo3d.seismic.layer_strain import LayerSlopes, Strain, join_slopes, sample_slopes, tell_strains
+from seismo3d.seismic.layer_strain import (
+    LayerSlopes,
+    Strain,
+    join_slopes,
+    measure_evenness,
+    sample_slopes,
+    tell_strains,
+)
 from seismo3d.seismic.linking import Sheet
 from seismo3d.seismic.scores import throw_score
 from seismo3d.seismic.throw import SheetSides, SheetThrow
@@ -170,6 +177,34 @@ def test_level_layers_and_what_says_nothing_beside_a_fault(rng: np.random.Genera
     throw, sides, step = beside(rng, 0.02)
     assert told_beside((replace(throw, fit=0.0 * throw.fit), sides, step)) == Strain()
     assert told_beside((throw, sides._replace(known=0.0 * sides.known), step)) == Strain()
+
+
+def test_slip_that_hardly_changes_along_a_fault_does_not_die_away_off_it(rng: np.random.Generator) -> None:
+    throw, sides, step = beside(rng, 0.023)
+    uneven = (throw.throw[:, 0].max() * 0.95 - throw.throw.min()) / 9.5
+    assert measure_evenness([throw]) == pytest.approx((throw.throw.min() + uneven) / 15.4, abs=0.02)
+    even = replace(throw, throw=np.full_like(throw.throw, 10.0))
+    assert measure_evenness([even, even]) == 1.0
+    # places that do not match tell nothing of it
+    torn = replace(throw, fit=np.where(throw.throw < 10.0, 0.0, throw.fit).astype(np.float32))
+    assert measure_evenness([torn]) > measure_evenness([throw])
+    assert np.isnan(measure_evenness([replace(throw, fit=0.0 * throw.fit)]))
+    tilts = sides.tilts.copy()
+    tilts[1] = 0.3 - 0.23
+    tilts[0] = 0.3
+    assert told_beside((even, sides._replace(tilts=tilts), step)) == Strain()
+    steeper = replace(HISTORY, even=1.0)
+    told = tell_strains(
+        [bell()], np.zeros(1, np.int64), NOWHERE, lambda _: (even, sides._replace(tilts=tilts), step), steeper
+    )
+    assert told == [Strain()]
+    less = replace(even, throw=np.where(np.arange(SHAPE[0])[:, None] < 8, 9.0, even.throw).astype(np.float32))
+    assert (
+        tell_strains(
+            [bell()], np.zeros(1, np.int64), NOWHERE, lambda _: (less, sides._replace(tilts=tilts), step), steeper
+        )[0].decay
+        == 0.023
+    )
 
 
 def test_wrong_tilts_beside_a_fault_count_for_little(rng: np.random.Generator) -> None:

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import ndimage
 
-from seismo3d.seismic.rasterise import sample_grid, sheet_voxels, to_likelihood
+from seismo3d.seismic.rasterise import draw_sheets, sample_grid, sheet_voxels, to_likelihood
 from seismo3d.seismic.sheets import Sheet
+from seismo3d.seismic.throw import SheetThrow
 
 SHAPE = (30, 30, 40)
 
@@ -103,3 +106,20 @@ def test_beside_a_missing_node_the_nearest_one_counts():
 def test_likelihood_grows_from_zero_to_one():
     score = np.array([-3.0, 0.0, 0.6, 1.2, 60.0], np.float32)
     np.testing.assert_allclose(to_likelihood(score), [0.0, 0.0, 0.5, 0.75, 1.0], atol=1e-6)
+
+
+@pytest.mark.parametrize(("generations", "winner"), [((0, 1), 1), ((1, 0), 2), ((0, 0), 2), ((2, 2), 2)])
+def test_where_faults_cross_the_voxel_is_the_younger_s_or_the_likelier_s(generations, winner):
+    sheets = [plane(0.0), plane(90.0)]
+    likelier = replace(sheets[1], score=2.0 * sheets[1].score)
+    throws = [
+        SheetThrow(np.full_like(sheet.w, throw), np.ones_like(sheet.w), 1, generation=generation)
+        for sheet, throw, generation in zip(sheets, (5.0, 9.0), generations, strict=True)
+    ]
+    labels, thrown = draw_sheets([sheets[0], likelier], throws, SHAPE)
+    both = set.intersection(*(set(map(tuple, sheet_voxels(sheet, SHAPE)[0])) for sheet in sheets))
+    assert len(both) > 30
+    at = tuple(np.array(sorted(both)).T)
+    assert (labels[at] == winner).all()
+    np.testing.assert_array_equal(np.isfinite(thrown), labels > 0)
+    np.testing.assert_array_equal(thrown[at], (5.0, 9.0)[winner - 1])

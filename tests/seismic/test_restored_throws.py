@@ -9,8 +9,9 @@ from scipy import ndimage
 
 from seismo3d.seismic import restored_throws
 from seismo3d.seismic._kernels_restore import read_between, spread
+from seismo3d.seismic.both_walls import tell_throw
 from seismo3d.seismic.fault_ages import HistorySettings
-from seismo3d.seismic.layer_strain import LayerSlopes
+from seismo3d.seismic.layer_strain import LayerSlopes, Strain
 from seismo3d.seismic.restored_throws import restore_throws
 from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.throw import ThrowSettings, gather_sides, match_sides
@@ -81,6 +82,24 @@ def test_an_old_fault_is_measured_as_it_lay_before_the_young_one_moved():
     np.testing.assert_array_equal(found[1].throw, throws[1].throw)
     assert [throw.generation for throw in found] == [1, 0]
     assert found[0].family != found[1].family
+
+
+def test_the_throw_of_a_fault_both_of_whose_walls_moved_is_told_at_its_places(monkeypatch):
+    _, sheets = crossed()
+    throws, read = measured(sheets)
+    monkeypatch.setattr(restored_throws, "tell_strains", lambda motions, *_: [Strain(0.5)] * len(motions))
+    # its throw changes too little to say that it dies away within the cube
+    found = restore_throws(sheets, throws, read, NOWHERE, settings=SETTINGS, history=HistorySettings())
+    np.testing.assert_array_equal(found[1].throw, throws[1].throw)
+    assert [throw.lift for throw in found] == [1.0, 1.0]
+    found = restore_throws(sheets, throws, read, NOWHERE, settings=SETTINGS, history=HistorySettings(dying=1.0))
+    # the old one lies as the young one has strained it
+    assert [throw.lift for throw in found] == [1.0, 0.5]
+    told = tell_throw(throws[1].throw.astype(float), 0.5, throws[1].strike_share, sheets[1].step)
+    np.testing.assert_allclose(found[1].throw, told, rtol=1e-6)
+    inner = np.isfinite(told) & (throws[1].fit > 0.5)
+    # throw grows down the fault: by as much more as half of it grows over a throw
+    assert (found[1].throw - throws[1].throw)[inner].mean() == pytest.approx(0.5 * 13.0 * 13.0 * 0.006, abs=0.2)
 
 
 def test_the_offset_of_an_old_fault_tells_the_strike_slip_of_a_young_one():

@@ -93,6 +93,19 @@ def test_jump_across_the_fault_is_its_slip_and_there_is_none_elsewhere() -> None
     assert np.abs(place[clear, 1] - plane[clear]).max() < 0.5
 
 
+def test_what_touched_before_touches_again_where_both_walls_moved() -> None:
+    surface = wide(axis=1, centre=24.0, dip_deg=65.0, throw=6.0)
+    growing = replace(surface, throw=(6.0 + 0.1 * (surface.vertices[:, 2] - 30.0)).astype(np.float32))
+    i, k = 20, 30
+
+    def jump(lift: float) -> float:
+        d = find_slip_field(fault_set(replace(growing, lift=lift))).displacement
+        return float((d[2, :, 26, k] - d[2, :, 23, k])[i])
+
+    # half of the throw there, and half of that higher up: 0.1 less a sample
+    assert jump(0.5) / jump(1.0) == pytest.approx(1.0 / 1.05, abs=0.01)
+
+
 def test_slip_dies_out_beyond_the_edge_of_a_surface() -> None:
     whole = wide(axis=1, centre=24.0, dip_deg=70.0, throw=4.0)
     kept = whole.cells[(whole.vertices[whole.cells, 2] > 30.0).all(axis=1)]
