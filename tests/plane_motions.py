@@ -42,3 +42,19 @@ def in_parts(*, heave=6.0, cotangent=0.4):
 def beside(motion, traces):
     """The same fault, so many traces across."""
     return replace(motion, frame=Frame(motion.frame.origin + traces * motion.frame.across, motion.frame.across))
+
+
+def taken_apart(young: FaultMotion, old: FaultMotion, *, overrun: float = 0.0):
+    """The two parts of a plane that a fault of one throw has cut: the motion of each, and places on it.
+
+    The part in the hanging wall goes on so many traces beyond the fault.
+    """
+    nodes = places(old)
+    side = young.side(nodes)
+    inner = nodes[side > 0.0]
+    slip = (young.undo(inner) - inner).mean(axis=0)
+    footwall, hanging = nodes[side <= 0.0], nodes[side > -overrun] - slip
+    moved = replace(
+        old, frame=Frame(old.frame.origin - slip[:2], old.frame.across), first=(old.first[0], old.first[1] - slip[2])
+    )
+    return (old, moved), (footwall, hanging)

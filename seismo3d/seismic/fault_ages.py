@@ -11,11 +11,9 @@ import numpy as np
 from seismo3d._settings import Count, Degrees, Positive, Share, Smoothing, Stiffness, Threshold
 from seismo3d._typing import BoolArray, Float64Array, IntArray
 from seismo3d.seismic.fault_motion import FaultMotion, Frame
+from seismo3d.seismic.parted_faults import SidesOfFaults, distances_along, roughness_of, roughness_together
 from seismo3d.seismic.sheet_distances import bounds_of, near_boxes
-from seismo3d.seismic.term_fits import fit_terms
 
-# a place's part of the roughness of a surface, in squared traces, is at most this
-_ROUGHEST = 25.0
 # roughness, in squared traces, that surfaces have anyway
 _SMOOTH = 0.03
 # strike slips over throw that are tried where ages are told, and what a trial costs that is so far off the known one
@@ -134,7 +132,7 @@ def order_faults(
     The younger of two faults that cross has offset the older, and goes through unbroken. So the older is smoother where
     the younger is taken back, and the younger would be broken where the older is. The order in which both together are
     the smoother is taken, the clearest pairs first, so that no fault becomes younger than itself. What the parts of two
-    faults tell is added up.
+    faults tell is added up, and so is what two parts of one do that lie on either side of the other.
 
     Parameters
     ----------
@@ -157,18 +155,27 @@ def order_faults(
     ndarray of shape (fault, fault), bool
         True where the first is younger than the second; where neither is, it is not known.
     """
+    sides = SidesOfFaults(motions, nodes, settings)
+
+    def gain_of(pair: tuple[int, int], turns: Float64Array) -> float:
+        one, other = (np.flatnonzero(families == family).tolist() for family in pair)
+        gain = _gain_of_parts(meetings[pair], motions, nodes, turns, settings)
+        for sign, young, old in ((1.0, one, other), (-1.0, other, one)):
+            gain += sign * sum(_gain_of_parted(n, old, motions, areas, sides, turns, settings) for n in young)
+        return gain
+
     meetings: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for i, j in near_pairs(nodes, settings.reach):
         if families[i] != families[j]:
             one, other = (i, j) if families[i] > families[j] else (j, i)
             meetings.setdefault((int(families[one]), int(families[other])), []).append((one, other))
     told = []
-    for pair, parts in meetings.items():
-        gain = _gain_of_parts(parts, motions, nodes, np.zeros(1), settings)
+    for pair in meetings:
+        gain = gain_of(pair, np.zeros(1))
         if abs(gain) <= settings.least_gain:
             continue
         if sliding:
-            free = _gain_of_parts(parts, motions, nodes, _TURNS, settings)
+            free = gain_of(pair, _TURNS)
             if np.sign(gain) * free <= settings.least_free:
                 continue
         told.append((abs(gain), *(pair if gain > 0 else pair[::-1])))
@@ -291,6 +298,45 @@ def _gain_of_parts(
     return sum(_gain(motions[i], motions[j], nodes[i], nodes[j], turns, settings) for i, j in parts)
 
 
+def _gain_of_parted(
+    young: int, parts: list[int], motions: list[FaultMotion], areas: list[float], sides: SidesOfFaults,
+    turns: Float64Array, settings: HistorySettings,
+) -> float:  # fmt: skip
+    """Return the logarithm of how many times smoother a fault's parts on either side of another are if that is undone.
+
+    Of several pairs of parts the clearest one tells; 0 where there is none.
+    """
+    gains = [0.0]
+    for n, i in enumerate(parts):
+        for j in parts[:n]:
+            large, small = (i, j) if areas[i] >= areas[j] else (j, i)
+            places = sides.parted(young, large, small)
+            if places is None:
+                continue
+            frame = motions[large].frame
+            as_is = _roughness_of_parted(frame, places, settings)
+            undone = [
+                _roughness_of_parted(frame, tuple(fault.undo(part) for part in places), settings)
+                * (1.0 + _PRICE * abs(float(turn)))
+                for turn, fault in ((turn, _sliding(motions[young], float(turn))) for turn in turns)
+            ]
+            if np.isfinite(as_is) and np.isfinite(min(undone)):
+                gains.append(float(np.log((as_is + _SMOOTH) / (min(undone) + _SMOOTH))))
+    return max(gains, key=abs)
+
+
+def _sliding(motion: FaultMotion, turn: float) -> FaultMotion:
+    return replace(motion, share=motion.share + turn)
+
+
+def _roughness_of_parted(frame: Frame, parts: tuple[Float64Array, ...], settings: HistorySettings) -> float:
+    """Return the roughness of two parts together; infinite where too few of their places come near each other."""
+    one, other = parts
+    away = distances_along(frame, one, other, settings.gap + settings.around)
+    roughness, count = roughness_together(frame, (one, other), away, settings.around)
+    return roughness if count >= settings.least_places else np.inf
+
+
 def _gain(
     one: FaultMotion, other: FaultMotion, nodes: Float64Array, others: Float64Array, turns: Float64Array,
     settings: HistorySettings,
@@ -331,11 +377,3 @@ def _roughness_undone(
     """Return how rough places of another fault are with this one undone, for each strike slip over throw."""
     undone = (replace(motion, share=float(share)).undo(places) for share in shares)
     return np.array([roughness_of(other.frame, points) for points in undone])
-
-
-def roughness_of(frame: Frame, points: Float64Array) -> float:
-    """Return the mean square, robust, that a quadratic surface leaves of points, in squared traces."""
-    s, samples, w = frame.lay(points)
-    a, b = ((at - at.mean()) / max(float(at.std()), 1.0) for at in (s, samples))
-    _, left = fit_terms((np.ones_like(a), a, b, a * a, a * b, b * b), w - w.mean())
-    return float(np.minimum(left * left, _ROUGHEST).mean())

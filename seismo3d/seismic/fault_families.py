@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from seismo3d._typing import Float64Array, IntArray
-from seismo3d.seismic.fault_ages import HistorySettings, near_pairs, roughness_of
+from seismo3d.seismic.fault_ages import HistorySettings, near_pairs
 from seismo3d.seismic.fault_motion import FaultMotion, Frame
-from seismo3d.seismic.sheet_distances import are_near, bounds_of, within_box
+from seismo3d.seismic.parted_faults import SidesOfFaults, distances_along, roughness_together
+from seismo3d.seismic.sheet_distances import are_near, bounds_of
 
 # traces within which surfaces that cover each other are the same, and distance along a surface that is still on it
 _SAME, _ON = 2.0, 1.5
+# traces and samples between two parts on either side of a fault, as they lie today
+_FAR = 60.0
+# roughness, in squared traces, that undoing a fault leaves of two parts that it has taken apart, and how many times and
+# by how much rougher they are as they lie
+_MENDED, _TIMES, _ROUGHER = 2.0, 4.0, 0.5
 
 
 def find_families(
@@ -50,7 +56,60 @@ def find_families(
         ours, theirs = (np.flatnonzero(family == family[m]) for m in (i, j))
         if all(apart(max(a, b), min(a, b))[0] for a in ours.tolist() for b in theirs.tolist()):
             family[theirs] = family[i]
+    sides = SidesOfFaults(motions, nodes, settings)
+
+    @cache
+    def parted(one: int, other: int, fault: int) -> bool:
+        large, small = (one, other) if areas[one] >= areas[other] else (other, one)
+        places = sides.parted(fault, large, small)
+        return places is not None and _go_together(motions[large].frame, places, motions[fault], settings)
+
+    for _, i, j, fault in sorted(_between(motions, nodes, areas, family, settings)):
+        if family[i] == family[j] or family[fault] in (family[i], family[j]) or not parted(i, j, fault):
+            continue
+        ours, theirs = (np.flatnonzero(family == family[m]) for m in (i, j))
+        pairs = [(max(a, b), min(a, b)) for a in ours.tolist() for b in theirs.tolist()]
+        if all(apart(*pair)[0] or parted(*pair, fault) for pair in pairs):
+            family[theirs] = family[i]
     return np.asarray(np.unique(family, return_inverse=True)[1])
+
+
+def _between(
+    motions: list[FaultMotion], nodes: list[Float64Array], areas: list[float], family: IntArray,
+    settings: HistorySettings,
+) -> Iterator[tuple[float, int, int, int]]:  # fmt: skip
+    """Give all pairs of faults that may be parts of one, and those that come near both, the largest pairs least."""
+    near = [set[int]() for _ in motions]
+    for i, j in near_pairs(nodes, settings.reach):
+        near[i].add(j)
+        near[j].add(i)
+    for i, j in near_pairs(nodes, _FAR):
+        if family[i] == family[j] or not _are_alike(motions[i], motions[j], settings):
+            continue
+        smaller = min(areas[i], areas[j])
+        if smaller >= settings.least_area:
+            up, down = sorted(float(np.median(motions[n].throw)) for n in (i, j))
+            if up < -settings.opposed and down > settings.opposed:
+                continue
+        for fault in sorted(near[i] & near[j]):
+            if areas[fault] >= settings.least_area:
+                yield -smaller, i, j, fault
+
+
+def _go_together(
+    frame: Frame, places: tuple[Float64Array, Float64Array], fault: FaultMotion, settings: HistorySettings
+) -> bool:
+    """Tell whether two parts, given by places on either side of a fault, lie on one surface if that is undone."""
+    one, other = (fault.undo(part) for part in places)
+    reach = settings.gap + settings.around + 1.0
+    away = distances_along(frame, one, other, reach)
+    if not _carry_on(away, settings):
+        return False
+    mended, count = roughness_together(frame, (one, other), away, settings.around)
+    if mended > _MENDED or count < settings.least_places:
+        return False
+    as_is, _ = roughness_together(frame, places, distances_along(frame, *places, reach), settings.around)
+    return as_is >= _TIMES * mended + _ROUGHER
 
 
 def are_one(
@@ -78,26 +137,15 @@ def are_one(
     alike = abs(float((frame.across * across).sum()))
     if alike < np.cos(np.radians(settings.turn_deg)):
         return False
-    s, samples, _ = frame.lay(one)
-    t, depths, _ = frame.lay(other)
-    here, there = np.column_stack([s, samples]), np.column_stack([t, depths])
-    if not are_near(bounds_of(here), bounds_of(there), settings.gap):
+    flat = [np.column_stack(frame.lay(part)[:2]) for part in (one, other)]
+    if not are_near(bounds_of(flat[0]), bounds_of(flat[1]), settings.gap):
         return False
     # farther than this nothing is asked of them
-    reach = settings.gap + settings.around + 1.0
-    to_one = _distances(there, here, reach)
-    gap = float(to_one.min())
-    if gap > settings.gap or (to_one < _ON).mean() > settings.overlap:
+    away = distances_along(frame, one, other, settings.gap + settings.around + 1.0)
+    if not _carry_on(away, settings):
         return False
-    to_other = _distances(here, there, reach)
-    if (to_other < _ON).mean() > settings.overlap:
-        return False
-    near, far = one[to_other < gap + settings.around], other[to_one < gap + settings.around]
-    count = min(len(near), len(far))
-    if count < settings.least_places // 2:
-        return False
-    both = [part[np.linspace(0, len(part) - 1, count).astype(np.int64)] for part in (near, far)]
-    return roughness_of(frame, np.concatenate(both)) < settings.roughness
+    roughness, count = roughness_together(frame, (one, other), away, settings.around)
+    return count >= settings.least_places // 2 and roughness < settings.roughness
 
 
 def _part_from_other(
@@ -107,9 +155,7 @@ def _part_from_other(
 
     Infinitely far where neither carries the other on.
     """
-    alike = float((motion.frame.across * other.frame.across).sum())
-    turned = 1 if alike >= 0 else -1
-    if abs(alike) < np.cos(np.radians(settings.turn_deg)) or turned * other.hanging_side != motion.hanging_side:
+    if not _are_alike(motion, other, settings):
         return False, np.inf
     away = motion.apart_at(nodes)
     gap = float(away.min())
@@ -125,11 +171,14 @@ def _part_from_other(
     return True, gap + aside if gap <= settings.gap and aside <= settings.aside else np.inf
 
 
-def _distances(places: Float64Array, others: Float64Array, reach: float) -> Float64Array:
-    """Return how far each place is from the nearest of others; infinite where that is farther than the reach."""
-    distances = np.full(len(places), np.inf)
-    near = within_box(places, bounds_of(others), reach)
-    if near.any():
-        tree = cKDTree(others[within_box(others, bounds_of(places[near]), reach)])
-        distances[near] = tree.query(places[near], distance_upper_bound=reach)[0]
-    return distances
+def _carry_on(away: tuple[Float64Array, Float64Array], settings: HistorySettings) -> bool:
+    """Tell whether two parts, given how far their places lie from the other, are near each other and side by side."""
+    gap = min(float(far.min()) for far in away)
+    return gap <= settings.gap and max(float((far < _ON).mean()) for far in away) <= settings.overlap
+
+
+def _are_alike(one: FaultMotion, other: FaultMotion, settings: HistorySettings) -> bool:
+    """Tell whether two faults strike alike and dip to the same side."""
+    alike = float((one.frame.across * other.frame.across).sum())
+    turned = 1 if alike >= 0 else -1
+    return abs(alike) >= np.cos(np.radians(settings.turn_deg)) and turned * other.hanging_side == one.hanging_side

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plane_motions import ALONG_CROSSLINES, ALONG_INLINES, places, plane_motion
+from plane_motions import ALONG_CROSSLINES, ALONG_INLINES, places, plane_motion, taken_apart
 
 from seismo3d.seismic.fault_ages import (
     _SHARES,
@@ -116,6 +116,27 @@ def test_what_parts_tell_of_ages_is_added_up():
     together = order_faults(motions, [places(young), *halves], [5000.0] * 3, np.array([0, 1, 1]), weak)
     assert not apart.any()
     np.testing.assert_array_equal(together, [[False, True, True], [False] * 3, [False] * 3])
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_two_parts_on_either_side_of_a_fault_tell_that_it_is_younger(turned):
+    young = plane_motion(ALONG_CROSSLINES, throw=30.0, cotangent=0.3)
+    parts, nodes = taken_apart(young, plane_motion(ALONG_INLINES, cotangent=0.6))
+    motions, at = [young, *parts], [places(young), *nodes]
+    order = [2, 0, 1] if turned else [0, 1, 2]
+    motions, at = [motions[n] for n in order], [at[n] for n in order]
+    families = np.array([[0, 1, 1][n] for n in order])
+    younger = order_faults(motions, at, [5000.0] * 3, families, SETTINGS)
+    first = order.index(0)
+    expected = np.zeros((3, 3), bool)
+    expected[first] = families != 0
+    np.testing.assert_array_equal(younger, expected)
+    # nor does a strike slip explain it
+    np.testing.assert_array_equal(order_faults(motions, at, [5000.0] * 3, families, SETTINGS, sliding=True), expected)
+    # it is told more clearly than by what each part tells alone
+    clear = replace(SETTINGS, least_gain=7.0)
+    np.testing.assert_array_equal(order_faults(motions, at, [5000.0] * 3, families, clear), expected)
+    assert not order_faults(motions, at, [5000.0] * 3, np.arange(3), clear).any()
 
 
 def gain_of(young, old, nodes):

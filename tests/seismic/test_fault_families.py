@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plane_motions import ALONG_CROSSLINES, ALONG_INLINES, beside, in_parts, places, plane_motion
+from plane_motions import ALONG_CROSSLINES, ALONG_INLINES, beside, in_parts, places, plane_motion, taken_apart
 
 from seismo3d.seismic.fault_ages import HistorySettings
 from seismo3d.seismic.fault_families import are_one, find_families
@@ -41,6 +41,28 @@ def test_what_is_thrown_up_is_of_another_family_than_what_is_thrown_down():
         assert families_of(both) == [0, 0 if together else 1]
         # so small a part may have been matched a cycle off
         assert families_of(both, [5000.0, 500.0]) == [0, 0]
+
+
+@pytest.mark.parametrize("overrun", [0.0, 2.0])
+def test_parts_that_another_fault_took_far_apart_are_of_one_family(overrun):
+    young = plane_motion(ALONG_CROSSLINES, throw=30.0, cotangent=0.3)
+    (one, other), nodes = taken_apart(young, plane_motion(ALONG_INLINES, cotangent=0.6), overrun=overrun)
+
+    def families(cut=young, second=other, at=nodes[1], areas=(5000.0, 5000.0, 5000.0)):
+        found = find_families([cut, one, second], [places(cut), nodes[0], at], list(areas), SETTINGS)
+        return found.tolist()
+
+    # 18 traces of the one by the other, where a throw of 30 went down a dip of 59 degrees
+    assert families() == [0, 1, 1]
+    # what is too small to be taken back takes nothing apart
+    assert families(areas=(1000.0, 5000.0, 5000.0)) == [0, 1, 2]
+    # a throw that takes it elsewhere
+    assert families(cut=replace(young, throw=young.throw - 12.0)) == [0, 1, 2]
+    assert families(second=beside(other, 6.0), at=nodes[1] + [0.0, 6.0, 0.0]) == [0, 1, 2]
+    # thrown up here, and down there
+    assert families(second=replace(other, throw=-other.throw)) == [0, 1, 2]
+    # both on one side
+    assert families(at=nodes[0] + [0.0, 18.0, 0.0], second=beside(one, 18.0)) == [0, 1, 2]
 
 
 def test_one_part_carries_on_but_one_of_two_side_by_side():
