@@ -61,12 +61,8 @@ class SidesOfFaults:
 
     Parameters
     ----------
-    motions : list of FaultMotion
-        The faults, or parts of them.
-    nodes : list of ndarray of shape (n, 3), float64
-        Places on each.
-    settings : HistorySettings
-        Limits.
+    motions, nodes, settings
+        As for :func:`~seismo3d.seismic.fault_ages.order_faults`.
     """
 
     def __init__(self, motions: list[FaultMotion], nodes: list[Float64Array], settings: HistorySettings) -> None:
