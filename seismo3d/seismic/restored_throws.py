@@ -134,9 +134,12 @@ def restore_throws(
         if motion is not None and younger[group].any():
             undone.add(group, strain[first].of(motion))
     generations = count_generations(younger).tolist()
-    for n in known:
-        if generations[n] == 0:
-            found[n] = _tell_in_place(found[n], strain[n].lift, sheets[n].step, history)
+    for family in set(families[known].tolist()):
+        parts_of = [n for n in known if families[n] == family and generations[n] == 0]
+        # what the layers tell of both walls is believed where slip dies away within the cube
+        if parts_of and measure_evenness([found[n] for n in parts_of]) <= history.dying:
+            for n in parts_of:
+                found[n] = _tell_in_place(found[n], strain[n].lift, sheets[n].step)
     order = zip(families.tolist(), generations, strict=True)
     return [replace(throw, family=n, generation=g) for throw, (n, g) in zip(found, order, strict=True)]
 
@@ -307,10 +310,8 @@ def _read_throw(
     )
 
 
-def _tell_in_place(throw: SheetThrow, lift: float, step: int, history: HistorySettings) -> SheetThrow:
+def _tell_in_place(throw: SheetThrow, lift: float, step: int) -> SheetThrow:
     """Return the throw of a fault at its places, from how far apart what touched lies, if both of its walls moved."""
-    if lift >= 1.0 or not measure_evenness([throw]) <= history.dying:
-        return throw
     told = tell_throw(throw.throw.astype(np.float64), lift, throw.strike_share, step)
     return replace(throw, throw=told.astype(np.float32), lift=lift)
 
