@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import BoolArray, Float64Array
+from seismo3d._typing import Float64Array
+from seismo3d.seismic.fault_motion import fill_nearest
 
 # rounds in which the one is told from the other: where throw changes by half a sample a sample, to a hundredth of it
 _ROUNDS = 4
@@ -36,10 +37,10 @@ def tell_throw(apart: Float64Array, lift: float, along: float, step: int = 1) ->
     ndarray of the same shape, float64
         Samples, NaN there.
     """
-    if lift >= 1.0:
-        return apart
     known = np.isfinite(apart)
-    throw = filled = _fill(apart, known)
+    if lift >= 1.0 or not known.any():
+        return apart
+    throw = filled = fill_nearest(apart)
     for _ in range(_ROUNDS):
         throw = filled + (1.0 - lift) * (throw - _at_counterparts(throw, filled, along, step))
     return np.where(known, throw, np.nan)
@@ -60,21 +61,13 @@ def tell_apart(throw: Float64Array, lift: float, along: float, step: int = 1) ->
     ndarray of the same shape, float64
         Samples, NaN there.
     """
-    if lift >= 1.0:
-        return throw
     known = np.isfinite(throw)
-    apart = filled = _fill(throw, known)
+    if lift >= 1.0 or not known.any():
+        return throw
+    apart = filled = fill_nearest(throw)
     for _ in range(_ROUNDS):
         apart = lift * filled + (1.0 - lift) * _at_counterparts(filled, apart, along, step)
     return np.where(known, apart, np.nan)
-
-
-def _fill(values: Float64Array, known: BoolArray) -> Float64Array:
-    """Return values where they are known, and the nearest of these elsewhere; 0 where none are."""
-    if not known.any():
-        return np.zeros(values.shape)
-    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.asarray(values[tuple(nearest)], np.float64)
 
 
 def _at_counterparts(values: Float64Array, apart: Float64Array, along: float, step: int) -> Float64Array:

@@ -57,9 +57,9 @@ class HistorySettings:
         Logarithm of the odds that slip does not die away off a fault, before the layers are looked at; and how well
         their tilts beside it tell which share is lost a trace, where nothing scatters.
     even, dying : float in [0, 1]
-        Least throw of a fault over its largest, nine and one in twenty of its places left out: from the first on slip
-        dies away off it no more than along it; up to the second it dies away within the cube, and what the layers tell
-        of its two walls is believed of its own throw as well.
+        Least throw of a fault over its largest, but for a tenth of its places with less and a twentieth with more: from
+        the first on slip does not die away off it either; up to the second it dies away within the cube, and what the
+        layers tell of its two walls is believed of its own throw as well.
     turn_deg, gap, around, overlap, roughness : float in [0, 90], [0, inf], [0, inf], [0, 1], [0, inf]
         Two faults are parts of one where they strike alike within the first, lie no farther apart than the second, one
         covers no more than the fourth of the other, and one quadratic surface through both, within the third of each
@@ -155,6 +155,11 @@ def order_faults(
     ndarray of shape (fault, fault), bool
         True where the first is younger than the second; where neither is, it is not known.
     """
+    meetings: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for i, j in near_pairs(nodes, settings.reach):
+        if families[i] != families[j]:
+            one, other = (i, j) if families[i] > families[j] else (j, i)
+            meetings.setdefault((int(families[one]), int(families[other])), []).append((one, other))
     sides = SidesOfFaults(motions, nodes, settings)
 
     def gain_of(pair: tuple[int, int], turns: Float64Array) -> float:
@@ -164,11 +169,6 @@ def order_faults(
             gain += sign * sum(_gain_of_parted(n, old, motions, areas, sides, turns, settings) for n in young)
         return gain
 
-    meetings: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for i, j in near_pairs(nodes, settings.reach):
-        if families[i] != families[j]:
-            one, other = (i, j) if families[i] > families[j] else (j, i)
-            meetings.setdefault((int(families[one]), int(families[other])), []).append((one, other))
     told = []
     for pair in meetings:
         gain = gain_of(pair, np.zeros(1))

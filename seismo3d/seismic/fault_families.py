@@ -11,7 +11,6 @@ from seismo3d._typing import Float64Array, IntArray
 from seismo3d.seismic.fault_ages import HistorySettings, near_pairs
 from seismo3d.seismic.fault_motion import FaultMotion, Frame
 from seismo3d.seismic.parted_faults import SidesOfFaults, distances_along, roughness_together
-from seismo3d.seismic.sheet_distances import are_near, bounds_of
 
 # traces within which surfaces that cover each other are the same, and distance along a surface that is still on it
 _SAME, _ON = 2.0, 1.5
@@ -30,7 +29,8 @@ def find_families(
     Younger faults have taken the parts of an older one apart, along it and, by their heave, across it. Parts strike
     alike, dip to the same side, are not thrown up here and down there, unless one is too small to tell, and carry each
     other on: where each other's surface was found they do not lie, unless on that very surface. The closest go together
-    first, as long as this holds for all parts of a fault.
+    first, as long as this holds for all parts of a fault. Then those go together, the largest first, that lie farther
+    apart, on either side of another fault, and on one surface once that is undone.
 
     Parameters
     ----------
@@ -87,10 +87,8 @@ def _between(
         if family[i] == family[j] or not _are_alike(motions[i], motions[j], settings):
             continue
         smaller = min(areas[i], areas[j])
-        if smaller >= settings.least_area:
-            up, down = sorted(float(np.median(motions[n].throw)) for n in (i, j))
-            if up < -settings.opposed and down > settings.opposed:
-                continue
+        if _are_opposed(motions[i].throw, motions[j].throw, smaller, settings):
+            continue
         for fault in sorted(near[i] & near[j]):
             if areas[fault] >= settings.least_area:
                 yield -smaller, i, j, fault
@@ -137,9 +135,6 @@ def are_one(
     alike = abs(float((frame.across * across).sum()))
     if alike < np.cos(np.radians(settings.turn_deg)):
         return False
-    flat = [np.column_stack(frame.lay(part)[:2]) for part in (one, other)]
-    if not are_near(bounds_of(flat[0]), bounds_of(flat[1]), settings.gap):
-        return False
     # farther than this nothing is asked of them
     away = distances_along(frame, one, other, settings.gap + settings.around + 1.0)
     if not _carry_on(away, settings):
@@ -160,10 +155,8 @@ def _part_from_other(
     away = motion.apart_at(nodes)
     gap = float(away.min())
     near = nodes[away < gap + settings.around]
-    if area >= settings.least_area:
-        up, down = sorted(float(np.median(fault.throw_at(near))) for fault in (motion, other))
-        if up < -settings.opposed and down > settings.opposed:
-            return False, np.inf
+    if _are_opposed(motion.throw_at(near), other.throw_at(near), area, settings):
+        return False, np.inf
     # at right angles to the surface, which dips: across the strike it is as far off where that throws the part down
     aside = abs(float(np.median(motion.side(near)) / np.hypot(1.0, motion.slopes[1])))
     if aside > _SAME and float((away < _ON).mean()) > settings.overlap:
@@ -182,3 +175,9 @@ def _are_alike(one: FaultMotion, other: FaultMotion, settings: HistorySettings) 
     alike = float((one.frame.across * other.frame.across).sum())
     turned = 1 if alike >= 0 else -1
     return abs(alike) >= np.cos(np.radians(settings.turn_deg)) and turned * other.hanging_side == one.hanging_side
+
+
+def _are_opposed(one: Float64Array, other: Float64Array, area: float, settings: HistorySettings) -> bool:
+    """Tell whether one fault is thrown up and the other down, by some throws of both; not of too small an area."""
+    up, down = sorted(float(np.median(throws)) for throws in (one, other))
+    return area >= settings.least_area and up < -settings.opposed and down > settings.opposed

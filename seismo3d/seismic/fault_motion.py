@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from seismo3d._typing import BoolArray, Float32Array, Float64Array, IntArray
+from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, IntArray
 from seismo3d.seismic._kernels_restore import enlarge_grid, find_near_motion, read_between
 from seismo3d.seismic.slip_fields import smooth_field
 from seismo3d.seismic.term_fits import fit_terms
@@ -217,6 +217,12 @@ def enlarge(values: Float32Array, shape: tuple[int, ...], thin: int) -> Float32A
     """Interpolate what is known at every `thin`-th place of a grid."""
     rows, columns = (np.minimum(np.arange(n) / thin, m - 1) for n, m in zip(shape, values.shape, strict=True))
     return np.asarray(enlarge_grid(values, rows, columns), np.float32)
+
+
+def fill_nearest(values: AnyArray) -> Float64Array:
+    """Return values on a grid, those of the nearest place where there are none (NaN); at least one must be there."""
+    nearest = ndimage.distance_transform_edt(~np.isfinite(values), return_distances=False, return_indices=True)
+    return np.asarray(values[tuple(nearest)], np.float64)
 
 
 def go_straight_on(height: Float64Array, inside: BoolArray) -> tuple[Float64Array, Float64Array]:

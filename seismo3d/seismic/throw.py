@@ -12,7 +12,7 @@ from seismo3d._settings import Amount, Smoothing, Steps, StepsOrNone, Width
 from seismo3d._typing import BoolArray, Float32Array
 from seismo3d.seismic._kernels_throw import mark_beside, read_sides
 from seismo3d.seismic.dip import DipSettings, estimate_slopes
-from seismo3d.seismic.fault_motion import enlarge
+from seismo3d.seismic.fault_motion import enlarge, fill_nearest
 from seismo3d.seismic.sheets import Sheet
 from seismo3d.seismic.slip_direction import refine_free_slip
 from seismo3d.seismic.slip_fields import MISMATCH, Sides, SlipField, SlipSettings, refine_slip
@@ -301,10 +301,9 @@ def _on_nodes(sheet: Sheet, slip: SlipField, thin: int) -> tuple[Float32Array, F
 
 def at_every(values: Float32Array, sheet: Sheet, every: int) -> Float32Array:
     """Return what is told at the nodes of a sheet at every so many rows and samples; off the nodes the nearest."""
-    nearest = ndimage.distance_transform_edt(~np.isfinite(values), return_distances=False, return_indices=True)
     rows, samples = (np.arange(0, size, every, dtype=np.float64) for size in _sizes(sheet))
     at = np.stack(np.meshgrid(rows, samples / sheet.step, indexing="ij"))
-    return ndimage.map_coordinates(np.asarray(values[tuple(nearest)], np.float64), at, order=1).astype(np.float32)
+    return ndimage.map_coordinates(fill_nearest(values), at, order=1).astype(np.float32)
 
 
 def find_slip(
