@@ -179,5 +179,7 @@ def _are_alike(one: FaultMotion, other: FaultMotion, settings: HistorySettings) 
 
 def _are_opposed(one: Float64Array, other: Float64Array, area: float, settings: HistorySettings) -> bool:
     """Tell whether one fault is thrown up and the other down, by some throws of both; not of too small an area."""
+    if area < settings.least_area:
+        return False
     up, down = sorted(float(np.median(throws)) for throws in (one, other))
-    return area >= settings.least_area and up < -settings.opposed and down > settings.opposed
+    return up < -settings.opposed and down > settings.opposed
