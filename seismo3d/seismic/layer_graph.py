@@ -83,9 +83,9 @@ class LayerTimeSettings:
     least: Annotated[float, "(0, 1)"] = 1e-3
     first_cutoffs: Annotated[tuple[_Cutoff, ...], "not empty"] = (np.inf, 30.0, 15.0, 8.0, 5.0, 3.0, 3.0, 3.0)
     cutoffs: Annotated[tuple[_Cutoff, ...], "not empty"] = (30.0, 3.0)
-    iterations: Count = 50
+    iterations: Count = 40
     grouped: Annotated[int, "[0, inf)"] = 1 << 20
-    grouped_iterations: Count = 60
+    grouped_iterations: Count = 200
     apart: Annotated[float, "[1, 1000]"] = 8.0
     sure: Correlation = 0.6
     dip: DipSettings = field(default_factory=DipSettings)

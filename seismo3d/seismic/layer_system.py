@@ -28,7 +28,8 @@ from seismo3d.seismic._kernels_layer_solve import (
 from seismo3d.seismic._kernels_layer_start import lead_traces
 from seismo3d.seismic.linking import Room
 
-_TOLERANCE = 1e-3
+# share of the first gradient, in the norm of its preconditioner, at which a solution is near enough
+_TOLERANCE = 3e-3
 # bins of layer time in which its scale is kept; where but this share of the traces or fewer pass it stays as it is
 _BINS, _FEW = 4096, 0.005
 # bytes of a vertex in the arrays of the solution: five vectors, and room for the pages of their neighbours
@@ -229,14 +230,16 @@ class LayerSystem:
         with _fitting_threads(values.size):
             return self._weigh(values, cutoff, variance)
 
-    def improve(self, values: Float32Array, iterations: int, *, grouped: bool = False) -> None:
+    def improve(
+        self, values: Float32Array, iterations: int, *, grouped: bool = False, tolerance: float = _TOLERANCE
+    ) -> None:
         """Take values, in place, to the least squares of the weighted links.
 
         By conjugate gradients, in each step of which every trace's own equations are solved, and, if asked for, those
-        of groups of vertices.
+        of groups of vertices. They end after so many steps, or where this share of the first gradient is left.
         """
         with _fitting_threads(values.size):
-            self._improve(values, iterations, self._group() if grouped else None)
+            self._improve(values, iterations, self._group() if grouped else None, tolerance)
 
     def _group(self) -> GroupCorrection:
         """Group the vertices that links hold together; links are taken to end at the nearest vertex."""
@@ -287,7 +290,7 @@ class LayerSystem:
             self.room.rest()
         return n_beyond
 
-    def _improve(self, values: Float32Array, iterations: int, groups: GroupCorrection | None) -> None:
+    def _improve(self, values: Float32Array, iterations: int, groups: GroupCorrection | None, tolerance: float) -> None:
         gradient, pivots, step, direction, product = (self.room.array(self.shape, np.float32) for _ in range(5))
         sums: Float64Array = np.zeros(self.shape[0])
         for start, stop in self.slabs():
@@ -299,7 +302,7 @@ class LayerSystem:
         if groups:
             groups.add(moves, direction)
         for _ in range(iterations):
-            if energy <= _TOLERANCE**2 * first or energy <= 0.0:
+            if energy <= tolerance**2 * first or energy <= 0.0:
                 break
             for start, stop in self.slabs():
                 self.pull(NORMAL, direction, start, stop, product, direction, sums)
