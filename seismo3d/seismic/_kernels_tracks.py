@@ -288,34 +288,37 @@ def read_layers(volume, valid, times, cuts, depth, half, out, known):  # type: i
 def match_waveforms(waves, known, references, in_reference, taper, least, scores):  # type: ignore[no-untyped-def]
     """Write the correlation of every row with shorter references at every lag; -1 where too little is known.
 
-    References are of shape (k, width), all known alike, and scores (k, row, lag).
+    References are of shape (k, width), and scores (k, row, lag). What is known of them is of shape (k, width) too, or
+    (1, width) where they are all known alike.
     """
     n, width = references.shape
-    n_lags = scores.shape[2]
+    n_known, n_lags = len(in_reference), scores.shape[2]
     whole = taper.sum()
     for row in prange(len(waves)):
         p = np.int64(row)
-        share, left = np.zeros(n_lags), np.zeros(n_lags)
+        share, left = np.zeros((n_known, n_lags)), np.zeros((n_known, n_lags))
         product, right = np.zeros((n, n_lags)), np.zeros((n, n_lags))
         # all lags side by side, which the processor's vectors take several of in a step
         for t in range(width):
-            weight = taper[t] * in_reference[t]
-            for lag in range(n_lags):
-                w, x = weight * known[p, lag + t], waves[p, lag + t]
-                share[lag] += w
-                left[lag] += w * x * x
+            for k in range(n_known):
+                weight = taper[t] * in_reference[k, t]
+                for lag in range(n_lags):
+                    w, x = weight * known[p, lag + t], waves[p, lag + t]
+                    share[k, lag] += w
+                    left[k, lag] += w * x * x
             for k in range(n):
-                r = references[k, t]
+                weight, r = taper[t] * in_reference[k if n_known > 1 else 0, t], references[k, t]
                 for lag in range(n_lags):
                     w, x = weight * known[p, lag + t], waves[p, lag + t]
                     product[k, lag] += w * x * r
                     right[k, lag] += w * r * r
         for k in range(n):
+            own = k if n_known > 1 else 0
             for lag in range(n_lags):
-                if share[lag] < least * whole or left[lag] <= 0.0 or right[k, lag] <= 0.0:
+                if share[own, lag] < least * whole or left[own, lag] <= 0.0 or right[k, lag] <= 0.0:
                     scores[k, p, lag] = -1.0
                 else:
-                    scores[k, p, lag] = product[k, lag] / np.sqrt(left[lag] * right[k, lag])
+                    scores[k, p, lag] = product[k, lag] / np.sqrt(left[own, lag] * right[k, lag])
 
 
 @njit(cache=True, nogil=True, parallel=True)

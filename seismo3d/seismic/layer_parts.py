@@ -267,8 +267,7 @@ def _match_stretched(
     shares = np.linspace(-settings.stretch, settings.stretch, 2 * _STRETCHES + 1)
     waves, seen = stretched(reference, half, shares, spectrum), np.clip(stretched(known, half, shares), 0.0, 1.0)
     scores = np.empty((len(shares), len(means), 2 * far + 1), np.float32)
-    for wave, part, found in zip(waves, seen, scores, strict=True):
-        match_waveforms(means, share, wave[None], part, taper, np.float32(_LEAST_KNOWN), found[None])
+    match_waveforms(means, share, waves, seen, taper, np.float32(_LEAST_KNOWN), scores)
     # where a fault or an end of the cube takes one side, layers may as well be thicker as lie elsewhere
     seen_of = (share[:, far:-far] * known[far:-far])[:, 1:].reshape(len(means), 2, half).mean(axis=2).min(axis=1)
     price = np.where(seen_of > _BOTH_SIDES, settings.price, 100.0) * np.abs(shares)[:, None]

@@ -34,5 +34,5 @@ def match_traces(
     lags = np.empty((n, len(waves), 2 * reach + 1), np.float32)
     taper = np.hanning(width + 2)[1:-1].astype(np.float32)
     share = float(taper @ in_reference / taper.sum())
-    match_waveforms(waves, known, references, in_reference, taper, np.float32(least * share), lags)
+    match_waveforms(waves, known, references, in_reference[None], taper, np.float32(least * share), lags)
     return lags

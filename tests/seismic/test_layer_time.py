@@ -195,22 +195,30 @@ def test_horizons_are_found_without_seeds(folded: SyntheticCube, folded_layers: 
 def test_correlation_finds_the_lag() -> None:
     wave = np.sin(np.arange(60) * 0.4) * np.exp(-(((np.arange(60) - 33) / 9.0) ** 2))
     row, part, taper = wave[None].astype(np.float32), wave[13:54].astype(np.float32), np.hanning(43)[1:-1]
+    whole = np.ones_like(part)[None]
     known, scores = np.ones_like(row), np.empty((1, 20), np.float32)
-    match_waveforms(row, known, part[None], np.ones_like(part), taper, 0.5, scores[None])
+    match_waveforms(row, known, part[None], whole, taper, 0.5, scores[None])
     assert scores[0].argmax() == 13
     assert scores[0].max() == pytest.approx(1.0, abs=1e-5)
     known[0, 40:] = 0.0  # beyond a fault
-    match_waveforms(row, known, part[None], np.ones_like(part), taper, 0.5, scores[None])
+    match_waveforms(row, known, part[None], whole, taper, 0.5, scores[None])
     assert scores[0].argmax() == 13
-    match_waveforms(row, known, part[None], np.ones_like(part), taper, 0.9, scores[None])
+    match_waveforms(row, known, part[None], whole, taper, 0.9, scores[None])
     assert (scores[0, 13:] == -1.0).all()
     # several references at once are each what they are alone
     both, alone = np.empty((2, 1, 20), np.float32), np.empty((1, 1, 20), np.float32)
     references = np.stack([part, part[::-1]])
-    match_waveforms(row, known, references, np.ones_like(part), taper, 0.5, both)
+    match_waveforms(row, known, references, whole, taper, 0.5, both)
     for reference, found in zip(references, both, strict=True):
-        match_waveforms(row, known, reference[None], np.ones_like(part), taper, 0.5, alone)
+        match_waveforms(row, known, reference[None], whole, taper, 0.5, alone)
         np.testing.assert_array_equal(found, alone[0])
+    # also where less is known of one of them than of the other
+    known_of = np.stack([whole[0], np.where(np.arange(41) < 20, whole[0], 0.0)]).astype(np.float32)
+    match_waveforms(row, known, references, known_of, taper, 0.2, both)
+    for n, found in enumerate(both):
+        match_waveforms(row, known, references[n : n + 1], known_of[n : n + 1], taper, 0.2, alone)
+        np.testing.assert_array_equal(found, alone[0])
+    assert (both[1] != -1.0).all()
 
 
 def test_layers_repeat_at_a_reverse_fault_and_waveforms_end_at_it() -> None:
