@@ -47,7 +47,7 @@ class HistorySettings:
     least_area : float in [0, inf]
         Smaller faults are not taken back for others' sake: their throw is too uncertain.
     stiffness : float in [0, 1000000]
-        Of the field of throw by which others are moved back.
+        Of the field of throw, about a bell, by which others are moved back.
     least_match : float in [0, inf]
         How well the sides of a fault must match where others are taken back, in parts of how well they do today: what
         is moved there is interpolated, and matches a little worse for that alone.
@@ -81,7 +81,7 @@ class HistorySettings:
     least_share: Threshold = 0.27
     least_mend: Threshold = 1.2
     least_area: Threshold = 1500.0
-    stiffness: Stiffness = 300.0
+    stiffness: Stiffness = 1000.0
     least_match: Threshold = 0.9
     lift_spread: Positive = 0.2
     decay_odds: Annotated[float, "(-inf, inf)"] = 2.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import ndimage
@@ -12,6 +13,7 @@ from seismo3d._typing import AnyArray, BoolArray, Float32Array, Float64Array, In
 from seismo3d.seismic._kernels_restore import enlarge_grid, find_near_motion, read_between
 from seismo3d.seismic.slip_fields import smooth_field
 from seismo3d.seismic.term_fits import fit_terms
+from seismo3d.seismic.throw_bells import smooth_about_bell
 
 # what a throw counts that is only carried on, of one that matches
 _CARRIED = 0.01
@@ -183,7 +185,8 @@ def find_motion(
     """Make a motion of a surface and the throws that matched on it.
 
     What lies between two faults is strained by how throw changes from place to place, which is known less well than
-    throw itself: it is taken from a field that is stiffer than the throw.
+    throw itself: it is taken from a field that is stiffer than the throw, about the bell that is nearest to it. A stiff
+    field alone would flatten the top of a bell, and with it how throw changes around.
 
     Parameters
     ----------
@@ -196,7 +199,7 @@ def find_motion(
     hanging_side, share
         As in :class:`FaultMotion`.
     stiffness : float
-        Of the field of throw; see :func:`~seismo3d.seismic.slip_fields.smooth_field`.
+        Of what the field has over the bell; see :func:`~seismo3d.seismic.slip_fields.smooth_field`.
     thin : int
         Places of the surface for one of the throw.
 
@@ -206,7 +209,8 @@ def find_motion(
     """
     inside = np.isfinite(height)
     matched = np.where(inside[::thin, ::thin], np.clip((fit - 0.4) / 0.6, 0.0, 1.0) ** 2, 0.0)
-    field = smooth_field(throw, np.maximum(matched, _CARRIED).astype(np.float32), stiffness=stiffness)
+    stiff = partial(smooth_field, weights=np.maximum(matched, _CARRIED).astype(np.float32), stiffness=stiffness)
+    field = smooth_about_bell(throw, matched.astype(np.float32), stiff)
     filled, apart = go_straight_on(height, inside)
     slopes = tuple(float(np.diff(filled, axis=axis).mean()) if n > 1 else 0.0 for axis, n in enumerate(height.shape))
     throws = enlarge(field, height.shape, thin).astype(np.float64)

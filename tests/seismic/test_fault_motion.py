@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plane_motions import ALONG_INLINES, in_parts, plane_motion
 
-from seismo3d.seismic.fault_motion import undo_parts
+from seismo3d.seismic.fault_motion import find_motion, undo_parts
 
 
 @pytest.mark.parametrize(("cotangent", "throw"), [(0.4, 10.0), (0.4, -6.0), (-0.3, 5.0)])
@@ -44,6 +44,21 @@ def test_points_near_a_motion_are_those_that_its_distances_tell(cotangent):
     np.testing.assert_array_equal(found, np.flatnonzero(expected))
     np.testing.assert_allclose(side, motion.side(points[found]), atol=1e-9)
     assert 100 < len(found) < 1500
+
+
+def test_a_motion_keeps_the_top_of_a_bell_that_matches_badly():
+    rows, samples = np.indices((64, 64)) * 2.0
+    bell = 18.0 * np.exp(-0.5 * (((rows - 60.0) / 45.0) ** 2 + ((samples - 70.0) / 40.0) ** 2))
+    noise = np.random.default_rng(2).normal(0.0, 0.5, bell.shape)
+    motion = find_motion(
+        ALONG_INLINES, (0.0, 0.0), np.full((128, 128), 32.0), (bell + noise).astype(np.float32),
+        np.full(bell.shape, 0.6, np.float32), hanging_side=1, share=0.0, stiffness=1000.0,
+    )  # fmt: skip
+    off = motion.throw[::2, ::2] - bell
+    assert np.abs(off).max() < 0.4
+    # and how it changes, which strains what lies beside it
+    change = np.abs(np.gradient(off, 2.0)).max()
+    assert change < 0.05
 
 
 def test_a_fault_found_in_parts_moves_nothing_twice():

@@ -20,7 +20,7 @@ from seismo3d.seismic.blocks.plan import BlockPlan
 from seismo3d.seismic.blocks.store import BrickStore, DamagedBlock
 
 _PLAN = "plan.json"
-_VERSION = 25
+_VERSION = 26
 # names of what a lazy array is made of that was read from a file, and of which some was chosen
 _OF_FILE = re.compile(r"(original-)?(segy|zarr|npy)-|(getitem|transpose|rechunk)-")
 # lines of such an array that are looked at

@@ -197,8 +197,8 @@ def test_a_finished_run_is_not_done_again_and_what_changed_is_noticed(cube, faul
     with pytest.raises(ParameterError, match=r"the kind of the run in .* has changed: was layers, now faults"):
         trace_in_blocks(cube, plan, settings, folder=run, progress=lambda *_: None)
     begun = run / "work" / "plan.json"
-    begun.write_text(begun.read_text().replace('"version": 25', '"version": 24').replace('"faults": "', '"faults": "0'))
-    with pytest.raises(ParameterError, match=r"the format of the run in .* has changed: was 24, now 25"):
+    begun.write_text(begun.read_text().replace('"version": 26', '"version": 25').replace('"faults": "', '"faults": "0'))
+    with pytest.raises(ParameterError, match=r"the format of the run in .* has changed: was 25, now 26"):
         layer(cube, faults, run)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "letter.txt").touch()
