@@ -40,7 +40,7 @@ Variable: TypeAlias = Annotated[
 ]
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the results as JSON.")]
 Overwrite: TypeAlias = Annotated[
-    bool, typer.Option("--overwrite", help="Replace the results of an earlier run in the folder.")
+    bool, typer.Option("--overwrite", help="Replace an earlier run in the folder, with runs made of it there.")
 ]
 Memory: TypeAlias = Annotated[
     str | None,

@@ -44,7 +44,7 @@ def check_run_folder(folder: Path, *, command: str, inputs: Iterable[Path], over
     ------
     FileAccessError
         If the folder is there and may not be replaced. Only a folder that is empty or holds a run of the same command
-        is ever replaced.
+        is ever replaced, and none in which there is something that no run wrote.
     """
     if not folder.exists() and not folder.is_symlink():
         return
@@ -81,6 +81,22 @@ def _check_own_run(folder: Path, command: str) -> None:
             f"{folder} holds a run of seismo3d {made_by}; seismo3d {command} replaces only runs of its own. Choose "
             "another folder, or remove this one first."
         )
+    strangers = _find_strangers(folder)
+    if strangers:
+        more = f" and {len(strangers) - 1} more" if len(strangers) > 1 else ""
+        raise FileAccessError(
+            f"{folder} holds {strangers[0]}{more}, which no run there wrote, and --overwrite would remove. Move that "
+            "away, or choose another folder."
+        )
+
+
+def _find_strangers(folder: Path) -> list[str]:
+    """Return what lies in the folder of a run that neither it wrote, nor is a run that was made of it."""
+    written = (read_record(folder) or {}).get("files")
+    if not isinstance(written, list):
+        return []
+    others = (path for path in folder.iterdir() if path.name not in written)
+    return sorted(path.name for path in others if not (path.is_dir() and _command_of(path) is not None))
 
 
 def _command_of(folder: Path) -> str | None:
@@ -184,6 +200,14 @@ def describe_run(*paths: Path, command: str, options: Mapping[str, Any]) -> dict
         "options": {name: value for name, value in options.items() if value is not None},
         "versions": find_versions(),
     }
+
+
+def write_record(folder: Path, record: Mapping[str, Any]) -> None:
+    """Write the record of a run, when all else of it is in its folder: it names what is there."""
+    from seismo3d.io.records import write_json
+
+    files = sorted({path.name for path in folder.iterdir()} | {RECORD})
+    write_json(folder / RECORD, {**record, "files": files})
 
 
 def print_json(record: Mapping[str, Any]) -> None:

@@ -40,13 +40,12 @@ def run(
     import matplotlib.pyplot as plt
 
     from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json
+    from seismo3d.cli._run_folder import check_run_folder, describe_run, print_json, write_record
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.geometry.map_grid import MapGrid, refuse_apart, refuse_other_systems
     from seismo3d.io._files import written_aside
     from seismo3d.io.elevation import raster_suffix, read_elevation, write_elevation
-    from seismo3d.io.records import write_json
     from seismo3d.plot.terrain_maps import change_map
     from seismo3d.terrain.alignment import register
     from seismo3d.terrain.change import compare
@@ -82,7 +81,7 @@ def run(
         asked = {"align": align, "vertical": vertical, "sigma_before": sigma_before, "sigma_after": sigma_after}
         facts, timings = _facts(change, registration), clock.stop()
         record = describe_run(before, after, command="compare", options={**asked, "confidence": confidence})
-        write_json(aside / RECORD, {**record, **facts, "timings_s": timings})
+        write_record(aside, {**record, **facts, "timings_s": timings})
     if json:
         print_json({"folder": out, **facts, "timings_s": timings})
     else:

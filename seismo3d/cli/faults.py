@@ -163,8 +163,7 @@ def _write_unfaulted(cube: Any, faults: Any, folder: Path, clock: Progress) -> N
 
 def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, asked: dict[str, Any]) -> dict[str, float]:
     """Draw the pictures, write the report and the record of the run, and return the seconds of each stage."""
-    from seismo3d.cli._run_folder import RECORD, describe_run
-    from seismo3d.io.records import write_json
+    from seismo3d.cli._run_folder import describe_run, write_record
     from seismo3d.io.summary import summarise
     from seismo3d.plot.picture_set import save_pictures
     from seismo3d.plot.reports import write_report
@@ -183,7 +182,7 @@ def _report(cube: Any, faults: Any, folder: Path, clock: Any, *, path: Path, ask
     )
     notes = [picture.note for picture in pictures if picture.note]
     extra = {"geometry": summarise(cube), "settings": settings, "n_faults": len(faults.surfaces), "notes": notes}
-    write_json(folder / RECORD, {**record, **extra, "timings_s": timings})
+    write_record(folder, {**record, **extra, "timings_s": timings})
     return dict(timings)
 
 

@@ -29,12 +29,11 @@ def run(
     run.json. It appears when all is done, or not at all.
     """
     from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json
+    from seismo3d.cli._run_folder import check_run_folder, describe_run, print_json, write_record
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
     from seismo3d.io.elevation import read_elevation
-    from seismo3d.io.records import write_json
     from seismo3d.terrain.exports import write_lineaments
     from seismo3d.terrain.lineament_search import LineamentSettings, lineaments
     from seismo3d.terrain.scarp_profiles import scarps
@@ -54,7 +53,7 @@ def run(
         timings = clock.stop()
         counts = {"n_lineaments": len(found), "n_scarps": len(steps)}
         record = describe_run(dem, command="lineaments", options={"length": length, "levels": levels})
-        write_json(aside / RECORD, {**record, "settings": found.settings, **counts, "timings_s": timings})
+        write_record(aside, {**record, "settings": found.settings, **counts, "timings_s": timings})
     if json:
         print_json({"folder": out, **counts, "lineaments": _tabulate(found, steps), "timings_s": timings})
     else:

@@ -51,12 +51,11 @@ def run(
     """
     from seismo3d._stages import StageClock
     from seismo3d._validate import as_number
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json
+    from seismo3d.cli._run_folder import check_run_folder, describe_run, print_json, write_record
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.errors import GeometryError
     from seismo3d.io._files import written_aside
-    from seismo3d.io.records import write_json
     from seismo3d.robot.frames import MeasureSettings
     from seismo3d.robot.ground import as_up
     from seismo3d.robot.mapper import Mapper
@@ -100,8 +99,8 @@ def run(
             "max_difference": max_difference, "close_loops": close_loops,
         }  # fmt: skip
         record = describe_run(sequence, command="map", options=asked)
-        write_json(aside / RECORD, {**record, **facts, "timings_s": timings})
         _report(aside, str(sequence.name), facts, timings)
+        write_record(aside, {**record, **facts, "timings_s": timings})
     if json:
         print_json({"folder": out, **facts, "timings_s": timings})
     else:

@@ -37,11 +37,10 @@ def run(
     report.html, and run.json with a summary. It appears when all is done, or not at all.
     """
     from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, print_json
+    from seismo3d.cli._run_folder import check_run_folder, describe_run, print_json, write_record
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.io._files import written_aside
-    from seismo3d.io.records import write_json
     from seismo3d.plot.network_pictures import save_network_pictures
     from seismo3d.plot.run_reports import network_page, write_page
     from seismo3d.seismic.faultset import FaultSet
@@ -83,7 +82,7 @@ def run(
             run={**record, "timings_s": timings},
         )  # fmt: skip
         write_page(aside / "report.html", page)
-        write_json(aside / RECORD, {**record, **found, "timings_s": timings})
+        write_record(aside, {**record, **found, "timings_s": timings})
     if json:
         print_json({"folder": final, **found, "timings_s": timings})
     else:

@@ -121,17 +121,16 @@ def _run_block(path: Path | None, out: Path, *, overwrite: bool, json: bool) -> 
     """Trace everything in a cube, and write it with a report."""
     from seismo3d._stages import StageClock
     from seismo3d.cli._run_folder import (
-        RECORD,
         check_run_folder,
         describe_run,
         open_told,
         print_json,
+        write_record,
     )
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.experiments.f3 import run_block
     from seismo3d.io._files import written_aside
-    from seismo3d.io.records import write_json
     from seismo3d.seismic.horizon_scores import sample_extent
     from seismo3d.seismic.track_exports import irap_note
 
@@ -145,7 +144,7 @@ def _run_block(path: Path | None, out: Path, *, overwrite: bool, json: bool) -> 
         record = {**describe_run(path, command="paper f3", options={}), "extent": sample_extent(cube)}
         found = run_block(cube, aside, name=path.name, record=record, progress=clock)
         timings = clock.stop()
-        write_json(aside / RECORD, {**record, "found": found, "timings_s": timings})
+        write_record(aside, {**record, "found": found, "timings_s": timings})
     if json:
         print_json({"folder": out, "found": found, "timings_s": timings})
     else:

@@ -43,7 +43,7 @@ def run(
 
     The folder gets score.json, a picture a file of picks, and run.json. It appears when all is done, or not at all.
     """
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run
+    from seismo3d.cli._run_folder import check_run_folder, describe_run, write_record
     from seismo3d.errors import FileAccessError, ParameterError
     from seismo3d.io._files import written_aside
     from seismo3d.io.records import write_json
@@ -65,7 +65,7 @@ def run(
         write_json(aside / "score.json", {"scores": scores})
         asked = {"picks": picks, "tolerance": tolerance, "columns": columns}
         source = folder / ("faultset.npz" if is_faults else "tracks.csv")
-        write_json(aside / RECORD, describe_run(source, command="score", options=asked))
+        write_record(aside, describe_run(source, command="score", options=asked))
     _say(final, scores, as_json=json)
 
 

@@ -37,12 +37,11 @@ def run(
     import numpy as np
 
     from seismo3d._stages import StageClock
-    from seismo3d.cli._run_folder import RECORD, check_run_folder, describe_run, open_told, print_json
+    from seismo3d.cli._run_folder import check_run_folder, describe_run, open_told, print_json, write_record
     from seismo3d.cli._timings import say_timings
     from seismo3d.cli.app import shown_progress
     from seismo3d.geometry.axis import unit_of
     from seismo3d.io._files import written_aside
-    from seismo3d.io.records import write_json
     from seismo3d.io.segy import check_segy, write_segy
     from seismo3d.seismic.time_lapse import align_cubes
 
@@ -72,7 +71,7 @@ def run(
             "alignment": facts,
             "timings_s": clock.stop(),
         }
-        write_json(aside / RECORD, record)
+        write_record(aside, record)
     if json:
         print_json({"folder": out, "alignment": facts, "timings_s": record["timings_s"]})
     else:

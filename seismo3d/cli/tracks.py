@@ -153,9 +153,8 @@ def _report(
     asked: dict[str, Any],
 ) -> dict[str, float]:  # fmt: skip
     """Write tracks, pictures, report and the record of the run, and return the seconds of each stage."""
-    from seismo3d.cli._run_folder import RECORD, describe_run
+    from seismo3d.cli._run_folder import describe_run, write_record
     from seismo3d.geometry.survey import SurveyGeometry
-    from seismo3d.io.records import write_json
     from seismo3d.plot.run_reports import tracks_page, write_page
     from seismo3d.plot.track_pictures import save_track_pictures
     from seismo3d.seismic.horizon_scores import sample_extent
@@ -177,7 +176,7 @@ def _report(
     title = f"Horizons in {path.name}"
     page = tracks_page(tracks, cube, title=title, pictures=pictures, run=record, closure=closure)
     write_page(folder / "report.html", page)
-    write_json(folder / RECORD, record)
+    write_record(folder, record)
     return timings
 
 

@@ -188,14 +188,32 @@ def test_bare_array_is_a_cube_too(demo: Path) -> None:
 
 
 def test_existing_folder_is_kept_or_replaced_on_request(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = demo.parent / "out"
     assert run("faults", "demo.sgy", "-o", "out") == 0
-    (demo.parent / "out" / "old.txt").write_text("of the earlier run")
+    first = (out / "run.json").stat().st_ino
     assert run("faults", "demo.sgy", "-o", "out") == 2
     assert "out exists already. Choose another folder, or replace it with --overwrite." in capsys.readouterr().err
-    assert (demo.parent / "out" / "old.txt").exists()
+    assert (out / "run.json").stat().st_ino == first
     assert run("faults", "demo.sgy", "-o", "out", "--overwrite") == 0
-    assert not (demo.parent / "out" / "old.txt").exists()
+    assert (out / "run.json").stat().st_ino != first
     assert {entry.name for entry in demo.parent.iterdir()} == {"demo.sgy", "out"}
+
+
+def test_what_no_run_wrote_is_never_removed(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = demo.parent / "out"
+    assert run("faults", "demo.sgy", "-o", "out") == 0
+    (out / "notes.txt").write_text("look at fault 3")
+    (out / "mine").mkdir()
+    assert run("faults", "demo.sgy", "-o", "out", "--overwrite") == 2
+    assert "out holds mine and 1 more, which no run there wrote" in capsys.readouterr().err
+    assert (out / "notes.txt").read_text() == "look at fault 3"
+    (out / "mine").rmdir()
+    (out / "notes.txt").unlink()
+    # a run made of the old faults goes with them
+    (out / "network").mkdir()
+    (out / "network" / "run.json").write_text(json.dumps({"command": "network"}))
+    assert run("faults", "demo.sgy", "-o", "out", "--overwrite") == 0
+    assert not (out / "network").exists()
 
 
 def test_only_runs_are_ever_replaced(demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
