@@ -9,7 +9,8 @@ import numpy as np
 from scipy import ndimage
 from scipy.sparse.csgraph import connected_components
 
-from seismo3d._settings import Count, Degrees, Share, Threshold
+from seismo3d._settings import Count, Degrees, Positive, Share, Threshold
+from seismo3d._typing import Float64Array
 from seismo3d.seismic.sheet_distances import SheetNodes
 from seismo3d.seismic.sheet_measures import (
     dip_deg,
@@ -28,6 +29,8 @@ from seismo3d.seismic.throw import SheetThrow
 
 # root of the area across a cube, in traces times samples, from which on there is room for faults of any strength
 _ROOM = 90.0
+# traces times samples in which so many lines are found by chance
+_CHANCE_SIZE = 10_000
 # traces over which a sheet's course along its strike is smoothed
 _COURSE = 3.0
 
@@ -139,6 +142,10 @@ class ChoiceSettings:
     overlap, beside : float in [0, 1], [0, inf]
         Largest share of it that may lie within `beside` of faults chosen before: more is the same fault once more, but
         for what matches and slopes as leftovers must and is as large as a weaker one must be without that.
+    chance, chance_fall, chance_share : float in [0, inf], (0, inf), [0, 1]
+        Lines of `least_strength` or more that are found in strong noise, in 10,000 traces times samples of a section;
+        by how much more strength they are e times fewer; and which share of all lines down to some strength they may
+        be: where they would be more, what is weaker is no fault. No chance leaves all.
     """
 
     least_area: Threshold = 400.0
@@ -203,6 +210,9 @@ class ChoiceSettings:
     upright_throw: Share = 0.1
     overlap: Share = 0.3
     beside: Threshold = 2.5
+    chance: Threshold = 0.0
+    chance_fall: Positive = 0.55
+    chance_share: Share = 0.2
 
     @classmethod
     def for_section(cls) -> ChoiceSettings:
@@ -223,16 +233,20 @@ class ChoiceSettings:
             small_throw=0.0,
             company_strength=2.8,
             company_area=24.0,
+            chance=0.35,
         )
 
     def for_size(self, shape: tuple[int, ...]) -> ChoiceSettings:
-        """Return the settings of a cube of this size.
+        """Return the settings of a cube or section of this size.
 
-        In a small or narrow one no fault is as large as that a usual support makes it strong, and less lines up by
-        chance: a tall one, and a host, need the less strength the less room there is for them.
+        In a small or narrow cube no fault is as large as that a usual support makes it strong, and less lines up by
+        chance: a tall one, and a host, need the less strength the less room there is for them. In a section the more
+        lines up by chance the larger it is.
         """
+        if 1 in shape[:2]:
+            return replace(self, chance=self.chance * float(np.prod(shape)) / _CHANCE_SIZE)
         share = float(np.sqrt(min(shape[0], shape[1]) * shape[2])) / _ROOM
-        if share >= 1.0 or 1 in shape[:2]:
+        if share >= 1.0:
             return self
         tall = max(self.company_strength, share * self.tall_strength)
         return replace(self, tall_strength=tall, host_strength=share * self.host_strength)
@@ -316,7 +330,21 @@ def choose_faults(candidates: list[tuple[Sheet, SheetThrow]], settings: ChoiceSe
                 reaches[n] = float(np.sqrt(sheet.area))
         if is_host:
             hosts.append(_Chosen(sheet, throw, nodes))
-    return sorted(set(kept) - _find_alone(reaches, kept, settings))
+    return _beyond_chance(sorted(set(kept) - _find_alone(reaches, kept, settings)), significance, settings)
+
+
+def _beyond_chance(numbers: list[int], significance: Float64Array, settings: ChoiceSettings) -> list[int]:
+    """Leave out the weakest, down to whose strength noise alone would have too large a share of all [1]_.
+
+    References
+    ----------
+    .. [1] Y. Benjamini, Y. Hochberg, Journal of the Royal Statistical Society B 57(1), 289-300, 1995.
+    """
+    falling = np.sort(significance[numbers])[::-1]
+    by_chance = settings.chance * np.exp((settings.least_strength - falling) / settings.chance_fall)
+    enough = np.flatnonzero(by_chance <= settings.chance_share * np.arange(1, len(falling) + 1))
+    least = falling[enough[-1]] if len(enough) else np.inf
+    return [number for number in numbers if significance[number] >= least]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -417,12 +417,29 @@ def test_small_cubes_ask_for_less_of_what_is_tall_alone():
     settings = ChoiceSettings()
     assert settings.for_size((128, 128, 128)) is settings
     assert settings.for_size((70, 400, 128)) is settings
-    assert settings.for_size((1, 400, 64)) is settings
+    assert settings.for_size((1, 400, 64)) == settings
     narrow, tiny = settings.for_size((400, 12, 128)), settings.for_size((48, 48, 64))
     assert narrow.tall_strength == settings.company_strength
     assert narrow.host_strength == pytest.approx(33.0 * np.sqrt(12 * 128) / 90.0)
     assert tiny.tall_strength == pytest.approx(max(11.0, 17.0 * np.sqrt(48 * 64) / 90.0))
     assert narrow.least_strength == tiny.least_strength == settings.least_strength
+
+
+def test_lines_of_a_section_are_more_than_chance_would_have():
+    settings = ChoiceSettings.for_section()
+    assert settings.for_size((1, 200, 600)).chance == pytest.approx(12.0 * settings.chance)
+
+    def kept(supports, size):
+        lines = [candidate(score=score) for score in supports]
+        return choose_faults(lines, settings.for_size((1, *size)))
+
+    weak = 3.0 / strength(candidate(score=1.0)[0])
+    # in a section so large some two dozen such lines are expected of noise alone, and a tenth of that among thirty
+    assert kept([weak] * 20, (500, 2000)) == []
+    assert kept([weak] * 20, (64, 64)) == list(range(20))
+    # strong ones stand, and so do weak ones of which noise would have few beside so many
+    assert kept([2.5 * weak, weak], (500, 2000)) == [0]
+    assert kept([2.5 * weak] * 40 + [1.4 * weak] * 10, (500, 2000)) == list(range(50))
 
 
 def test_a_fault_across_a_small_cube_is_found():
