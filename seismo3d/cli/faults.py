@@ -46,9 +46,9 @@ def run(
 ) -> None:
     """Trace the faults of a cube or line: surfaces, sticks, table, SEG-Y volumes, pictures and report.html.
 
-    The folder gets surfaces.vtp (VTK), surfaces.ts (GOCAD), sticks_opendtect.txt, sticks_petrel.txt, faults.csv,
-    likelihood.sgy and labels.sgy on the input's own geometry, PNG pictures, report.html, run.json and faultset.npz;
-    with --unfault, unfaulted.sgy. It appears when all is done, or not at all.
+    The folder gets surfaces.vtp (VTK), surfaces.ts (GOCAD; surfaces.pl of a 2D line), sticks_opendtect.txt,
+    sticks_petrel.txt, faults.csv, likelihood.sgy and labels.sgy on the input's own geometry, PNG pictures, report.html,
+    run.json and faultset.npz; with --unfault, unfaulted.sgy. It appears when all is done, or not at all.
 
     Work in blocks (--memory, --scheduler) goes on in a folder beside it, whose name ends in .unfinished: after a
     crash the same command goes on where it was. The volumes are Zarr too then: likelihood.zarr, labels.zarr and

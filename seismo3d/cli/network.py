@@ -30,7 +30,7 @@ def run(
     json: Json = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Build the fracture network of a faults run: intersections, connected zones, density, orientations, flow path.
+    """Build the fracture network of a cube's faults: intersections, connected zones, density, orientations, flow path.
 
     The folder gets network.graphml, network_faults.csv, intersections.csv, zones.csv, sets.csv, density.csv, pictures
     (map.png, density.png, stereonet.png, rose.png), flow_path.csv and flow_path.png where a path is asked for,

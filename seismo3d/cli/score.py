@@ -39,7 +39,7 @@ def run(
     """Compare a run with existing picks: distances, what was missed, what is new.
 
     Picks of horizons are in the cube's own unit, growing downwards, and meet the nearest trace, half a bin off at
-    most; those on a 2D line meet its traces by x and y.
+    most; those on a 2D line meet its traces by x and y. Fault sticks are compared with the faults of a cube.
 
     The folder gets score.json, a picture a file of picks, and run.json. It appears when all is done, or not at all.
     """

@@ -46,6 +46,8 @@ def refuse_os_errors(path: Path, verb: str) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError as error:
+        if verb == "write":
+            raise FileAccessError(f"{path} cannot be made there. Choose another folder.") from error
         raise FileAccessError(f"{path} does not exist. Check the path.") from error
     except PermissionError as error:
         raise FileAccessError(

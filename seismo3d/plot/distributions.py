@@ -62,8 +62,8 @@ def throw_histogram(faults: Any, *, ax: Any = None) -> Any:
     Returns
     -------
     matplotlib Axes
-        Shares of the area of known throw; the outermost bars hold what little lies beyond them, too. The share of
-        unknown throw is written on it.
+        Shares of the area of known throw, where the two sides match; the outermost bars hold what little lies beyond
+        them, too. The share of the area where throw is carried on, or not known, is written on it.
     """
     ax = new_axes(5.5, 4.0) if ax is None else check_axes(ax)
     check_faults(faults)
@@ -72,7 +72,8 @@ def throw_histogram(faults: Any, *, ax: Any = None) -> Any:
     unit = throws[0][1] if throws else "samples"
     throw = np.concatenate([t for t, _ in throws]) if throws else np.zeros(0)
     weight = np.concatenate(weights) if weights else np.zeros(0)
-    known = np.isfinite(throw)
+    fits = [surface.throw_fit for surface in faults.surfaces]
+    known = np.isfinite(throw) & ((np.concatenate(fits) if fits else throw) > 0)
     if known.any():
         edges = _bin_edges(*np.percentile(throw[known], [0.5, 99.5]))
         shares = 100.0 * weight[known] / weight[known].sum()
@@ -87,7 +88,7 @@ def throw_histogram(faults: Any, *, ax: Any = None) -> Any:
     unknown = 100.0 * weight[~known].sum() / weight.sum() if weight.sum() > 0 else 0.0
     ax.axvline(0.0, color="0.3", linewidth=0.8)
     ax.set(xlabel=f"Throw ({unit}), positive: hanging wall down", ylabel="Share of fault area (%)")
-    ax.set_title(f"Throw ({unknown:.0f} % of the area unknown)", fontsize="medium")
+    ax.set_title(f"Throw (carried on over {unknown:.0f} % of the area)", fontsize="medium")
     ax.spines[["top", "right"]].set_visible(False)
     return ax
 

@@ -36,6 +36,7 @@ _HEADINGS = {
     **{f"throw_mean_{unit}": f"Mean throw ({unit})" for unit in SAMPLE_UNITS},
     **{f"throw_max_{unit}": f"Largest throw ({unit})" for unit in SAMPLE_UNITS},
     "throw_known": "Throw known",
+    "throw_fit": "Match",
     "kind": "Kind",
 }
 
@@ -116,6 +117,7 @@ def table_cell(key: str, value: Any) -> tuple[str, str]:
     digits = {
         "fault": 0,
         "confidence": 2,
+        "throw_fit": 2,
         "dip_deg": 0,
         "area_index": 0,
         "length_index": 0,

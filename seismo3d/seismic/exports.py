@@ -15,7 +15,7 @@ from seismo3d.io.surface_mesh import SurfaceMesh
 from seismo3d.io.tables import write_csv
 from seismo3d.io.vtk_surfaces import write_vtp
 from seismo3d.seismic.cube_checks import check_faults_of
-from seismo3d.seismic.fault_table import measure_rake, measure_slip, tabulate_faults
+from seismo3d.seismic.fault_table import list_columns, measure_rake, measure_slip, tabulate_faults
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.sticks import cut_sticks
 
@@ -23,8 +23,6 @@ _UNITS = {
     "throw": "samples", "throw_ms": "ms", "heave": "traces", "strike_slip": "traces", "rake": "deg", "strike": "deg",
     "dip": "deg",
 } | {f"{name}_{unit}": unit for name in ("throw", "heave", "strike_slip") for unit in ("m", "ft")}  # fmt: skip
-_COLUMNS_3D = ("fault", "confidence", "likelihood_mean", "area_index", "strike_deg", "dip_deg", "throw_mean_samples")
-_COLUMNS_2D = ("fault", "confidence", "likelihood_mean", "length_index", "dip_deg", "throw_mean_samples")
 
 
 def write_faults(faults: FaultSet, cube: Any, *, directory: str | Path) -> list[Path]:
@@ -65,9 +63,7 @@ def write_faults(faults: FaultSet, cube: Any, *, directory: str | Path) -> list[
     sticks = cut_sticks(faults, cube)
     write_opendtect_sticks(directory / "sticks_opendtect.txt", sticks)
     write_charisma_sticks(directory / "sticks_petrel.txt", sticks)
-    rows = tabulate_faults(faults, cube)
-    columns = tuple(rows[0]) if rows else (_COLUMNS_3D if np.ndim(faults.labels) == 3 else _COLUMNS_2D)
-    write_csv(directory / "faults.csv", rows, columns=columns)
+    write_csv(directory / "faults.csv", tabulate_faults(faults, cube), columns=list_columns(cube))
     names = ("surfaces.vtp", gocad.name, "sticks_opendtect.txt", "sticks_petrel.txt", "faults.csv")
     return [directory / name for name in names]
 

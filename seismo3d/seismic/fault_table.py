@@ -12,6 +12,7 @@ from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
 from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.index_frame import IndexFrame
+from seismo3d.seismic.preparing import describe_volume
 
 SAMPLE_UNITS = ("ms", "m", "ft")
 """Units of samples in which throws are told, beside their number."""
@@ -38,16 +39,33 @@ def tabulate_faults(faults: FaultSet, cube: Any) -> list[dict[str, Any]]:
         ``likelihood_mean``, ``area_index`` (or ``length_index`` in a section: units of bins and samples), ``area_m2``
         (depth cubes on a map), ``length_m`` (along strike, on a map), ``strike_deg``, ``dip_deg``,
         ``throw_mean_samples``, ``throw_max_samples`` (largest by size, with its sign), the same in ``_ms`` or ``_m``,
-        ``throw_known`` (share of the area), ``throw_fit`` (mean match of the sides, 0 to 1), ``kind`` (normal, reverse,
-        mixed or unknown); in a cube ``family`` (the same number for parts of one fault) and ``generation`` (0 for those
-        that moved last), ``dip_slip_mean_index`` and ``strike_slip_mean_index`` (index units, split in bins and
-        samples), ``rake_deg`` (from strike, 90 straight down the dip; of the map where there is one) and
-        ``slip_certainty`` (0 to 1); on a map, and split there, ``heave_mean_m`` (down the dip) and
-        ``strike_slip_mean_m`` (along ``strike_deg``); and the extents in line numbers and time or depth.
+        ``throw_known`` (share of the area where the sides match; elsewhere throw is carried on), ``throw_fit`` (mean
+        match of the sides, 0 to 1), ``kind`` (normal, reverse, mixed or unknown); in a cube ``family`` (the same number
+        for parts of one fault) and ``generation`` (0 for those that moved last), ``dip_slip_mean_index`` and
+        ``strike_slip_mean_index`` (index units, split in bins and samples), ``rake_deg`` (from strike, 90 straight down
+        the dip; of the map where there is one) and ``slip_certainty`` (0 to 1); on a map, and split there,
+        ``heave_mean_m`` (down the dip) and ``strike_slip_mean_m`` (along ``strike_deg``); and the extents in line
+        numbers and time or depth.
     """
     section = np.ndim(faults.labels) == 2
     geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
     return [_row(number, surface, geometry, cube) for number, surface in enumerate(faults.surfaces, start=1)]
+
+
+def list_columns(cube: Any) -> list[str]:
+    """Return the keys of each row that :func:`tabulate_faults` gives for faults of a cube or section, if it has any."""
+    section = np.ndim(cube) == 2
+    geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
+    interval, unit = describe_volume(cube)
+    # which they are depends on the cube alone, so any surface tells
+    corners = np.eye(3, dtype=np.float32)[:, 1:] if section else np.eye(3, dtype=np.float32)
+    cells = np.array([[0, 1], [1, 2]] if section else [[0, 1, 2]], np.int32)
+    ones = np.ones(3, np.float32)
+    surface = FaultSurface(
+        corners, cells, np.ones_like(corners), ones, ones, ones, ones, ones, ones,
+        sample_interval=interval, sample_unit=unit,
+    )  # fmt: skip
+    return list(_row(1, surface, geometry, cube))
 
 
 def throw_unit(row: dict[str, Any]) -> str:
@@ -133,9 +151,9 @@ def _throws(surface: FaultSurface, weights: Float64Array) -> dict[str, Any]:
             f"throw_mean_{surface.sample_unit}": mean * surface.sample_interval,
             f"throw_max_{surface.sample_unit}": largest * surface.sample_interval,
         }
-    share = float(weights[known].sum() / weights.sum()) if weights.sum() > 0 else 0.0
+    matched = weights[known & (surface.throw_fit > 0)].sum()
     return row | {
-        "throw_known": share,
+        "throw_known": float(matched / weights.sum()) if weights.sum() > 0 else 0.0,
         "throw_fit": weighted_mean(surface.throw_fit, weights),
         "kind": _kind(throw, weights),
     }

@@ -26,6 +26,8 @@ _LEAST_REPEATS = 4
 _LEAST_UNLIKE = 0.5
 # share of the live traces with a live next one, along an axis, below which there is too little to compare
 _LEAST_NEIGHBOURS = 0.5
+# samples that a trace needs
+_LEAST_SAMPLES = 16
 # samples of the shortest period of note up to which windows suit reflections, and of one that they suit well
 _LONGEST_PERIOD, _GOOD_PERIOD = 16.0, 7.0
 # depths, at the least, that a cube's strength is told from
@@ -74,7 +76,7 @@ def describe_volume(cube: Any) -> tuple[float, str]:
         raise ShapeError(f"{name} has elements of type {cube.dtype}; expected real numbers. Convert it first.")
     if cube.ndim not in (2, 3):
         raise ShapeError(f"cube has shape {cube.shape}; expected (inline, crossline, sample) or (trace, sample).")
-    least = (8,) * (cube.ndim - 1) + (16,)
+    least = (8,) * (cube.ndim - 1) + (_LEAST_SAMPLES,)
     if any(n < m for n, m in zip(cube.shape, least, strict=True)):
         has_line = cube.ndim == 3 and max(cube.shape[:2]) >= least[0] and cube.shape[2] >= least[2]
         remedy = "Give one line of it as a 2D section" if has_line else f"Give a larger {name}"
@@ -121,7 +123,7 @@ def clean_volume(
     strengths = trace_strengths(amplitudes, valid)
     balance_traces(amplitudes, valid, find_trace_gains(strengths, trace_likeness(amplitudes, valid, strengths)))
     white, whitening = whiten(amplitudes, valid, carried=carried)
-    check_period(whitening.period)
+    check_period(whitening.period, n_samples)
     return white, valid, whitening.spectrum, scale.level
 
 
@@ -148,14 +150,19 @@ def check_live(live: BoolArray, *, is_section: bool = False) -> None:
             )
 
 
-def check_period(period: float) -> None:
-    """Warn where samples are far denser than reflections need, whose shortest period of note is given."""
+def check_period(period: float, n_samples: int) -> None:
+    """Warn where samples are far denser than reflections need, whose shortest period of note is given, or too few."""
     if period > _LONGEST_PERIOD:
         every = int(period / _GOOD_PERIOD)
+        remedy = (
+            f"Give one of {every} samples (cube[..., ::{every}], or seismo3d convert --every {every}): no reflection "
+            "is lost."
+            if -(-n_samples // every) >= _LEAST_SAMPLES
+            else "Traces are too short to be thinned: give longer ones, or check what is found on the sections."
+        )
         warnings.warn(
             f"the shortest period of reflections is {period:.0f} samples long; expected 3 to {_LONGEST_PERIOD:.0f}, "
-            f"which all windows are made for. Give one of {every} samples (cube[..., ::{every}], or seismo3d convert "
-            f"--every {every}): no reflection is lost.",
+            f"which all windows are made for. {remedy}",
             Seismo3dWarning,
             stacklevel=3,
         )

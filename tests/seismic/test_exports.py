@@ -12,7 +12,7 @@ from fake_faults import make_cube, make_faults, make_section
 from seismo3d.errors import ShapeError
 from seismo3d.geometry.survey import SurveyGeometry
 from seismo3d.seismic.exports import write_faults
-from seismo3d.seismic.fault_table import mean_strike_deg, tabulate_faults
+from seismo3d.seismic.fault_table import list_columns, mean_strike_deg, tabulate_faults
 from seismo3d.seismic.faultset import FaultSet
 from seismo3d.seismic.track_exports import write_tracks
 from seismo3d.seismic.tracks import Track
@@ -137,6 +137,12 @@ def test_table_has_the_known_numbers(tmp_path: Path) -> None:
     assert float(first["throw_mean_samples"]) == pytest.approx(4.0, rel=0.01)
     assert float(first["throw_mean_ms"]) == pytest.approx(16.0, rel=0.01)
     assert float(first["throw_fit"]) == pytest.approx(0.5, abs=0.05)
+    # but for where the sides do not match, or throw is not known at all
+    unmatched = faults.surfaces[0]
+    fit = np.where(unmatched.vertices[:, 2] < unmatched.vertices[:, 2].mean(), 0.0, unmatched.throw_fit)
+    half = replace(faults, surfaces=(replace(unmatched, throw_fit=fit.astype(np.float32)),))
+    assert float(first["throw_known"]) > 0.98
+    assert tabulate_faults(half, cube)[0]["throw_known"] == pytest.approx(0.5, abs=0.03)
     # the first dips two samples a crossline, and these are 12.5 m apart
     assert float(first["heave_mean_m"]) == pytest.approx(4.0 * 0.5 * 12.5, rel=0.01)
     assert float(second["throw_max_samples"]) == pytest.approx(-3.0)
@@ -203,6 +209,17 @@ def test_a_section_without_a_map_has_trace_numbers(tmp_path: Path) -> None:
     assert (places[:, 1:] == [0.0, 40.0]).all()
 
 
+def test_columns_are_those_of_rows() -> None:
+    cube = make_cube()
+    bare = cube.values
+    for of, faults in ((cube, make_faults(cube)), (bare, make_faults(cube)), make_section()):
+        if of is bare:
+            faults = replace(
+                faults, surfaces=tuple(replace(s, sample_unit="samples", sample_interval=1.0) for s in faults.surfaces)
+            )
+        assert list_columns(of) == list(tabulate_faults(faults, of)[0])
+
+
 def test_no_faults_give_whole_files(tmp_path: Path) -> None:
     cube = make_cube()
     empty = FaultSet((), cube.copy(data=np.zeros(cube.shape)), cube.copy(data=np.zeros(cube.shape, int)), cube)
@@ -210,7 +227,9 @@ def test_no_faults_give_whole_files(tmp_path: Path) -> None:
     import pyvista as pv
 
     assert pv.read(tmp_path / "surfaces.vtp").n_points == 0
-    assert (tmp_path / "faults.csv").read_text().startswith("fault,confidence")
+    # a script that reads columns by name finds them
+    whole = tabulate_faults(make_faults(cube), cube)[0]
+    assert (tmp_path / "faults.csv").read_text() == ",".join(whole) + "\n"
     assert (tmp_path / "sticks_petrel.txt").read_text() == ""
 
 

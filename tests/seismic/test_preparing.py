@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 import seismo3d as s3
 from seismo3d.errors import Seismo3dWarning, ShapeError
-from seismo3d.seismic.preparing import clean_volume, find_valid, mark_data, print_traces, refuse_dead, repeats_itself
+from seismo3d.seismic.preparing import (
+    check_period,
+    clean_volume,
+    find_valid,
+    mark_data,
+    print_traces,
+    refuse_dead,
+    repeats_itself,
+)
 from seismo3d.seismic.section_tracks import thicken
 
 SHAPE = (64, 48, 64)
@@ -111,6 +119,8 @@ def test_traces_far_denser_than_their_wavelet_are_told_with_what_to_do(rng: np.r
     dense = (trace + 0.01 * rng.normal(size=(12, 12, 500))).astype(np.float32)
     with pytest.warns(Seismo3dWarning, match=r"samples long; expected 3 to 16.*cube\[\.\.\., ::3\].*--every 3"):
         clean_volume(dense.copy())
+    with pytest.warns(Seismo3dWarning, match="Traces are too short to be thinned"):
+        check_period(20.0, 30)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         clean_volume(np.ascontiguousarray(dense[..., ::3]))

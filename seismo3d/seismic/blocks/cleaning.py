@@ -136,7 +136,7 @@ def pairs_facts(run: BlockRun) -> None:
         for name, rows in (("first", first), ("second", second), ("known", known)):
             rows[part["mine"]] = part[name]
     whitening = whitening_of(first, second, known, carried=run.kind == "layers")
-    check_period(whitening.period)
+    check_period(whitening.period, n2)
     run.write_fact("pairs", **{name: found for name, found in whitening._asdict().items() if found is not None})
 
 
