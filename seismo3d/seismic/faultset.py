@@ -63,7 +63,7 @@ class FaultSurface:
         unrelated layers come to some 0.4 to 0.7.
     strike_deg, dip_deg : ndarray of shape (n,), float32
         Orientation at each vertex in degrees; strike 0 to 360 by the right-hand rule, dip 0 to 90: true in a cube in
-        depth on a map, else in bins and samples. In a section strike is NaN.
+        depth on a map, else (and in a section) in bins and samples. In a section strike is NaN.
     sample_interval : float
         Size of a sample in ``sample_unit``, 1 where the input was a bare array.
     sample_unit : str
