@@ -185,8 +185,9 @@ def draw_faults(ax: Any, lines: FaultLines, *, colour: str) -> Any:
         Where to draw.
     lines : FaultLines
         What to draw.
-    colour : {"surface", "throw", "likelihood"}
-        What the colour says; segments of unknown throw are white.
+    colour : {"surface", "throw", "likelihood", "plain"}
+        What the colour says; segments of unknown throw are white. Plain ones are black with white rims, for pictures in
+        which colours tell something else.
 
     Returns
     -------
@@ -198,12 +199,15 @@ def draw_faults(ax: Any, lines: FaultLines, *, colour: str) -> Any:
     if not len(lines.segments):
         return None
     limits = ax.get_xlim(), ax.get_ylim()
-    ax.add_collection(
-        LineCollection(list(lines.segments), colors="black", linewidths=_LINE_WIDTH + 1.4, capstyle="round")
-    )
+    is_plain = colour == "plain"
+    rim = LineCollection(list(lines.segments), colors="white" if is_plain else "black", capstyle="round")
+    rim.set_linewidth(_LINE_WIDTH + 1.4)
+    ax.add_collection(rim)
     top = LineCollection(list(lines.segments), linewidths=_LINE_WIDTH, capstyle="round")
-    values = lines.values(colour)
-    if values is None:
+    values = None if is_plain else lines.values(colour)
+    if is_plain:
+        top.set_color("black")
+    elif values is None:
         top.set_color([SURFACE_COLOURS[(number - 1) % len(SURFACE_COLOURS)] for number in lines.surface])
     else:
         top.set_array(np.ma.masked_invalid(values))

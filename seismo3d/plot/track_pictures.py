@@ -11,18 +11,20 @@ import numpy as np
 from seismo3d._typing import AnyArray
 from seismo3d._validate import as_kind, as_number, as_whole_number
 from seismo3d.errors import ShapeError
-from seismo3d.plot.drawing import NO_DATA, check_axes, check_colour_map, new_axes
+from seismo3d.plot.drawing import NO_DATA, check_axes, check_colour_map, draw_faults, new_axes
 from seismo3d.plot.map_frame import MapFrame
 from seismo3d.plot.picture_set import PictureFile
 from seismo3d.plot.pictures import as_tracks, axis_coordinates, axis_labels, take_picture
 from seismo3d.plot.sections import section
+from seismo3d.plot.traces_of_faults import cut_faults
+from seismo3d.seismic.cube_checks import check_faults_of
 from seismo3d.seismic.loop_closure import LoopClosure
 from seismo3d.seismic.track_pieces import LARGEST_STEP, are_joined, label_pieces
 from seismo3d.seismic.tracks import Track
 
 # fewest traces of a piece of a track that gets contours; entries of a legend in a row
 _LEAST_CONTOURED, _LEGEND_COLUMNS = 16, 8
-_COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8", "#4db6ac", "#f06292", "#fff9c4")
+_COLOURS = ("#ffd54f", "#4fc3f7", "#aed581", "#ff8a65", "#ba68c8", "#4db6ac", "#f06292", "#5c6bc0")
 
 
 def track_map(track: Any, cube: Any, *, contours: int = 12, cmap: str = "viridis_r", ax: Any = None) -> Any:
@@ -150,12 +152,13 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
     ax : matplotlib Axes, optional
         Where to draw; a new pyplot figure by default.
     **where
-        ``inline`` or ``crossline``, ``faults``, and whatever else :func:`section` takes.
+        ``inline`` or ``crossline``, ``faults``, and whatever else :func:`section` takes. Without a ``colour`` faults
+        are black, which no track is.
 
     Returns
     -------
     matplotlib Axes
-        The axes; a legend above names the tracks where there are several.
+        The axes; a legend above names the tracks where there are several, and what faults look like.
 
     Raises
     ------
@@ -165,8 +168,13 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
     shown = as_tracks(tracks)
     for track in shown:
         _check(track, cube)
+    plain = None if "colour" in where else where.pop("faults", None)
+    check_faults_of(cube, plain)
     ax = section(cube, ax=ax, **where)
     picture = take_picture(cube, inline=where.get("inline"), crossline=where.get("crossline"))
+    drawn = None if plain is None else draw_faults(ax, cut_faults(plain, picture), colour="plain")
+    if drawn is not None:
+        drawn.set_label("fault")
     step = _largest_step(cube)
     for number, track in enumerate(shown):
         depth = np.asarray(track.depth)
@@ -174,7 +182,7 @@ def track_section(cube: Any, tracks: Sequence[Any], *, ax: Any = None, **where: 
         columns, line = _broken(np.asarray(picture.columns), line, step)
         ax.plot(columns, line, color="black", linewidth=3.0)
         ax.plot(columns, line, color=_COLOURS[number % len(_COLOURS)], linewidth=1.6, label=f"track {number + 1}")
-    if len(shown) > 1:
+    if len(shown) > 1 or (shown and drawn is not None):
         # above the picture, where it hides nothing
         ax.legend(
             loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=_LEGEND_COLUMNS, fontsize="small",

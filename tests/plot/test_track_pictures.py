@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import matplotlib as mpl
 import numpy as np
-from fake_faults import make_cube
+from fake_faults import make_cube, make_faults
 from matplotlib.figure import Figure
 
 from seismo3d import plot
@@ -50,3 +50,17 @@ def test_a_legend_names_several_tracks_and_not_one() -> None:
     legend = plot.track_section(cube, tracks, ax=Figure().subplots()).get_legend()
     assert [text.get_text() for text in legend.get_texts()] == ["track 1", "track 2", "track 3"]
     assert plot.track_section(cube, tracks[:1], ax=Figure().subplots()).get_legend() is None
+
+
+def test_faults_have_a_look_that_no_track_has() -> None:
+    cube = make_cube()
+    flat = np.full(cube.shape[:2], 1100.0, np.float32)
+    tracks = [Track(flat, np.ones_like(flat), np.zeros((0, 3)), "ms")]
+    where = {"inline": float(cube.inline.values[5]), "faults": make_faults(cube)}
+    ax = plot.track_section(cube, tracks, ax=Figure().subplots(), **where)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["fault", "track 1"]
+    rim, core = (mpl.colors.to_hex(lines.get_color()[0]) for lines in ax.collections[-2:])
+    assert (rim, core) == ("#ffffff", "#000000")
+    # whoever asks for a colouring gets it
+    ax = plot.track_section(cube, tracks, ax=Figure().subplots(), colour="surface", **where)
+    assert mpl.colors.to_hex(ax.collections[-1].get_color()[0]) not in ("#000000", "#ffffff")
