@@ -204,7 +204,7 @@ def draw_faults(ax: Any, lines: FaultLines, *, colour: str) -> Any:
     rim.set_linewidth(_LINE_WIDTH + 1.4)
     ax.add_collection(rim)
     top = LineCollection(list(lines.segments), linewidths=_LINE_WIDTH, capstyle="round")
-    values = None if is_plain else lines.values(colour)
+    values = lines.values(colour)
     if is_plain:
         top.set_color("black")
     elif values is None:
