@@ -35,10 +35,14 @@ def test_faulted_cube_gets_everything_and_one_report(tmp_path: Path, capsys: pyt
     assert took.splitlines()[-1].startswith("time ")
     assert run("paper", "f3", tmp_path / "block.sgy", "-o", out) == 2
     assert "replace it with --overwrite" in capsys.readouterr().err
-    (out / "old.txt").write_text("of the earlier run")
+    (out / "mine.txt").write_text("of nobody's run")
+    assert run("paper", "f3", tmp_path / "block.sgy", "-o", out, "--overwrite") == 2
+    assert "holds mine.txt, which no run there wrote" in capsys.readouterr().err
+    (out / "mine.txt").unlink()
+    (out / "network.graphml").write_text("of the earlier run")
     assert run("paper", "f3", tmp_path / "block.sgy", "--out", out, "--overwrite", "--json") == 0
     assert json.loads(capsys.readouterr().out)["found"] == record["found"]
-    assert not (out / "old.txt").exists()
+    assert (out / "network.graphml").read_text() != "of the earlier run"
     assert json.loads((out / "run.json").read_text())["command"] == "paper f3"
 
 
