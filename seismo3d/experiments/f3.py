@@ -109,11 +109,11 @@ def _sum_up(faults: Any, tracks: list[Any], network: Any) -> dict[str, Any]:
     throw = np.concatenate([s.throw for s in faults.surfaces]) if faults.surfaces else np.zeros(0)
     weights = [weigh_vertices(s.vertices, s.cells) for s in faults.surfaces]
     area = np.concatenate(weights) if weights else np.zeros(0)
-    fit = np.concatenate([s.throw_fit for s in faults.surfaces]) if faults.surfaces else np.zeros(0)
+    matched = np.concatenate([s.is_matched for s in faults.surfaces]) if faults.surfaces else np.zeros(0, bool)
     known = np.isfinite(throw)
     return {
         "faults": len(faults.surfaces),
-        "throw_matched_share": float(area[fit > 0].sum() / area.sum()) if area.sum() > 0 else None,
+        "throw_matched_share": float(area[matched].sum() / area.sum()) if area.sum() > 0 else None,
         "throw_median_samples": float(np.median(np.abs(throw[known]))) if known.any() else None,
         "horizons": len(tracks),
         "horizon_share_mean": float(np.mean([track.share for track in tracks])) if tracks else None,

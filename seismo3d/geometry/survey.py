@@ -26,7 +26,7 @@ from seismo3d.geometry.bearings import bearing_deg, wrap_deg
 from seismo3d.geometry.map_fit import MapFit, fit_map
 from seismo3d.geometry.section import SectionGeometry
 
-__all__ = ["Axis", "MapFit", "SectionGeometry", "SurveyGeometry", "fit_map"]
+__all__ = ["Axis", "MapFit", "SectionGeometry", "SurveyGeometry", "fit_map", "geometry_of"]
 
 # how far coordinates may lie from a map that is theirs, root mean square: in steps of it, and in its own misfit
 _ROUNDING, _CROOKED = 0.01, 4.0
@@ -232,6 +232,11 @@ class SurveyGeometry:
                 "rms": fit.rms,
             }
         return out
+
+
+def geometry_of(cube: Any) -> SurveyGeometry | SectionGeometry:
+    """Return where a cube lies, or a section of two axes."""
+    return SectionGeometry.from_cube(cube) if np.ndim(cube) == 2 else SurveyGeometry.from_cube(cube)
 
 
 def usual_spacing(places: Float64Array) -> float:

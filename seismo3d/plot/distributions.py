@@ -72,8 +72,7 @@ def throw_histogram(faults: Any, *, ax: Any = None) -> Any:
     unit = throws[0][1] if throws else "samples"
     throw = np.concatenate([t for t, _ in throws]) if throws else np.zeros(0)
     weight = np.concatenate(weights) if weights else np.zeros(0)
-    fits = [surface.throw_fit for surface in faults.surfaces]
-    known = np.isfinite(throw) & ((np.concatenate(fits) if fits else throw) > 0)
+    known = np.concatenate([s.is_matched for s in faults.surfaces]) if throws else np.zeros(0, bool)
     if known.any():
         edges = _bin_edges(*np.percentile(throw[known], [0.5, 99.5]))
         shares = 100.0 * weight[known] / weight[known].sum()

@@ -244,7 +244,7 @@ class ChoiceSettings:
         lines up by chance the larger it is.
         """
         if 1 in shape[:2]:
-            return replace(self, chance=self.chance * float(np.prod(shape)) / _CHANCE_SIZE)
+            return replace(self, chance=self.chance * float(np.prod(shape)) / _CHANCE_SIZE) if self.chance else self
         share = float(np.sqrt(min(shape[0], shape[1]) * shape[2])) / _ROOM
         if share >= 1.0:
             return self

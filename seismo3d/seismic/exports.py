@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry, geometry_of
 from seismo3d.io._files import as_path
 from seismo3d.io.fault_sticks import write_charisma_sticks, write_opendtect_sticks
 from seismo3d.io.gocad import write_gocad
@@ -87,8 +87,7 @@ def mesh_faults(faults: FaultSet, cube: Any) -> list[SurfaceMesh]:
         (degrees from strike, 90 straight down, of the map where there is one), ``likelihood``, ``strike`` and ``dip``
         (degrees); in a section no strike slip and no rake.
     """
-    section = np.ndim(faults.labels) == 2
-    geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
+    geometry = geometry_of(cube)
     return [
         SurfaceMesh(
             f"fault_{i:03d}", geometry.index_to_map(surface.vertices), surface.cells, _properties(surface, geometry)
@@ -114,7 +113,7 @@ def _properties(surface: FaultSurface, geometry: SurveyGeometry | SectionGeometr
 
 def _describe(cube: Any) -> tuple[tuple[str, str], dict[str, str]]:
     """Return the units of z and of x and y, and the notes that go into a VTK file."""
-    geometry = SurveyGeometry.from_cube(cube) if np.ndim(cube) == 3 else SectionGeometry.from_cube(cube)
+    geometry = geometry_of(cube)
     unit = geometry.unit if geometry.unit != "samples" else "none"
     length = {"m": "metres", "ft": "feet"}[geometry.length_unit]
     place = f"{length} on the map" if geometry.has_map else "line numbers" if np.ndim(cube) == 3 else "trace number, 0"

@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float32Array, Float64Array
 from seismo3d.geometry.bearings import wrap_deg
-from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry, geometry_of
 from seismo3d.geometry.triangles import weigh_vertices
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
 from seismo3d.seismic.index_frame import IndexFrame
@@ -47,15 +47,14 @@ def tabulate_faults(faults: FaultSet, cube: Any) -> list[dict[str, Any]]:
         ``heave_mean_m`` (down the dip) and ``strike_slip_mean_m`` (along ``strike_deg``); and the extents in line
         numbers and time or depth.
     """
-    section = np.ndim(faults.labels) == 2
-    geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
+    geometry = geometry_of(cube)
     return [_row(number, surface, geometry, cube) for number, surface in enumerate(faults.surfaces, start=1)]
 
 
 def list_columns(cube: Any) -> list[str]:
     """Return the keys of each row that :func:`tabulate_faults` gives for faults of a cube or section, if it has any."""
-    section = np.ndim(cube) == 2
-    geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
+    geometry = geometry_of(cube)
+    section = isinstance(geometry, SectionGeometry)
     interval, unit = describe_volume(cube)
     # which they are depends on the cube alone, so any surface tells
     corners = np.eye(3, dtype=np.float32)[:, 1:] if section else np.eye(3, dtype=np.float32)
@@ -151,9 +150,9 @@ def _throws(surface: FaultSurface, weights: Float64Array) -> dict[str, Any]:
             f"throw_mean_{surface.sample_unit}": mean * surface.sample_interval,
             f"throw_max_{surface.sample_unit}": largest * surface.sample_interval,
         }
-    matched = weights[known & (surface.throw_fit > 0)].sum()
+    share = float(weights[surface.is_matched].sum() / weights.sum()) if weights.sum() > 0 else 0.0
     return row | {
-        "throw_known": float(matched / weights.sum()) if weights.sum() > 0 else 0.0,
+        "throw_known": share,
         "throw_fit": weighted_mean(surface.throw_fit, weights),
         "kind": _kind(throw, weights),
     }

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from seismo3d._typing import Float32Array, Float64Array, Int32Array
+from seismo3d._typing import BoolArray, Float32Array, Float64Array, Int32Array
 from seismo3d._validate import freeze
 from seismo3d.errors import FileAccessError, FormatError, GeometryError
 from seismo3d.geometry.axis import METRES
@@ -108,6 +108,11 @@ class FaultSurface:
 
     def __repr__(self) -> str:
         return f"<FaultSurface: {len(self.vertices)} vertices, area {self.area:.0f}, confidence {self.confidence:.2f}>"
+
+    @property
+    def is_matched(self) -> BoolArray:
+        """Tell at which vertices the two sides match; at others throw is carried on from these, or not known."""
+        return np.asarray(np.isfinite(self.throw) & (self.throw_fit > 0))
 
     @property
     def throw_ms(self) -> Float32Array:

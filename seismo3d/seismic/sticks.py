@@ -8,7 +8,7 @@ import numpy as np
 
 from seismo3d._typing import AnyArray, Float64Array
 from seismo3d._validate import as_whole_number
-from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry
+from seismo3d.geometry.survey import SectionGeometry, SurveyGeometry, geometry_of
 from seismo3d.geometry.triangles import cut_mesh, join_segments, simplify_line
 from seismo3d.io.fault_sticks import FaultStick
 from seismo3d.seismic.faultset import FaultSet, FaultSurface
@@ -41,7 +41,7 @@ def cut_sticks(faults: FaultSet, cube: Any, *, spacing: int = 5) -> list[FaultSt
     """
     step = as_whole_number(spacing, "spacing", low=1)
     section = np.ndim(faults.labels) == 2
-    geometry = SectionGeometry.from_cube(cube) if section else SurveyGeometry.from_cube(cube)
+    geometry = geometry_of(cube)
     sticks: list[FaultStick] = []
     for number, surface in enumerate(faults.surfaces, start=1):
         lines = _section_lines(surface) if section else _surface_lines(surface, step)

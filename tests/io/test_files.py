@@ -22,6 +22,12 @@ def write_and_fail(path, *, folder):
         raise OSError(28, "no room")
 
 
+def test_a_folder_that_cannot_be_made_is_told_as_such_and_not_as_missing(tmp_path):
+    told = pytest.raises(FileAccessError, match=r"out cannot be made there\. Choose another folder")
+    with told, _files.refuse_os_errors(tmp_path / "out", "write"):
+        raise FileNotFoundError(2, "No such file or directory")
+
+
 def aside(folder, process):
     return folder / f".out.zarr.{platform.node()}.{process}.part"
 

@@ -417,7 +417,7 @@ def test_small_cubes_ask_for_less_of_what_is_tall_alone():
     settings = ChoiceSettings()
     assert settings.for_size((128, 128, 128)) is settings
     assert settings.for_size((70, 400, 128)) is settings
-    assert settings.for_size((1, 400, 64)) == settings
+    assert settings.for_size((1, 400, 64)) is settings
     narrow, tiny = settings.for_size((400, 12, 128)), settings.for_size((48, 48, 64))
     assert narrow.tall_strength == settings.company_strength
     assert narrow.host_strength == pytest.approx(33.0 * np.sqrt(12 * 128) / 90.0)
@@ -434,7 +434,7 @@ def test_lines_of_a_section_are_more_than_chance_would_have():
         return choose_faults(lines, settings.for_size((1, *size)))
 
     weak = 3.0 / strength(candidate(score=1.0)[0])
-    # in a section so large some two dozen such lines are expected of noise alone, and a tenth of that among thirty
+    # in a section so large some two dozen such lines are expected of noise alone
     assert kept([weak] * 20, (500, 2000)) == []
     assert kept([weak] * 20, (64, 64)) == list(range(20))
     # strong ones stand, and so do weak ones of which noise would have few beside so many
